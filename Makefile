@@ -52,21 +52,21 @@ golden: $(VENV)/.installed ## mesh every spec of specs/ into tests/golden, after
 gallery: $(VENV)/.development ## draw the pictures of specs/README.md anew, after a change that is meant
 	@$(RUN) tests.tools.gallery
 
-browser: $(VENV)/.development ## let Debian's Chromium and Firefox, those that are installed, show pages of gtb view
+browser: $(VENV)/.development ## let Debian's Chromium and Firefox, those that are installed, show pages of gtb view and gtb diff
 	@{ { command -v chromium && command -v chromedriver; } || { command -v firefox-esr && command -v Xvfb; }; } >/dev/null \
 	|| { echo "expected a browser: apt-get install chromium chromium-driver, or firefox-esr xvfb libgl1-mesa-dri"; exit 2; }
-	@$(RUN) pytest tests/pictures/test_browser.py
+	@$(RUN) pytest tests/pictures/test_browser.py tests/review/test_browser.py
 
 bench: $(BUILD)/bench/.installed ## measure times beside floors and peers, as a table of ratios; installs 1 GB below build
 	@OPENBLAS_NUM_THREADS=1 $(BUILD)/bench/bin/python -m tests.benchmarks
 
-fuzz: $(VENV)/.development ## 20,000 mutated specs, 2,000 files of each format imported, 5,000 models, meshes, command lines, 1,200 kills
+fuzz: $(VENV)/.development ## 20,000 mutated specs, 2,000 files of each format imported, 5,000 models and command lines, 1,200 kills
 	@$(RUN) tests.tools.fuzz
 
 guided: $(BUILD)/atheris/.installed ## an hour of processor time (MINUTES=60) of inputs that reach new lines of the readers
 	@$(BUILD)/atheris/bin/python -m tests.tools.guided --minutes $(MINUTES) --folder $(BUILD)/guided
 
-readers: $(VENV)/.installed ## let 15 programs and libraries read every kind of mesh file; installs 5 GB below build
+readers: $(VENV)/.installed ## let 12 programs and libraries read every kind of mesh file; installs 5 GB below build
 	@$(RUN) tests.tools.readers
 
 clean: ## remove what was built; .venv stays

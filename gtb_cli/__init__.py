@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gtb_cli.distances.comparison import distance as distance
     from gtb_cli.errors import DomainError as DomainError
     from gtb_cli.errors import ExportError as ExportError
+    from gtb_cli.errors import Fault as Fault
     from gtb_cli.errors import GtbError as GtbError
     from gtb_cli.errors import RequirementError as RequirementError
     from gtb_cli.errors import SpecError as SpecError
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from gtb_cli.fairing.fair import fair as fair
     from gtb_cli.formats.export import write_mesh as write_mesh
     from gtb_cli.formats.meshfiles import read_mesh as read_mesh
+    from gtb_cli.knots.all_decompositions import regular_decompositions as regular_decompositions
     from gtb_cli.knots.decomposition import regular_decomposition as regular_decomposition
     from gtb_cli.language.loading import from_dict as from_dict
     from gtb_cli.language.loading import load as load
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
 _ROOMS = {
     "DomainError": "errors",
     "ExportError": "errors",
+    "Fault": "errors",
     "GtbError": "errors",
     "Mesh": "meshes.mesh",
     "Model": "theory.model",
@@ -73,6 +76,7 @@ _ROOMS = {
     "read_mesh": "formats.meshfiles",
     "regular_control_surface": "theory.degeneration",
     "regular_decomposition": "knots.decomposition",
+    "regular_decompositions": "knots.all_decompositions",
     "save": "language.writer",
     "tessellate": "tessellation.tessellate",
     "to_dict": "language.writer",

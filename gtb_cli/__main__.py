@@ -34,7 +34,7 @@ def main() -> None:
         gc.set_threshold(100_000)  # objects, not 700: imports make many, and looking for cycles among them takes time
         from gtb_cli.commands.cli import run
 
-        status = run(sys.argv[1:])
+        status = run(sys.argv[1:], alone=True)
     except KeyboardInterrupt as stop:
         status = SIGNAL_STATUS + (stop.args[0] if stop.args else signal.SIGINT)
         _discard_unfinished()  # in case the signal came after a file was made and before its removal was certain

@@ -1,8 +1,42 @@
 """The errors of this package: one root, and a leaf for each case that callers can handle."""
 
+from typing import NamedTuple, Self
+
+
+class Fault(NamedTuple):
+    """One thing that is wrong, and where it is, as far as that is known; lines and columns are counted from 1."""
+
+    message: str
+    file: str | None = None
+    line: int | None = None
+    column: int | None = None
+    key: str | None = None  # of a value in a spec, such as patches[1].weights[3]
+
+    def __str__(self) -> str:
+        where = ":".join(str(part) for part in (self.file, self.line, self.column) if part is not None)
+        return ": ".join(part for part in (where, self.key, self.message) if part)
+
 
 class GtbError(Exception):
-    """Root of all errors raised on purpose; its text is one clear message for a person."""
+    """Root of all errors raised on purpose; its text is one clear message for a person.
+
+    Its arguments are texts and faults. There is a fault for each line of the text.
+    """
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.args))
+
+    @property
+    def faults(self) -> list[Fault]:
+        """The faults; those that were raised as a text have no parts but a message."""
+        lines = [[arg] if isinstance(arg, Fault) else map(Fault, str(arg).split("\n")) for arg in self.args]
+        return [fault for part in lines for fault in part]
+
+    def within(self, file: str) -> Self:
+        """Return the same error of a file."""
+        return type(self)(
+            *(fault._replace(file=file) if fault.file is None else Fault(str(fault), file) for fault in self.faults)
+        )
 
 
 class SpecError(GtbError, ValueError):
@@ -15,6 +49,10 @@ class DomainError(GtbError, ValueError):
 
 class ExportError(GtbError, RuntimeError):
     """A mesh cannot be written in the requested format or to the requested place."""
+
+
+class MeshError(GtbError, ValueError):
+    """A mesh file is in order, but there is nothing to measure: no cells, coordinates that are not finite, no mesh."""
 
 
 class ToleranceError(GtbError, RuntimeError):

@@ -3,17 +3,18 @@
 import os
 import re
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import IO, Self
 
-from gtb_cli.errors import ExportError, GtbError, SpecError
+from gtb_cli.errors import ExportError, Fault, GtbError, SpecError
 
 TEMPORARY_PREFIX = ".gtb-"
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 
 _unfinished: dict[str, None] = {}  # temporary files, and folders made for them, in order of creation
+_ledger: int | None = None  # descriptor of a file with their names, for a process that waits for this one
 
 
 def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
@@ -43,11 +44,23 @@ def read_file(path: str | os.PathLike[str], limit: int, fault: type[GtbError] = 
     shown = os.fspath(path)
     try:
         with open(path, "rb") as file:
-            return file.read(limit)
+            return read_up_to(file, limit)
     except OSError as error:
-        raise fault(f"{shown or repr(shown)}: {error.strerror or error}") from None
+        raise fault(Fault(str(error.strerror or error), shown or repr(shown))) from None
     except ValueError as error:  # a null character in the path
         raise fault(f"{shown!r}: {error}") from None
+
+
+def read_up_to(file: IO[bytes], limit: int) -> bytes:
+    """Read at most `limit` bytes; Python itself takes memory for as many as it is asked for, however few there are."""
+    block_bytes = 1 << 20
+    with suppress(OSError):  # it stands for no file of the system
+        block_bytes = max(block_bytes, os.fstat(file.fileno()).st_size + 1)
+    blocks: list[bytes] = []
+    while limit > 0 and (block := file.read(min(limit, block_bytes))):
+        blocks.append(block)
+        limit -= len(block)
+    return b"".join(blocks)
 
 
 class StagedFiles:
@@ -83,7 +96,7 @@ class StagedFiles:
                     missing.append(parent)
                 for folder in reversed(missing):
                     self._made.append(folder)
-                    _unfinished[folder] = None
+                    begin(folder)
                     with suppress(FileExistsError):  # another process may make the same folder
                         os.mkdir(folder)
             elif not os.path.isdir(self.folder):
@@ -161,8 +174,26 @@ class StagedFiles:
 
 def discard_unfinished() -> None:
     """Remove all files without a final name, and the folders made for them, when a process ends without unwinding."""
-    for place in reversed(list(_unfinished)):
+    discard(list(_unfinished))
+
+
+def discard(places: Sequence[str]) -> None:
+    """Remove files, and folders that are empty without them, those made last first."""
+    for place in reversed(places):
         _discard(place)
+
+
+def begin(place: str) -> None:
+    """Note a temporary file, or a folder made for some, before it is made: if all else fails, it will be removed."""
+    _unfinished[place] = None
+    if _ledger is not None:
+        os.write(_ledger, os.fsencode(os.path.abspath(place)) + b"\0")
+
+
+def list_unfinished_in(descriptor: int) -> None:
+    """Also write the names of temporary files to an open file, from now on, each with a NUL at its end."""
+    global _ledger
+    _ledger = descriptor
 
 
 def _check_path(path: str) -> None:
@@ -222,7 +253,7 @@ def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:
     except FileNotFoundError:
         old = None
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    _unfinished[temporary] = None
+    begin(temporary)
     with open(os.open(temporary, flags, 0o666 if old is None else 0o600), "wb") as file:
         if old is not None:
             _make_like(file.fileno(), temporary, old)

@@ -1,7 +1,8 @@
-"""A CI job written from the README alone: its lines run as they stand there, pass, and fail when they should."""
+"""A CI job written from the README alone, the action and the hooks: they pass, and fail when they should."""
 
 import os
 import re
+import shlex
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 
 from gtb_cli.formats.meshfiles import read_mesh
 from tests.marks import long, mostly_long
-from tests.shell import REPOSITORY, SPECS, Result, shell
+from tests.shell import CURVE, PENTAGON, REPOSITORY, SPECS, Result, gtb, shell
 
 SECTION = re.search(r"^## In CI\n(.*?)^## ", (REPOSITORY / "README.md").read_text(encoding="utf-8"), re.M | re.S)[1]
 
@@ -33,16 +34,19 @@ def repository(tmp_path_factory) -> Path:
 
 def team(folder: Path, names: Sequence[str]) -> Path:
     """A team's repository: some specs, and their golden meshes."""
-    makefile = re.search(r"^```make\n(.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)[1]
     (folder / "specs").mkdir()
     for name in names:
         shutil.copy(SPECS / f"{name}.toml", folder / "specs")
-    (folder / "Makefile").write_text(makefile, encoding="utf-8")
-    (folder / ".gitignore").write_text("out\n", encoding="utf-8")
-    done = shell("make -s golden", folder)
-    assert done.status == 0, done.err
+    renew(folder)
     assert len(os.listdir(folder / "golden")) == len(names)
     return folder
+
+
+def renew(folder: Path) -> None:
+    """Take all meshes over as golden ones."""
+    shutil.rmtree(folder / "out", ignore_errors=True)
+    done = shell("gtb mesh specs/*.toml -n 8 -o out/ && gtb approve golden out --prune", folder)
+    assert done.status == 0, done.err
 
 
 @pytest.fixture
@@ -81,30 +85,106 @@ def assert_as_shown(text: str) -> None:
     assert np.allclose(found, shown, rtol=0.02, atol=0)
 
 
-def action(folder: Path, specs: str = "specs") -> Result:
-    """Run what the action runs after it has installed gtb, as often as a job uses it."""
-    line = re.findall(r"^    - run: (.*)$", ACTION.read_text(encoding="utf-8"), re.MULTILINE)[-1]
-    (folder / "runner").mkdir(exist_ok=True)
-    options = {"SPECS": specs, "GOLDEN": "golden", "OPTIONS": "-n 8", "TOLERANCE": ""}
-    return shell(f"set -e; {line}", folder, RUNNER_TEMP=str(folder / "runner"), **options)
+def action(folder: Path, **variables: str) -> Result:
+    """Run what the action runs after it has installed gtb, as often as a job uses it, in a runner's environment."""
+    text = ACTION.read_text(encoding="utf-8")
+    install, line = re.findall(r"^    - run: (.*)$", text, re.MULTILINE)
+    assert "$GITHUB_ACTION_PATH/../../.." in install
+    assert "${{" not in install + line
+    assert (ACTION.parent / "../../../pyproject.toml").resolve() == REPOSITORY / "pyproject.toml"
+    given = dict(re.findall(r"^        ([A-Z]+): \$\{\{ inputs\.(\w+) \}\}$", text, re.MULTILINE))
+    defaults = dict(re.findall(r"^  (\w+):\n    description: .*\n    default: (.*)$", text, re.MULTILINE))
+    assert set(given.values()) == set(defaults)
+    runner = folder / "runner"
+    runner.mkdir(exist_ok=True)
+    for name in ("output", "summary"):
+        (runner / name).write_bytes(b"")
+    places = {
+        "GITHUB_ACTION_PATH": ACTION.parent,
+        "GITHUB_OUTPUT": runner / "output",
+        "GITHUB_STEP_SUMMARY": runner / "summary",
+        "RUNNER_TEMP": runner,
+    }
+    values = {name: defaults[key].strip('"') for name, key in given.items()} | variables
+    return shell(f"set -e; {line}", folder, **{name: str(path) for name, path in places.items()}, **values)
+
+
+def outputs(folder: Path) -> dict[str, str]:
+    """What the action said to later steps."""
+    return dict(line.split("=", 1) for line in (folder / "runner" / "output").read_text("utf-8").splitlines())
+
+
+@long
+def test_the_action_tells_what_changed_in_a_summary_and_beside_files(checkout):
+    assert action(checkout).status == 0
+    assert outputs(checkout) == {"status": "same", "report": str(checkout / "runner" / "gtb-report")}
+    nudge(checkout)
+    (checkout / "golden" / "100%,a:b.obj").write_bytes((checkout / "golden" / "pentagon.obj").read_bytes())
+    result = action(checkout, REPORT="a report", TOLERANCE="1e-7", LIMITS="--max-seconds 50 --max-memory 2G")
+    assert (result.status, outputs(checkout)) == (1, {"status": "different", "report": "a report"}), result.err
+    assert {path.name for path in (checkout / "a report").iterdir()} == {"changes.html", "changes.md", "changes.txt"}
+    summary = (checkout / "runner" / "summary").read_text("utf-8")
+    assert summary == (checkout / "a report" / "changes.md").read_text("utf-8")
+    assert "| `pentagon.obj` | different |" in summary
+    annotations = [line for line in result.text.splitlines() if line.startswith("::")]
+    assert [line.split("::")[1] for line in annotations] == [
+        "warning file=golden/pentagon.obj,title=gtb diff",
+        "warning file=golden/100%25%2Ca%3Ab.obj,title=gtb diff",
+    ]
+    assert annotations[1].endswith("::missing: golden/100%25,a:b.obj is not in " + str(checkout / "runner/gtb-meshes"))
+
+
+def test_the_job_of_gitlab_makes_a_page(checkout):
+    page = (SPECS / "COMMANDS.md").read_text(encoding="utf-8")
+    lines = re.search(r"^## In GitLab\n.*?^```yaml\n(.*?)^```", page, re.M | re.S)[1]
+    install, *steps = re.findall(r"^    - (.*)$", lines, re.M)
+    assert install == "pip install ./gtb-cli"
+    nudge(checkout)
+    assert [shell(step, checkout).status for step in steps] == [0, 1]
+    assert (checkout / re.search(r"paths: \[(.*?)\]", lines)[1]).exists()
+
+
+@long
+def test_the_action_names_the_line_of_an_error_and_runs_nothing_that_an_input_says(checkout):
+    (checkout / "specs" / "pentagon.toml").write_text('knots = [\n  [0, "zero"]]\n', encoding="utf-8")
+    result = action(checkout)
+    assert (result.status, outputs(checkout)["status"]) == (2, "error")
+    assert "::error file=specs/pentagon.toml,line=1," in result.err
+    for name in ("SPECS", "GOLDEN", "OPTIONS", "TOLERANCE", "LIMITS", "REPORT"):
+        value = {"SPECS": "specs/bicubic.toml", name: "x$(touch hit)`touch hit`;touch hit"}
+        assert action(checkout, **{"SPECS": f"specs/{CHOSEN[1]}.toml"} | value).status
+        assert not (checkout / "hit").exists()
+
+
+def test_hooks_are_commands_that_take_files():
+    text = (REPOSITORY / ".pre-commit-hooks.yaml").read_text(encoding="utf-8")
+    entries = re.findall(r"^  entry: (.*)$", text, re.MULTILINE)
+    assert len(entries) == len(re.findall(r"^- id: ", text, re.MULTILINE)) == 2
+    for entry in entries:
+        name, *words = shlex.split(entry)
+        assert name == "gtb"
+        assert gtb(*words, CURVE, PENTAGON).status == 0
 
 
 @pytest.mark.parametrize("names", [CHOSEN[:1], CHOSEN[:2]], ids=len)
+@long
 def test_one_spec_and_several_pass_and_a_removed_or_moved_one_fails(names, tmp_path):
     folder = team(tmp_path, names)
     good = f"{len(names)} same, 0 different, 0 missing, 0 extra\n"
-    assert (job(folder).text, action(folder).text, shell("make -s check", folder).text) == (good, good, good)
-    assert action(folder, specs=f"specs/{names[0]}.toml specs").status == 2  # one of them twice
+    assert (job(folder).text, action(folder).text) == (good, good)
+    assert action(folder, SPECS=f"specs/{names[0]}.toml specs").status == 2  # one of them twice
     nudge(folder)
     for result in (job(folder), action(folder)):
         assert (result.status, "1 different" in result.text) == (1, True)
-    assert shell("make -s golden && make -s check", folder).status == 0
+    renew(folder)
+    assert job(folder).status == 0
     shutil.copy(SPECS / "bicubic.toml", folder / "specs")
     (folder / "specs" / f"{names[0]}.toml").unlink()
     for result in (job(folder), action(folder)):
         assert result.status == 1
         assert f"missing: golden/{names[0]}.obj is not in " in result.text
-    assert shell("make -s golden && make -s check", folder).text == good
+    renew(folder)
+    assert job(folder).text == good
 
 
 @pytest.mark.parametrize("variables", mostly_long(ELSEWHERE), ids=lambda variables: next(iter(variables)))
@@ -133,4 +213,4 @@ def test_a_broken_spec_fails_it(checkout):
     (checkout / "specs" / "pentagon.toml").write_text("knots = [\n", encoding="utf-8")
     result = job(checkout)
     assert result.status == 2
-    assert "specs/pentagon.toml:" in result.err
+    assert "::error file=specs/pentagon.toml,line=" in result.err

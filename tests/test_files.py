@@ -279,11 +279,6 @@ def test_staged_files_appear_together(tmp_path):
     assert contents(tmp_path) == {"a.obj": "new a", "b.obj": "new b"}
 
 
-def test_staged_files_make_their_folder(tmp_path):
-    stage(tmp_path / "x" / "y", {"a.obj": [b"new"]})
-    assert contents(tmp_path / "x" / "y") == {"a.obj": "new"}
-
-
 def test_ctrl_c_during_the_renames_finishes_them(tmp_path, monkeypatch):
     (tmp_path / "a.obj").write_text("old")
     (tmp_path / "b.obj").write_text("old")

@@ -9,6 +9,7 @@ import pytest
 
 import gtb_cli
 from gtb_cli import DomainError, Mesh, Model, Patch
+from tests.marks import long
 from tests.shell import SPECS
 
 
@@ -98,6 +99,7 @@ def test_values_are_short_to_look_at(values):
     assert repr(Patch([0, 1], [[0, 0], [1, 1]])) == "<Patch without a name: curve, 2 knots>"
 
 
+@long
 def test_results_are_short_to_look_at(pentagon, box):
     """A notebook shows what the last line gives: hundreds of numbers hide what is asked for."""
     doubled = pentagon.replace(control_points=2 * pentagon.control_points)

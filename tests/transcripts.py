@@ -13,9 +13,9 @@
 
 A session has a folder of its own, in which `specs` is that of the repository; commands before the first title open
 every session. A command, which `> ` continues over lines, is followed by its status where that is not 0, the lines of
-its standard output, and behind `! ` those of standard error. … stands for anything in a line, and for any number of
-lines where it is alone. A title that begins with `long: ` leaves its session out of `make test`. Commands run in the
-process of the tests but where they need a shell (shell.run_line).
+its standard output, and behind `! ` those of standard error; JSON must also be as `gtb schema --output` says. … stands
+for anything in a line, and for any number of lines where it is alone. A title that begins with `long: ` leaves its
+session out of `make test`. Commands run in the process of the tests but where they need a shell (shell.run_line).
 
 `python -m tests.transcripts FILE` prints commands of a file of this form with what they do now.
 """
@@ -27,6 +27,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from tests.outputs import check_json
 from tests.shell import SPECS, Result, run_line
 
 TRANSCRIPTS = Path(__file__).parent / "transcripts"
@@ -61,6 +62,7 @@ class Session:
                 expected = shown(step.command, step.status, step.out, step.err)
                 found = shown("", done.status, done.text.splitlines(), done.err.splitlines())
                 raise AssertionError(f"{self.file}:{step.line}: {expected}\ndoes\n{found}")
+            check_json(step.command, done)
 
     def results(self, folder: Path) -> Iterator[tuple[Step, Result]]:
         """Run one command after the other."""

@@ -29,7 +29,7 @@ def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
 
 
 def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef, EdgeRef, str]]:
-    """Pairs of open edges probably meant to be one, and their difference, with {} for the name of the second."""
+    """Find pairs of open edges probably meant to be one, and say how they differ; {} is the name of the second."""
     if patches[0].dimension == 1:
         return []
     tolerance = CURVE_TOLERANCE * diagonal_of(patches)
@@ -52,7 +52,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
 
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:
-    """The difference between near curves, or, without a distance, curves with the same ends; None if all differs."""
+    """Say how two near curves differ or, without a distance, two with the same ends; return None if all differs."""
     turned = min((other, other.reversed()), key=lambda curve: float(np.abs(one.ends - curve.ends).max()))
     if not np.abs(one.ends - turned.ends).max() <= tolerance:
         return f"{distance or 0.0:.3g} from {{}}, `weld` {_above(distance or 0.0)} joins them"
@@ -75,7 +75,7 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
 
 
 def _above(distance: float) -> str:
-    """A round number above a distance."""
+    """Write a round number above a distance."""
     exponent = np.floor(np.log10(distance)) if distance > 0 else -9
     digit = np.ceil(1.05 * distance / 10.0**exponent)
     return f"{digit * 10.0**exponent:.1g}"
@@ -87,7 +87,7 @@ def _row(values: FloatArray) -> str:
 
 
 def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
-    """One line for each connected component of the open edges."""
+    """Write one line for each connected component of the open edges."""
     max_rings = 1000  # that have a line each
     near = meeting(edge_curves(patches, refs), CURVE_TOLERANCE * diagonal_of(patches))
     seen, lines = [False] * len(refs), []
@@ -109,7 +109,7 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
 
 
 def meeting(curves: Sequence[Curve], reach: float) -> list[list[int]]:
-    """For each curve those, ascending, of which an end is within a distance along each axis of one of its ends."""
+    """Find, for each curve, those, ascending, with an end within a distance of one of its ends along each axis."""
     places = np.array([curve.ends for curve in curves]).reshape(-1, 3)
     pairs: list[set[int]] = [set() for _ in curves]
     for row, others in within((places - places[:1]) @ SORTING_DIRECTION, np.full(len(places), reach)):
@@ -120,7 +120,7 @@ def meeting(curves: Sequence[Curve], reach: float) -> list[list[int]]:
 
 
 def seam_remarks(model: Model) -> list[str]:
-    """Remarks on a model's seams: how many were welded, how far apart these were, and which seams nearly close."""
+    """Say how many seams of a model were welded, how far apart these were, and which seams nearly close."""
     joints, patches, lines = model.joints, model.patches, []
     far_weld = 0.01  # of an edge's size: welding over a larger distance is worth a remark
     welded = [joint for joint in joints.shared if joint.distance]

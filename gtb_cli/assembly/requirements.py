@@ -57,8 +57,10 @@ def require(
             open_edges = _open_edges(spec, mesh)
             if not open_edges and word == "solid":
                 open_edges = _inward_faces(mesh)
+            if not open_edges:
+                open_edges = _merged_faces(mesh)
             if not open_edges and held and held[0] is not mesh:
-                open_edges = _merged_faces(word, mesh, held[0]) or (_inward_faces(held[0]) if word == "solid" else [])
+                open_edges = _merged_faces(held[0]) or (_inward_faces(held[0]) if word == "solid" else [])
                 open_edges = [f"{line}: {held[1]}" for line in open_edges]
             lines += [f"not {word}: {line}" for line in (*open_edges, *faults)]
     if "unfolded" in asked:
@@ -68,7 +70,7 @@ def require(
     if "smooth" in asked:
         lines += _creases(spec, asked["smooth"])
     if lines:
-        raise RequirementError("\n".join(lines))
+        raise RequirementError(*lines)
 
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:
@@ -107,8 +109,7 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
             "models are joined: write the patch as [[patches]]"
             for joint in joints.shared
         ]
-    lines = lines or [f"{count} sides of triangles are open"]
-    return lines
+    return lines or [f"{count} sides of triangles are open"]
 
 
 def _inward_faces(mesh: Mesh) -> list[str]:
@@ -119,17 +120,20 @@ def _inward_faces(mesh: Mesh) -> list[str]:
     return [f"faces look into the solid, {where(mesh, inward)}"] if len(inward) else []
 
 
-def _merged_faces(word: str, mesh: Mesh, stored: Mesh) -> list[str]:
-    """Say which faces meet at an edge, or of a solid collapse, only as a file's numbers put vertices together."""
+def _merged_faces(mesh: Mesh) -> list[str]:
+    """Say which faces of a closed mesh collapse, or meet others at an edge, as vertices are at the same place.
+
+    Readers put such vertices together. The edges of a collapsed face have four faces for one that keeps it.
+    """
     import numpy as np
 
     from gtb_cli.meshes.solidity import where
     from gtb_cli.meshes.topology import are_proper, sides_of
     from gtb_cli.meshes.welding import weld
 
-    before, after = (weld(one.vertices)[1][one.faces] for one in (mesh, stored))
-    collapsed = np.flatnonzero(are_proper(before) & ~are_proper(after))
-    if word == "solid" and len(collapsed):
+    cells = weld(mesh.vertices)[1][mesh.faces]
+    collapsed = np.flatnonzero(~are_proper(cells))
+    if len(collapsed):
         return [f"faces collapse, {where(mesh, collapsed)}"]
-    was, now = (np.count_nonzero(sides_of(cells[are_proper(cells)]).open) for cells in (before, after))
-    return [f"{now - was} sides of faces fall upon others"] if now > was else []
+    crowded = len(sides_of(cells).open)
+    return [f"{crowded} sides of faces fall upon others"] if crowded else []

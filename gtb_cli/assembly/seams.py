@@ -69,7 +69,7 @@ class Seam:
         return bends([self])[0]
 
     def name(self, model: Model) -> str:
-        """The names of both edges, for messages."""
+        """Return the names of both edges, for messages."""
         return " and ".join(edge_name(model.patches, ref) for ref in (self.first, self.second))
 
 
@@ -108,7 +108,7 @@ def joints(model: Model) -> tuple[Seam, ...]:
 
 
 def bends(seams: Sequence[Seam]) -> list[float]:
-    """`Seam.bend` of each seam: rims at the same places of one basis are measured together."""
+    """Measure `Seam.bend` of each seam; rims at the same places of one basis are measured together."""
     alike: dict[tuple[RationalBasis, Face, bytes], list[_Rim]] = {}
     for rim in (rim for seam in seams if seam._smooth.any() for rim in seam._rims):
         alike.setdefault((rim.patch.rational_basis, rim.place.face, rim.place.s.tobytes()), []).append(rim)
@@ -131,17 +131,13 @@ def bends(seams: Sequence[Seam]) -> list[float]:
 
 
 def _rims(model: Model, uses: Sequence[tuple[EdgeRef, FloatArray]]) -> tuple[dict[int, _Rim], FloatArray]:
-    """Rims at fractions of edges, and (q, m, 3) unit normals there, those on one edge of one domain together."""
+    """Return rims at fractions of edges, and (q, m, 3) unit normals there, those on one edge of a domain together."""
     alike: dict[tuple[Domain, int], list[int]] = {}
     for number, ((index, edge), _) in enumerate(uses):
         alike.setdefault((model.patches[index].domain, edge), []).append(number)
     rims, normals = {}, np.empty((len(uses), SEAM_PLACES, 3))
     for (shape, edge), numbers in alike.items():
-        face, first, last = (
-            shape.faces.edge(edge),
-            shape.vertices[edge],
-            shape.vertices[(edge + 1) % len(shape.vertices)],
-        )
+        face, first, last = shape.faces.edge(edge), shape.vertices[edge], shape.vertices[edge + 1 - len(shape.vertices)]
         step = max(1, block_length(len(shape.knots)) // SEAM_PLACES)
         for begin in range(0, len(numbers), step):
             some = numbers[begin : begin + step]

@@ -20,6 +20,8 @@ from gtb_cli.theory.patch import Patch
 
 MAX_DEGREE = 25  # of a piece, by default
 
+MAX_SHIFT = 1e-9  # of a curve's size, by which rounding may move the point where it is split
+
 MAX_SEARCHED_DEGREE = 2000  # so that a message can name a degree above the allowed one
 
 
@@ -67,7 +69,14 @@ def split_curve(curve: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
     heights = curve.domain.edge_functions(np.array([at]))[0]
     if not heights.all():
         raise DomainError(f"split: {at:g} is an end of the curve, to rounding")
-    s = float(curve.domain.normals[:, 0] @ np.log(heights))
+    logs = np.log(heights)
+    s = float(curve.domain.normals[:, 0] @ logs)
+    terms = float(np.abs(curve.domain.normals[:, 0]) @ (np.abs(logs) + 1))
+    if 2 * EPS * terms * float(np.ptp(curve.knots)) > MAX_SHIFT:
+        raise DomainError(
+            f"split: rounding may move the point at {at:g} by more than {MAX_SHIFT:g} of the curve's size, "
+            f"as knots {high - low:g} apart are exponents; divide all knots by the same number"
+        )
     return Model(_halves(curve, s, max_degree), curve.name)
 
 

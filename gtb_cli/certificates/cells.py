@@ -1,14 +1,13 @@
 """Certificates of the cells of a mesh: segments of curves and triangles of surfaces, patch by patch."""
 
-import math
-import time
 from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups
 from gtb_cli.certificates.curve import CurveCertificate
+from gtb_cli.certificates.deadline import Deadline
 from gtb_cli.certificates.planar import PlanarCertificate
 from gtb_cli.certificates.surface import SurfaceCertificate
 from gtb_cli.theory.knot_limit import merge_knots
@@ -16,18 +15,18 @@ from gtb_cli.theory.patch import Patch
 
 
 class Certificates:
-    """Proofs that cells are within a tolerance of their curves or surfaces, in some seconds of the processor."""
+    """Proofs that cells are within a tolerance of their curves or surfaces, up to a deadline."""
 
-    def __init__(self, patches: Sequence[Patch], seconds: float = math.inf) -> None:
-        self.patches, self.deadline = patches, time.process_time() + seconds
+    def __init__(self, patches: Sequence[Patch], deadline: Deadline) -> None:
+        self.patches, self.deadline = patches, deadline
 
     @cached_property
     def _curves(self) -> list[CurveCertificate]:
-        return [CurveCertificate(patch) for patch in self.patches]
+        return [CurveCertificate(patch, self.deadline) for patch in self.patches]
 
     @cached_property
     def _planes(self) -> list[PlanarCertificate]:
-        return [PlanarCertificate(patch) for patch in self.patches]
+        return [PlanarCertificate(patch, self.deadline) for patch in self.patches]
 
     @cached_property
     def _surfaces(self) -> list[SurfaceCertificate]:
@@ -41,10 +40,14 @@ class Certificates:
         """Mark the cells, (k,), that are not certain to be within the tolerance.
 
         They have (k, d + 1, d) corners in Δ, and (k, d + 1, 3) in the mesh, nearly the points of the patch there.
-        Raises `Uncertified` if triangles take too long to certify.
+        Raises `Uncertified` once the deadline has passed.
         """
         fails = np.zeros(len(patch), dtype=bool)
         for index, own in groups(patch):
+            # A surface and its mesh are in the convex hull of the control points, but for rounding of the corners.
+            hull = np.concatenate([self.patches[index].control_points, *corners[own].swapaxes(0, 1)])
+            if np.linalg.norm(np.ptp(hull, axis=0)) * (1 + 8 * EPS) <= tolerance:
+                continue
             if u.shape[1] == 2:
                 curve = self._curves[index]
                 fails[own] = curve.failing(curve.torus_coordinates(u[own])[:, :, 0], corners[own], tolerance)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, joined, rows_of
+from gtb_cli.certificates.deadline import Deadline
 from gtb_cli.certificates.surface import SPENT_SHARE
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length
 from gtb_cli.theory.patch import Patch
@@ -54,8 +55,8 @@ class CurveCertificate:
     knot, and D ≥ V_0. The bounds include rounding.
     """
 
-    def __init__(self, patch: Patch) -> None:
-        self.basis, domain = patch.rational_basis, patch.domain
+    def __init__(self, patch: Patch, deadline: Deadline) -> None:
+        self.basis, domain, self.deadline = patch.rational_basis, patch.domain, deadline
         knots = patch.knots[:, 0].copy()
         for end in (0, 1):
             knots[domain.incidence[:, end]] = domain.vertices[end, 0]
@@ -79,6 +80,7 @@ class CurveCertificate:
         """Mark the (k, 2, 3) chords that are not within the tolerance of their parts of the curve, or may not be.
 
         Given are the (k, 2) torus coordinates of the ends of these parts, infinite at the ends of the curve.
+        Raises `Uncertified` once the deadline has passed.
         """
         max_halvings = 200  # all but a few rounds halve intervals; those still open then fail
         alive = 8  # arrays as large as T
@@ -89,6 +91,7 @@ class CurveCertificate:
         for _ in range(max_halvings):
             left = [rows_of(todo, slice(0))]
             for begin in range(0, len(todo.row), length):
+                self.deadline.refuse_late()
                 block = rows_of(todo, slice(begin, begin + length))
                 far, open_ = self._compared(block, chords[block.row], tolerance)
                 fails[block.row[far]] = True

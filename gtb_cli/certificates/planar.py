@@ -13,6 +13,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray
 from gtb_cli.certificates.curve import CurveCertificate
+from gtb_cli.certificates.deadline import Deadline
 from gtb_cli.theory.edges import edge_curve
 from gtb_cli.theory.patch import Patch
 
@@ -24,9 +25,9 @@ class PlanarCertificate:
     often around those that are not between the two boundaries, and holds them. Only the boundary needs a tolerance.
     """
 
-    def __init__(self, patch: Patch) -> None:
+    def __init__(self, patch: Patch, deadline: Deadline) -> None:
         points, max_knots = patch.control_points, 40  # with more, there are too many triples
-        self.patch, self.middle = patch, points.mean(axis=0)
+        self.patch, self.middle, self.deadline = patch, points.mean(axis=0), deadline
         axes = np.linalg.svd(points - self.middle, full_matrices=False)[2]
         self.plane = axes[:2].T
         self.height = float(np.abs((points - self.middle) @ axes[2]).max() + 16 * EPS * np.abs(points).max())
@@ -66,7 +67,10 @@ class PlanarCertificate:
     def _curves(self) -> list[CurveCertificate]:
         """Those of the edges."""
         curves = [edge_curve(self.patch, edge) for edge in range(len(self.patch.domain.vertices))]
-        return [CurveCertificate(Patch(each.knots, each.points, log_weights=each.log_weights)) for each in curves]
+        return [
+            CurveCertificate(Patch(each.knots, each.points, log_weights=each.log_weights), self.deadline)
+            for each in curves
+        ]
 
 
 def _turns(corners: FloatArray) -> FloatArray:

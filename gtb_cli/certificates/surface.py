@@ -6,8 +6,6 @@ In the linear parametrisation Σ T_i a_i = u. So for the affine map l from a tri
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Sequence
 from itertools import permutations
 from typing import NamedTuple
@@ -15,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, groups, joined, rows_of
+from gtb_cli.certificates.deadline import Deadline
 from gtb_cli.certificates.enclosures import Coverings, TorusTriangles, barycentric
-from gtb_cli.errors import ToleranceError
 from gtb_cli.moment.torus import block_length
 from gtb_cli.theory.patch import Patch
 
@@ -29,10 +27,6 @@ QUARTER_CORNERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 # (4, 3, 3): barycentric coordinates of the corners of the quarters of a triangle
 QUARTERS = np.concatenate([np.eye(3), (np.eye(3) + np.roll(np.eye(3), 1, axis=1)) / 2])[QUARTER_CORNERS]
-
-
-class Uncertified(ToleranceError):
-    """Cells cannot be certified, or take too long to."""
 
 
 class Triangles(NamedTuple):
@@ -130,7 +124,7 @@ class _Enclosure(NamedTuple):
 
 
 class SurfaceCertificate:
-    """Proofs, up to a `deadline` of `time.process_time`, that triangles are within a tolerance of a surface.
+    """Proofs, up to a deadline, that triangles are within a tolerance of a surface.
 
     A triangle of the mesh is certified if every point of its piece of the surface is within the tolerance of it, and
     every point on a side of that piece within the tolerance of the same side. Every point of the triangle is then
@@ -139,7 +133,7 @@ class SurfaceCertificate:
     bounds include rounding.
     """
 
-    def __init__(self, patch: Patch, deadline: float = math.inf) -> None:
+    def __init__(self, patch: Patch, deadline: Deadline) -> None:
         self.coverings = Coverings(patch)
         domain = patch.domain
         self.middle = patch.control_points.mean(axis=0)
@@ -176,7 +170,7 @@ class SurfaceCertificate:
                     some = rows[begin : begin + self.block]
                     some = some[~fails[todo.owner[some]]]
                     here = rows_of(todo, some)
-                    self._refuse_late()
+                    self.deadline.refuse_late()
                     found, pieces, which = coverings.covering(number - 1, here.u, here.face, here.s)
                     left.append(some[~found])
                     self._bound(number - 1, pieces, here.owner[which], whole, tolerance, fails)
@@ -191,16 +185,12 @@ class SurfaceCertificate:
             todo, at_corner = rows_of(todo, open_), at_corner[open_]
             quarters = []
             for begin in range(0, len(todo.owner), self.block):
-                self._refuse_late()
+                self.deadline.refuse_late()
                 part = slice(begin, begin + self.block)
                 quarters.append(rows_of(todo, part).quartered(coverings, at_corner[part]))
             todo = joined(quarters)
         fails[todo.owner] = True
         return fails
-
-    def _refuse_late(self) -> None:
-        if time.process_time() > self.deadline:
-            raise Uncertified("takes too long to certify")
 
     def _near_corner(self, here: Parts, whole: Triangles, tolerance: float) -> BoolArray:
         """Tell whether the error is within the tolerance because all T_i but those of the corner's knots are small.
@@ -245,7 +235,7 @@ class SurfaceCertificate:
                 rows = rows[~fails[owner[rows]]]
                 if not len(rows):
                     continue
-                self._refuse_late()
+                self.deadline.refuse_late()
                 far, open_ = self._compared(number, rows_of(pieces, rows), rows_of(whole, owner[rows]), tolerance)
                 fails[owner[rows[far]]] = True
                 left.append(rows_of(pieces, rows[open_]))

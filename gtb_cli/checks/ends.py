@@ -44,9 +44,8 @@ def _ends(probe: Probe) -> list[_End]:
 
 
 def _worst(findings: Iterable[Finding]) -> Finding:
-    """Return the first finding that does not hold, otherwise the one with the largest violation."""
-    found = list(findings)
-    return next((one for one in found if one.status != "holds"), max(found, key=lambda one: one.value or 0.0))
+    """Return one that fails, otherwise one that does not hold, otherwise the one with the largest violation."""
+    return max(findings, key=lambda one: (one.status == "fails", one.status != "holds", one.value or 0.0))
 
 
 def end_tangents(probe: Probe) -> Finding:

@@ -26,21 +26,19 @@ def for_all_weights(probe: Probe) -> Finding:
         return not_applicable(SPATIAL_NOTE)
     knots, n = probe.patch.knots, len(probe.patch.knots)
     total = math.comb(n, 3)
-    found: dict[float, list[int]] = {}  # the first triple that turns its control points this way
-    for i, j, k in _triples(n):
-        signs = _signs(knots, i, j, k) * _signs(points, i, j, k)
-        for sign in (1.0, -1.0):
-            if sign not in found and (signs == sign).any():
-                first = int(np.argmax(signs == sign))
-                found[sign] = [int(i[first]), int(j[first]), int(k[first])]
-        if len(found) == 2:
-            one, other = map(tuple, sorted(found.values()))
-            return number(0.0, f"no: knots {one} and {other} turn their control points opposite ways")
+    triples = _triples(n)
+    signs = _signs(knots, *triples.T) * _signs(points, *triples.T)
+    found = [tuple(triples[np.argmax(signs == sign)].tolist()) for sign in (1.0, -1.0) if (signs == sign).any()]
+    if len(found) == 2:
+        one, other = sorted(found)
+        return number(0.0, f"no: knots {one} and {other} turn their control points opposite ways")
     if total > MAX_TRIPLES:
         return number(None, f"not decided: {MAX_TRIPLES} of {total} triples of knots speak for it, none against")
     if not found:
         return number(0.0, "no: the control points are on a line")
-    return number(1.0, f"yes: all {total} triples of knots turn their control points the same way")
+    straight = int((signs == 0).sum())
+    but = f"; {straight} on lines to rounding do not count" if straight else ""
+    return number(1.0, f"yes: all {total - straight} triples of knots turn their control points the same way{but}")
 
 
 def jacobian_sign(probe: Probe) -> Finding:
@@ -77,17 +75,13 @@ def planar(points: FloatArray) -> FloatArray | None:
     return np.asarray(centred @ np.stack([axes[0], axes[1] if normal[2] >= 0 else -axes[1]], axis=1))
 
 
-def _triples(n: int) -> list[tuple[IntArray, IntArray, IntArray]]:
-    """Return blocks of triples i < j < k: all triples, or `MAX_TRIPLES` that are the same every time."""
+def _triples(n: int) -> IntArray:
+    """Return (m, 3) triples i < j < k: all triples, or up to `MAX_TRIPLES` that are the same every time."""
     if math.comb(n, 3) > MAX_TRIPLES:
         drawn = np.sort(np.random.default_rng(0).integers(0, n, (MAX_TRIPLES, 3)), axis=1)
-        drawn = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
-        return [(drawn[:, 0], drawn[:, 1], drawn[:, 2])]
-    blocks: list[tuple[IntArray, IntArray, IntArray]] = []
-    for i in range(n - 2):
-        j, k = (side.astype(np.int64) + i + 1 for side in np.triu_indices(n - i - 1, 1))
-        blocks.append((np.full(len(j), i), j, k))
-    return blocks
+        return drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
+    below = np.arange(n)[:, None] < np.arange(n)
+    return np.argwhere(below[:, :, None] & below)
 
 
 def _signs(points: FloatArray, i: IntArray, j: IntArray, k: IntArray) -> FloatArray:

@@ -11,6 +11,7 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.description import repeated_knots
 from gtb_cli.checks.report import Finding
 from gtb_cli.knots.face import INTERIOR
+from gtb_cli.knots.hull import KNOT_ULPS
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.basis import Location, torus_coordinates
 from gtb_cli.theory.knot_limit import merge_knots
@@ -74,6 +75,24 @@ class Probe:
         domain = self.patch.domain
         width = float((domain.heights.max(axis=0) / domain.normal_lengths).min())
         return EPS * VALUE_ROUNDINGS * max(domain.size, float(np.abs(domain.knots).max())) / width
+
+    @property
+    def has_blurred_edges(self) -> bool:
+        """True if knots count as on an edge of Δ, or at an end of a curve, and are farther from it than by rounding."""
+        domain = self.patch.domain
+        offsets = np.einsum("ijk,jk->ij", domain.knots[:, None] - domain.vertices, domain.normals)
+        rounding = KNOT_ULPS * EPS * float(np.abs(domain.knots).max())
+        return bool((domain.incidence & (offsets > rounding * domain.normal_lengths)).any())
+
+    def sharpened(self) -> "Probe":
+        """Return a probe of the patch whose knots are on all edges, or ends, on which they count as being."""
+        domain, knots = self.patch.domain, self.patch.knots.copy()
+        for index, row in enumerate(domain.incidence):
+            normals = domain.normals[row]
+            if len(normals):
+                offsets = ((knots[index] - domain.vertices[row]) * normals).sum(axis=1)
+                knots[index] -= np.linalg.pinv(normals) @ offsets
+        return Probe(self.patch.replace(knots=knots))
 
     @cached_property
     def extent(self) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
+Status: TypeAlias = Literal["holds", "fails", "not applicable", "not decided", "measured"]
 
 
 @dataclass(frozen=True)
@@ -14,8 +14,8 @@ class Finding:
 
     Attributes
     ----------
-    status : {"holds", "fails", "not applicable", "measured"}
-        "measured" means that the number is not a verdict.
+    status : {"holds", "fails", "not applicable", "not decided", "measured"}
+        "measured" means that the number is not a verdict, "not decided" that rounding is too large for one.
     value : float or None
         The largest violation, or the number; relative to sizes, without unit. Infinite or not a number if a patch is
         broken.
@@ -43,10 +43,10 @@ def at_most(value: float, bound: float, reason: str) -> Finding:
 
 
 def within_rounding(value: float, bound: float, reason: str) -> Finding:
-    """Return like `at_most`, for a bound that is rounding; not applicable if rounding may do too much to tell."""
+    """Return like `at_most`, for a bound that is rounding; not decided if rounding may do too much to tell."""
     vacuous_bound = 0.01  # size, as a fraction of what is compared, above which a bound for rounding proves nothing
     if value <= bound and bound > vacuous_bound:
-        return not_applicable(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")
+        return not_decided(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")
     return at_most(value, bound, reason)
 
 
@@ -60,13 +60,17 @@ def not_applicable(condition: str) -> Finding:
     return Finding("not applicable", None, None, condition)
 
 
+def not_decided(reason: str) -> Finding:
+    """Return that a property could not be measured finely enough to tell whether it holds."""
+    return Finding("not decided", None, None, reason)
+
+
 def counts(findings: Iterable[Finding]) -> str:
-    """Return how many properties hold, fail, are measured and are not applicable, in words."""
+    """Return how many properties hold, fail, are measured, not applicable and, if there are any, not decided."""
     count = Counter(found.status for found in findings)
-    return (
-        f"{count['holds']} hold, {count['fails']} fail, {count['measured']} measured, "
-        f"{count['not applicable']} not applicable"
-    )
+    text = f"{count['holds']} hold, {count['fails']} fail, {count['measured']} measured"
+    text += f", {count['not applicable']} not applicable"
+    return text + (f", {count['not decided']} not decided" if count["not decided"] else "")
 
 
 @dataclass(frozen=True, repr=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.errors import GtbError, RequirementError
+from gtb_cli.errors import Fault, GtbError, RequirementError
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.options import require_option
 from gtb_cli.shell.several import ReportRequest, report_options
@@ -28,10 +28,11 @@ def check(request: ReportRequest, require: tuple[str, ...], console: Console) ->
     Measure every property that the paper proves, on this patch.
 
     Each property gets a line: whether it holds, the largest violation and what rounding allows (relative to sizes),
-    where the paper states it, and what was measured. A property whose conditions are not met is "not applicable", and
-    a number without a verdict is "measured". In a model, each patch and the joints between patches are checked; what
-    fails is listed, and --json has the rest. Several specs, or those in a folder, get a line each, unless --long or
-    --json asks for everything. Exit status 1 if a property or requirement fails, 2 if a spec cannot be read.
+    where the paper states it, and what was measured. A property whose conditions are not met is "not applicable", one
+    that rounding hides is "not decided", and a number without a verdict is "measured". In a model, each patch and the
+    joints between patches are checked; what fails is listed, and --json has the rest. Several specs, or those in a
+    folder, get a line each, unless --long or --json asks for everything. Exit status 1 if a property or requirement
+    fails, 2 if a spec cannot be read.
     """
     from gtb_cli.checks.report import counts
 
@@ -39,7 +40,7 @@ def check(request: ReportRequest, require: tuple[str, ...], console: Console) ->
     colours = is_terminal(output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     found, errors = request.found(partial(_checked, require=require))
     rows = [(name, report) for name, (report, _) in found]
-    refused = [line for _, (_, lines) in found for line in lines]
+    refused = [fault for _, (_, faults) in found for fault in faults]
     request.write(
         rows,
         _data,
@@ -47,17 +48,17 @@ def check(request: ReportRequest, require: tuple[str, ...], console: Console) ->
         partial(_text, colours=colours),
     )
     if errors:
-        raise GtbError("\n".join(errors + refused))
+        raise GtbError(*errors, *refused)
     if refused:
-        raise RequirementError("\n".join(refused))
+        raise RequirementError(*refused)
     if not all(row.holds for _, row in rows):
         raise click.exceptions.Exit(1)
 
 
 def _checked(
     spec: str, spec_format: str | None, weld: float | str | None, require: tuple[str, ...]
-) -> tuple[Report | ModelReport, list[str]]:
-    """Return the report on a spec, and lines about requirements that its mesh does not meet."""
+) -> tuple[Report | ModelReport, list[Fault]]:
+    """Return the report on a spec, and the requirements that its mesh does not meet."""
     from gtb_cli.checks.check import check as measure
     from gtb_cli.tessellation.recipe import Recipe, welded
 
@@ -68,7 +69,7 @@ def _checked(
             if require:
                 Recipe(require=require).mesh(loaded)
         except RequirementError as error:
-            return report, [f"{shown_input(spec)}: {line}" for line in str(error).split("\n")]
+            return report, error.within(shown_input(spec)).faults
     return report, []
 
 
@@ -89,7 +90,7 @@ def _finding_data(found: Finding) -> dict[str, Any]:
 
 
 def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
-    verdict_colours = {"holds": "green", "fails": "red", "measured": "cyan", "not applicable": None}
+    verdict_colours = {"holds": "green", "fails": "red", "measured": "cyan", "not decided": "yellow"}
     lines = []
     for found in findings:
         value, bound = ("" if x is None else f"{x:.3g}" for x in (found.value, found.bound))
@@ -98,7 +99,7 @@ def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
             figures = f"{value} > {bound}"
         status = f"{found.status:14}"
         if colours:
-            status = click.style(status, fg=verdict_colours[found.status])
+            status = click.style(status, fg=verdict_colours.get(found.status))
         text = f"{found.reference}: {found.reason}"
         lines.append(f"{status}  {found.name:40}  {figures:20}  {text}\n")
     return "".join(lines)

@@ -7,12 +7,11 @@ from importlib import import_module
 
 import click
 
-from gtb_cli.errors import RequirementError
-from gtb_cli.shell.console import abandon, complain, lines_about, printable, say
+from gtb_cli.errors import Fault, RequirementError
+from gtb_cli.shell.console import FORMS, STANDARD, abandon, begin, complain, finish, printable, say
+from gtb_cli.shell.faults import faults_about
 from gtb_cli.version import __version__
 from gtb_cli.vocabulary import COMPLETION_VARIABLE
-
-AS_JSON = "gtb_cli.as_json"  # key in the context of `gtb`: whether --json is among its own options
 
 # Exit statuses; a comparison that says no raises `click.exceptions.Exit`, a requirement raises its own error.
 DONE, REFUSED, FAILED = 0, 1, 2
@@ -29,21 +28,22 @@ GROUPS = {
         "fair": "Choose inner control points that make a surface fair.",
     },
     "Look and compare": {
-        "info": "Say what a spec describes.",
+        "info": "Say what a spec describes, or what a mesh measures.",
         "view": "Make a page to look at surfaces in a browser.",
         "plot": "Draw a figure for print: PNG, SVG or PDF.",
         "check": "Measure the properties of a patch that the paper proves.",
         "diff": "Compare meshes, or folders of them, with a tolerance.",
+        "approve": "Take new meshes over as those to compare with.",
     },
     "Bring in and out": {
         "import": "Turn files of other programs into specs.",
         "expand": "Print a spec with names, copies and included files carried out.",
         "bezier": "Divide patches and curves into exact rational Bézier pieces.",
-        "schema": "Print the JSON Schema of a spec.",
+        "schema": "Print the JSON Schema of a spec, or of what programs read.",
     },
     "Mathematics": {
         "eval": "Evaluate points, or the basis, at given parameters.",
-        "decompose": "Print the regular decomposition that a lifting induces.",
+        "decompose": "Print the regular decomposition of a lifting, or all.",
         "elevate": "Elevate the degree: more control points for the same image.",
         "boundary": "Print the curves along the edges of a surface.",
         "isocurve": "Print the curve on which a parameter keeps its value.",
@@ -55,6 +55,15 @@ GROUPS = {
     },
 }
 COMMANDS = {name: summary for group in GROUPS.values() for name, summary in group.items()}
+
+# Modules of the commands that have none of their own name
+ROOMS = {
+    "evaluate": "eval",
+    "guides": "completion help schema",
+    "origins": "fill fit import new",
+    "respec": "bezier boundary coefficients elevate expand fair isocurve",
+    "sequences": "degenerate knot-limit",
+}
 
 
 class LazyGroup(click.Group):
@@ -68,9 +77,9 @@ class LazyGroup(click.Group):
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
-        names_in_python = {"eval": "evaluate", "import": "import_", "help": "help_"}
-        room = names_in_python.get(cmd_name, cmd_name.replace("-", "_"))
-        command: click.Command = getattr(import_module(f"gtb_cli.commands.{room}"), room)
+        room = next((room for room, names in ROOMS.items() if cmd_name in names.split()), cmd_name)
+        found = vars(import_module(f"gtb_cli.commands.{room}")).values()
+        command = next(each for each in found if isinstance(each, click.Command) and each.name == cmd_name)
         command.short_help = COMMANDS[cmd_name]
         return command
 
@@ -98,19 +107,22 @@ class LazyGroup(click.Group):
 def _print_version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
     if not value or ctx.resilient_parsing:
         return
-    text = f"gtb {__version__}"
-    if ctx.meta.get(AS_JSON):
-        import json
-
+    if ctx.params.get("json"):  # an eager option, which is read first
+        from gtb_cli.shell.streams import write_json
         from gtb_cli.shell.versions import package_version, versions
 
-        text = json.dumps(versions() | {"click": package_version("click")})
-    click.echo(text)
+        write_json(STANDARD, versions() | {"click": package_version("click")})
+    else:
+        click.echo(f"gtb {__version__}")
     ctx.exit()
 
 
-def _note_json(ctx: click.Context, param: click.Parameter, value: bool) -> None:
-    ctx.meta[AS_JSON] = value
+def _bound(ctx: click.Context, param: click.Parameter, text: str | None) -> float | None:
+    if text is None:
+        return None
+    from gtb_cli.shell import bounds
+
+    return bounds.seconds_from(text) if param.name == "max_seconds" else bounds.bytes_from(text)
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -118,9 +130,13 @@ def _note_json(ctx: click.Context, param: click.Parameter, value: bool) -> None:
     "--json",
     is_flag=True,
     is_eager=True,
+    help="Print errors and warnings, and the version, as JSON objects. A command's own --json also does the former.",
+)
+@click.option(
+    "--errors",
+    type=click.Choice(FORMS),
     expose_value=False,
-    callback=_note_json,
-    help="Print errors and the version as JSON objects. A command's own --json also does this for errors.",
+    help="Print errors and warnings as lines of text, as one JSON object at the end, or as annotations of GitHub.",
 )
 @click.option(
     "--version",
@@ -129,7 +145,20 @@ def _note_json(ctx: click.Context, param: click.Parameter, value: bool) -> None:
     callback=_print_version,
     help="Print the version; with --json, also those of Python and the packages.",
 )
-def gtb() -> None:
+@click.option(
+    "--max-seconds",
+    metavar="S",
+    callback=_bound,
+    help="Stop a command that takes longer, with exit status 2 and nothing left behind; it has a second more to end.",
+)
+@click.option(
+    "--max-memory",
+    metavar="SIZE",
+    callback=_bound,
+    help="Memory that the command may use, such as 500M or 2G, counted in addresses as by ulimit -v; with -j all "
+    "processes share it, and there are fewer of them where each would have less than 1G.",
+)
+def gtb(json: bool, max_seconds: float | None, max_memory: int | None) -> None:
     """\b
     Example: gtb mesh specs/pentagon.toml -o pentagon.obj
 
@@ -141,50 +170,70 @@ def gtb() -> None:
     """
 
 
-def run(arguments: Sequence[str]) -> int:
+def run(arguments: Sequence[str], alone: bool = False) -> int:
     """Run one command line and return its exit status.
 
-    Each error is a line on standard error, or with --json all errors are one object. A closed pipe is not an error: its
-    reader has read what it wanted.
+    A process that does nothing else is `alone`: only such a one may be copied, as --max-seconds and --max-memory ask.
+
+    Each error is a line on standard error, or as --errors says. A closed pipe is not an error: its reader has read what
+    it wanted.
     """
-    errors: list[str] = []
-    status = FAILED
+    begin(_form(arguments), [*arguments, *map(printable, arguments)])
+    status, errors = _done(arguments, alone)
+    for name in arguments:
+        if "\n" in name and all(error.file is None for error in errors):  # it must not begin another line
+            text = "\n".join(map(str, errors)).replace(name, printable(name))
+            errors = [Fault(line) for line in text.split("\n") if line]
+    for error in errors:
+        complain(error)
+    finish(status)
+    return status
+
+
+def _form(arguments: Sequence[str]) -> str:
+    """Find the form of errors in the arguments, as these may have errors themselves."""
+    for place, word in enumerate(arguments):
+        name, _, value = word.partition("=")
+        value = value or "".join(arguments[place + 1 : place + 2])
+        if name == "--errors" and value in FORMS:
+            return value
+    return "json" if "--json" in arguments else FORMS[0]
+
+
+def _done(arguments: Sequence[str], alone: bool) -> tuple[int, list[Fault]]:
+    """Run a command line; return its exit status and the errors."""
     try:
         if os.environ.get(COMPLETION_VARIABLE):
             _complete(arguments)
         with gtb.make_context("gtb", list(arguments)) as context:
+            limits = context.params["max_seconds"], context.params["max_memory"]
+            if limits != (None, None):
+                if not alone:
+                    raise click.UsageError("--max-seconds and --max-memory need a process of their own")
+                from gtb_cli.shell.bounds import bound
+
+                bound(*limits)
             from gtb_cli.shell.memory import prepare_for_limit  # --help and --version do not need it
 
             prepare_for_limit()
             gtb.invoke(context)
         if sys.stdout is not None:
             sys.stdout.flush()
-        return DONE
+        return DONE, []
     except click.exceptions.Exit as end:
-        return end.exit_code
+        return end.exit_code, []
     except click.exceptions.NoArgsIsHelpError as error:
         say(error.format_message())
+        return FAILED, []
     except click.UsageError as error:
-        errors.append(_usage_text(error))
+        return FAILED, [Fault(_usage_text(error))]
     except BrokenPipeError:
         abandon(sys.stdout)
-        return DONE
+        return DONE, []
     except Exception as error:  # noqa: BLE001 -- the last resort: whatever it is, a person gets a message
         if isinstance(error, OSError):
             abandon(sys.stdout)
-        errors += lines_about(error)
-        status = REFUSED if isinstance(error, RequirementError) else FAILED
-    for name in arguments:
-        if "\n" in name:  # which must not begin another line
-            errors = "\n".join(errors).replace(name, printable(name)).split("\n")
-    if "--json" in arguments and errors:
-        import json
-
-        say(json.dumps({"errors": errors, "status": status}))
-    else:
-        for line in errors:
-            complain(line)
-    return status
+        return REFUSED if isinstance(error, RequirementError) else FAILED, faults_about(error)
 
 
 def _complete(arguments: Sequence[str]) -> None:

@@ -1,19 +1,18 @@
-"""`gtb decompose`: the regular decomposition of the knots."""
+"""`gtb decompose`: the regular decomposition of the knots, or all of them."""
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.shell.console import Console
-from gtb_cli.shell.meshing import MeshOptions, format_of_lines
-from gtb_cli.shell.options import json_option, lifting_option, spec_argument, text_options
-from gtb_cli.shell.streams import about, spec_of, write_text
-from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.shell.limits import all_decompositions
+from gtb_cli.shell.meshing import format_of_lines, write_lines
+from gtb_cli.shell.options import WholeNumber, json_option, lifting_option, spec_argument, streams_options
+from gtb_cli.shell.streams import Streams, about, single, write_json
 
 if TYPE_CHECKING:
+    from gtb_cli.knots.all_decompositions import LiftingCone
     from gtb_cli.knots.decomposition import RegularDecomposition
     from gtb_cli.theory.patch import Patch
 
@@ -23,15 +22,21 @@ if TYPE_CHECKING:
 @lifting_option
 @json_option
 @click.option("--net", is_flag=True, help="Write the control net that the lifting induces, as lines of a mesh.")
-@text_options
+@click.option("--all", "every", is_flag=True, help="Print every regular decomposition of the knots, by any lifting.")
+@click.option("--triangulations", is_flag=True, help="With --all: only the finest.")
+@click.option("--flips", is_flag=True, help="With --all: the numbers of the triangulations that are one flip away.")
+@click.option("--max", "most", type=WholeNumber(1), metavar="N", help="With --all: stop at this many.")
+@streams_options
 def decompose(
     spec: str,
     lifting: tuple[float, ...] | None,
     as_json: bool,
     net: bool,
-    output: str,
-    spec_format: str | None,
-    console: Console,
+    every: bool,
+    triangulations: bool,
+    flips: bool,
+    most: int | None,
+    streams: Streams,
 ) -> None:
     """\b
     Example: gtb decompose specs/pentagon.toml
@@ -39,19 +44,33 @@ def decompose(
     Print the regular decomposition that a lifting induces: the cells, and the knots that no cell contains.
 
     Knots are lifted by their lifting values; each upper face of their hull is a cell. Knots are numbered from 0.
-    --json prints {"cells": [[...]], "polygons": [[...]], "absent": [...]}, where a polygon lists the corners of a cell
-    counter-clockwise; for a model it prints a list of these as "patches".
+    --json prints {"schema": 1, "cells": [[...]], "polygons": [[...]], "absent": [...]}, where a polygon lists the
+    corners of a cell counter-clockwise; for a model it prints a list of these as "patches".
 
     --net writes the control net instead: lines between the control points of knots that are neighbours on the border
     of a cell, as OBJ, PLY or GLB, by the suffix of the output. Curves and Bézier patches need no lifting for it:
     without one they get the usual net.
+
+    --all prints every decomposition that some lifting induces, numbered from 0 in lexicographic order of the cells. As
+    JSON it is {"schema": 1, "decompositions": [{"cells", "absent", "lifting", "dimension", "used"}, ...]}: a lifting
+    that induces it, the dimension of the cone of all such liftings, and the number of knots that cells use.
     """
     from gtb_cli.theory.model import Model
 
+    given = {"--triangulations": triangulations, "--flips": flips, "--max": most is not None}
+    if every:
+        if net or lifting is not None:
+            raise click.UsageError(f"--all tries every lifting: leave out {'--net' if net else '--lifting'}")
+        with streams.spec_of(spec) as loaded:
+            cones = all_decompositions(single(loaded), streams.console, triangulations=triangulations, most=most)
+        _write_all(cones, flips, as_json, streams)
+        return None
+    for option in (name for name, is_given in given.items() if is_given):
+        raise click.UsageError(f"{option} is for --all")
     if net and as_json:
         raise click.UsageError("--net writes a mesh and --json writes text: give one of them")
-    kind = format_of_lines(output, "--net") if net else ""
-    with spec_of(spec, spec_format) as loaded:
+    kind = format_of_lines(streams.output, "--net") if net else ""
+    with streams.spec_of(spec) as loaded:
         if isinstance(loaded, Model):
             if lifting is not None:
                 raise click.UsageError("--lifting is for a single patch, and this is a model")
@@ -66,9 +85,10 @@ def decompose(
         if net:
             from gtb_cli.pictures.nets import mesh_of_nets
 
-            mesh = mesh_of_nets(loaded.patches, parts, loaded.name)
-            return MeshOptions(Recipe()).write(output, kind, mesh, console)
-    write_text(output, json.dumps(found) + "\n" if as_json else "\n".join(map(_text, parts)))
+            return write_lines(streams, kind, mesh_of_nets(loaded.patches, parts, loaded.name))
+    if as_json:
+        return write_json(streams.output, found)
+    streams.write("\n".join(map(_text, parts)))
 
 
 def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, net: bool) -> RegularDecomposition:
@@ -95,3 +115,23 @@ def _data(found: RegularDecomposition) -> dict[str, Any]:
 def _text(found: RegularDecomposition) -> str:
     lines = [f"cell {index}: {' '.join(map(str, cell))}\n" for index, cell in enumerate(found.cells)]
     return "".join([*lines, f"absent: {' '.join(map(str, found.absent)) or 'none'}\n"])
+
+
+def _write_all(cones: list[LiftingCone], flips: bool, as_json: bool, streams: Streams) -> None:
+    numbers = {cone.cells: number for number, cone in enumerate(cones)}
+    records: list[dict[str, Any]] = []
+    for cone in cones:
+        record = {"cells": cone.cells, "absent": cone.absent, "lifting": cone.lifting.tolist()}
+        record |= {"dimension": cone.dimension, "used": cone.used}
+        records.append(record | ({"flips": sorted(numbers[x] for x in cone.flips if x in numbers)} if flips else {}))
+    if as_json:
+        write_json(streams.output, {"decompositions": records}, by_row=True)
+    else:
+        streams.write("".join(f"{number}: {_line(record)}\n" for number, record in enumerate(records)))
+    streams.console.report(streams.output, f"{len(cones)} regular decompositions")
+
+
+def _line(record: dict[str, Any]) -> str:
+    cells = ", ".join(" ".join(map(str, cell)) for cell in record["cells"])
+    others = {"absent": record["absent"], "flips": record.get("flips")}
+    return "; ".join([cells, *(f"{name} {' '.join(map(str, which))}" for name, which in others.items() if which)])

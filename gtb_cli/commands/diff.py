@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-import filecmp
-import json
 import os
-from collections.abc import Callable
-from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
+import sys
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, get_args
 
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, Console, complain, lines_about, printable
-from gtb_cli.shell.differences import Answer, limits, record, text_about
+from gtb_cli.shell.console import STANDARD, Console, abandon, complain, error_record, printable
+from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
+    OUTPUT,
+    difference_option,
+    ignore_option,
     json_option,
     max_faces_option,
     parametrization_option,
@@ -24,41 +28,29 @@ from gtb_cli.shell.options import (
     text_options,
     tolerance_of,
 )
-from gtb_cli.shell.streams import is_regular, opened, refuse_overwriting, shown_input, write_text
+from gtb_cli.shell.streams import refuse_overwriting, write_json, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import FORMATS, RESOLUTION, SPEC_FORMATS, suffix_of
+from gtb_cli.verdicts.comparing import Answer, Comparing, Verdict
+from gtb_cli.verdicts.differences import record, text_about
+from gtb_cli.verdicts.reporting import refuse_reports, refuse_within, reviewed, write_pictures, write_reports
+from gtb_cli.vocabulary import RESOLUTION, suffix_of
 
 if TYPE_CHECKING:
-    from gtb_cli.distances.comparison import Operand
     from gtb_cli.meshes.difference import Aspect, Kind
+    from gtb_cli.review.changes import Review
     from gtb_cli.theory.parametrization import Parametrization
 
-Compare: TypeAlias = Callable[[str, str], Answer]
 
-
-def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
-    """Read a tolerance as `tolerance_of` does, but allow 0."""
-    return 0.0 if value is not None and value.strip() in ("0", "0%", "0.0") else tolerance_of(ctx, param, value)
-
-
-def _aspects(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[Aspect, ...]:
-    aspects: tuple[Aspect, ...] = ("orientation", "connectivity")
-    words = [word.strip() for word in value.split(",")] if value is not None else []
-    if wrong := [word for word in words if word not in aspects]:
-        raise click.BadParameter(f"expected {' or '.join(aspects)}, or both with a comma, got {wrong[0]!r}")
-    return tuple(aspect for aspect in aspects if aspect in words)
+def _reports(_ctx: click.Context, _param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+    if wrong := [path for path in value if suffix_of(path) not in ("html", "md")]:
+        raise click.BadParameter(f"expected a name that ends in .html or .md, got {wrong[0]!r}")
+    return value
 
 
 @click.command
 @click.argument("a", metavar="A", type=INPUT)
 @click.argument("b", metavar="B", type=INPUT)
-@click.option(
-    "--tolerance",
-    callback=_tolerance_or_none,
-    metavar="T",
-    help="Largest distance that is not a difference, in model units or such as 1% of the size; 1e-9 of the size "
-    "by default. 0 means what the numbers in the files can hold.",
-)
+@difference_option
 @click.option(
     "--as",
     "kind",
@@ -67,12 +59,22 @@ def _aspects(_ctx: click.Context, _param: click.Parameter, value: str | None) ->
     help="Compare vertex by vertex if the faces are the same, else as surfaces (auto); only vertex by vertex; or only "
     "as surfaces. Two specs are then compared themselves, whatever their parameters, and not their meshes.",
 )
+@ignore_option
 @click.option(
-    "--ignore",
-    callback=_aspects,
-    metavar="WHAT",
-    help="What is not a difference between faces in the same place: orientation (turned over), connectivity (other "
-    "holes or parts, vertices shared in another way, faces missing, there twice or without area), or both.",
+    "--report",
+    "reports",
+    callback=_reports,
+    metavar="PAGE",
+    multiple=True,
+    help="Also write a report on all that differs: PAGE.html, to look at old and new side by side, offline; or "
+    "PAGE.md, a table of the numbers. May be repeated.",
+)
+@click.option(
+    "--pictures",
+    metavar="FOLDER",
+    type=OUTPUT,
+    help="Also write pictures of the 20 largest changes into this folder, to which PAGE.md then refers. It needs "
+    "matplotlib: gtb-cli[plot].",
 )
 @resolution_option
 @click.option(
@@ -91,6 +93,8 @@ def diff(
     tolerance: float | str | None,
     kind: Kind,
     ignore: tuple[Aspect, ...],
+    reports: tuple[str, ...],
+    pictures: str | None,
     resolution: int | None,
     mesh_tolerance: float | str | None,
     parametrization: Parametrization,
@@ -127,132 +131,120 @@ def diff(
     for path in (a, b):
         if path != STANDARD and not os.path.exists(path):
             raise GtbError(f"{path}: No such file or directory")
-    question = tolerance, kind, ignore
-    compare = partial(_compared, recipe=recipe, spec_format=spec_format, question=question, console=console)
+    if pictures is not None:
+        _refuse_pictures(pictures, [each for each in (a, b) if os.path.isdir(each)])
+    comparing = Comparing(recipe, tolerance, kind, ignore, spec_format)
     if os.path.isdir(a) and os.path.isdir(b):
-        return _diff_folders(a, b, compare, as_json, output)
+        return _diff_folders(a, b, comparing, as_json, output, reports, pictures, console)
     if os.path.isdir(a) and b != STANDARD:
         a = os.path.join(a, os.path.basename(b))
     elif os.path.isdir(b) and a != STANDARD:
         b = os.path.join(b, os.path.basename(a))
+    refuse_overwriting([a, b], [output, *reports])
+    refuse_reports(reports)
     try:
-        answer = compare(a, b)
+        answer = comparing.files(a, b)
     except GtbError as error:
         if as_json:
-            write_text(output, json.dumps({"same": False, "errors": lines_about(error)}) + "\n")
+            write_json(output, {"same": False, "errors": [*map(error_record, faults_about(error))]})
         raise
-    write_text(output, json.dumps(record(answer)) + "\n" if as_json else text_about(answer))
+    _tell(answer, console)
+    with _as_far_as_read():
+        if as_json:
+            write_json(output, record(answer))
+        else:
+            write_text(output, text_about(answer))
+    if reports or pictures is not None:
+        _write(reviewed(answer.paths, [answer], comparing), reports, pictures, console)
     if not answer.same:
         raise click.exceptions.Exit(1)
 
 
-def _compared(
-    first: str,
-    second: str,
-    recipe: Recipe,
-    spec_format: str | None,
-    question: tuple[float | str | None, Kind, tuple[Aspect, ...]],
-    console: Console,
-) -> Answer:
-    """Read and compare two inputs, and say where the answer does not quite fit the question."""
-    names = shown_input(first), shown_input(second)
-    if _are_equal_meshes(first, second):
-        return Answer(names, True)
-    from gtb_cli.distances.comparison import compared, made_with
+@contextmanager
+def _as_far_as_read() -> Iterator[None]:
+    """Let the reader of a pipe close it, as reports and the exit status are still to come."""
+    try:
+        yield
+    except BrokenPipeError:
+        abandon(sys.stdout)
 
-    a, b = _read(first, recipe, spec_format), _read(second, recipe, spec_format)
-    found = compared(a, b, *question)
-    warnings, notes = limits(found), []
-    tolerance, kind, _ = question
-    if kind == "auto" and not found.same and a.spec is not None and b.spec is not None:
-        other = compared(a, b, tolerance, "surface")
-        did = "vertex by vertex" if found.method == "vertices" else "as surfaces"
-        notes.append(
-            f"their meshes were compared {did}; the surfaces themselves (--as surface) are {other.distance:.3g} apart"
-        )
-    if kind == "auto" and found.method == "surface" and found.same_kind and recipe.tolerance is None:
-        made = made_with(a, b)
-        if made not in (None, recipe.resolution):
-            spec, mesh = names if a.spec is not None else names[::-1]
-            notes.append(f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices")
-    for say, messages in ((console.warn, warnings), (console.note, notes)):
+
+def _refuse_pictures(folder: str, compared: Sequence[str]) -> None:
+    """Refuse pictures that cannot be drawn, or would be compared, before anything is."""
+    from gtb_cli.pictures.look import settings
+
+    refuse_within(folder, compared)
+    os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
+    with settings():
+        pass
+
+
+def _write(review: Review, reports: Sequence[str], pictures: str | None, console: Console) -> None:
+    """Write pictures and reports."""
+    places = {} if pictures is None else write_pictures(pictures, review)
+    with _as_far_as_read():
+        write_reports(reports, review, places)
+    if pictures is not None and len(places) < len(review.changes):
+        console.note(f"{pictures}: {len(review.changes) - len(places)} of the changes without a picture")
+
+
+def _tell(answer: Answer, console: Console) -> None:
+    """Say where the answer does not quite fit the question."""
+    for say, messages in ((console.warn, answer.warnings), (console.note, answer.notes)):
         for message in messages:
-            say(f"{', '.join(names)}: {message}")
-    return Answer(names, found.same, found, (*warnings, *notes))
+            say(f"{', '.join(answer.paths)}: {message}")
 
 
-def _are_equal_meshes(first: str, second: str) -> bool:
-    """Tell whether two files have equal bytes and are meshes; specs with equal bytes may include other files."""
-    from gtb_cli.formats.meshfiles import format_of, size_limit
-
-    if suffix_of(first) in SPEC_FORMATS or not os.path.isfile(first) or not os.path.isfile(second):
-        return False
-    with opened(first) as file:
-        start = file.read(1 << 16)
-    is_mesh = format_of(start) is not None or size_limit(start, 0) == os.path.getsize(first)  # binary STL
-    return is_mesh and filecmp.cmp(first, second, shallow=False)
-
-
-def _read(path: str, recipe: Recipe, spec_format: str | None) -> Operand:
-    """Read a mesh file, or make the mesh of a spec."""
-    from gtb_cli.distances.comparison import BEGINNING_BYTES, bytes_at_most, decoded
-    from gtb_cli.formats.meshfiles import MAX_STREAM_BYTES
-
-    shown = shown_input(path)
-    with opened(path) as file:
-        start = file.read(BEGINNING_BYTES)
-        limit = bytes_at_most(path, start)
-        stream = not is_regular(file)
-        if stream:
-            limit = min(limit, MAX_STREAM_BYTES)
-        if file.seekable():  # so that a large file is in memory only once
-            file.seek(-len(start), os.SEEK_CUR)
-            start = b""
-        data = start + file.read(limit + 1 - len(start))
-    if stream and len(data) > MAX_STREAM_BYTES:
-        raise GtbError(f"{shown}: does not end within {MAX_STREAM_BYTES >> 20} MB; more is read only from files")
-    return decoded(data, shown, recipe, spec_format)  # type: ignore[arg-type]
-
-
-def _diff_folders(a: str, b: str, compare: Compare, as_json: bool, output: str) -> None:
+def _diff_folders(
+    a: str,
+    b: str,
+    comparing: Comparing,
+    as_json: bool,
+    output: str,
+    reports: Sequence[str],
+    pictures: str | None,
+    console: Console,
+) -> None:
     """Compare all files of two folders, and end with the worst status."""
-    matched, errors = pairs(a, b)
-    paths = [path for pair in matched for path in pair[1:] if path is not None]
-    refuse_overwriting(paths, [output])
-    has_meshes = any(suffix_of(path) in FORMATS for path in paths)
-    answers: dict[str, Answer] = {}
-    for name, first, second in matched:
-        if first is None or second is None:
-            continue
-        try:
-            for path in (first, second):
-                if os.path.exists(path) and not os.path.isfile(path):  # reading a pipe would wait for its writer
-                    raise GtbError(f"{path}: is not a file")
-            suffixes = {suffix_of(first), suffix_of(second)}
-            specs_count = not has_meshes or len(suffixes) > 1
-            if suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and specs_count):
-                answers[name] = compare(first, second)
-            else:
-                answers[name] = Answer((first, second), filecmp.cmp(first, second, shallow=False))
-        except (GtbError, OSError) as error:
-            errors[name] = "\n".join(lines_about(error))
-    missing = [name for name, _, second in matched if second is None]
-    extra = [name for name, first, _ in matched if first is None]
-    different = [answer for answer in answers.values() if not answer.same]
-    same = not (missing or extra or errors or different)
+    files = [path for pair in pairs(a, b)[0].values() for path in pair if path is not None]
+    refuse_overwriting(files, [output, *reports])
+    refuse_reports(reports, [a, b])
+    answers: dict[str, list[Answer]] = {verdict: [] for verdict in get_args(Verdict)}
+
+    def told() -> Iterator[Answer]:
+        for answer in comparing.folders(a, b):
+            _tell(answer, console)
+            answers[answer.verdict].append(replace(answer, meshes=(None, None)))
+            yield answer
+
+    review = None
+    if reports or pictures is not None:
+        review = reviewed((a, b), told(), comparing)
+    else:
+        deque(told(), maxlen=0)
+    same, different, missing, extra, unreadable = answers.values()
     if as_json:
-        files = [{"name": name, **record(answer)} for name, answer in answers.items()]
-        report = {"same": same, "files": files, "missing": missing, "extra": extra, "errors": errors}
-        write_text(output, json.dumps(report) + "\n")
+        compared = sorted(same + different, key=lambda answer: answer.name)
+        found = {
+            "same": not (different or missing or extra or unreadable),
+            "files": [{"name": answer.name, **record(answer)} for answer in compared],
+            "missing": [answer.name for answer in missing],
+            "extra": [answer.name for answer in extra],
+            "errors": [{"name": each.name, **error_record(error)} for each in unreadable for error in each.errors],
+        }
+        with _as_far_as_read():
+            write_json(output, found)
     else:
         text = "".join(map(text_about, different))
-        text += "".join(f"{printable(f'missing: {os.path.join(a, name)} is not in {b}')}\n" for name in missing)
-        text += "".join(f"{printable(f'extra: {os.path.join(b, name)} is not in {a}')}\n" for name in extra)
-        counts = f"{len(answers) - len(different)} same, {len(different)} different"
-        counts += f", {len(missing)} missing, {len(extra)} extra" + (f", {len(errors)} unreadable" if errors else "")
-        write_text(output, f"{text}{counts}\n")
-    for message in errors.values():
-        for line in message.splitlines():
-            complain(line)
-    if not same:
-        raise click.exceptions.Exit(2 if errors else 1)
+        text += "".join(f"{printable(f'missing: {answer.paths[0]} is not in {b}')}\n" for answer in missing)
+        text += "".join(f"{printable(f'extra: {answer.paths[1]} is not in {a}')}\n" for answer in extra)
+        counts = [f"{len(found)} {verdict}" for verdict, found in answers.items() if found or verdict != "unreadable"]
+        with _as_far_as_read():
+            write_text(output, f"{text}{', '.join(counts)}\n")
+    for answer in unreadable:
+        for error in answer.errors:
+            complain(error)
+    if review is not None:
+        _write(review, reports, pictures, console)
+    if different or missing or extra or unreadable:
+        raise click.exceptions.Exit(2 if unreadable else 1)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.options import INPUT, WholeNumber, json_option, spec_argument, text_options
-from gtb_cli.shell.streams import number_rows, opened, read_patch, shown_input, write_blocks, write_text
+from gtb_cli.errors import DomainError, Fault, ToleranceError
+from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.options import INPUT, WholeNumber, json_option, spec_argument, streams_options
+from gtb_cli.shell.streams import Streams, number_rows, opened, shown_input, write_blocks, write_json
 from gtb_cli.vocabulary import MAX_FACES, PARAMETRIZATIONS
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ BATCH_LINES = 8192  # lines evaluated together, however a pipe delivers them: la
     "the patch has linear precision, as in gtb mesh.",
 )
 @json_option
-@text_options
+@streams_options
 def evaluate(
     spec: str,
     params: str,
@@ -52,9 +52,7 @@ def evaluate(
     header: bool,
     parametrization: Parametrization,
     as_json: bool,
-    output: str,
-    spec_format: str | None,
-    console: Console,
+    streams: Streams,
 ) -> None:
     """\b
     Example: echo 0.5 1.5 | gtb eval specs/pentagon.toml
@@ -63,8 +61,9 @@ def evaluate(
 
     PARAMS is a file, or standard input: one parameter on each line, "t" for a curve and "u v" for a surface, separated
     by blanks, tabs or a comma. Empty lines and what follows a # are skipped. Each parameter gives one line, with the
-    shortest digits that read back exactly. --json prints {"points": [...], "parameters": [...]}, or "basis". With
-    --header each line begins with its parameters, below the names of the columns: "u v T0 T1 ..." with --basis.
+    shortest digits that read back exactly. --json prints {"schema": 1, "points": [...], "parameters": [...]}, or
+    "basis". With --header each line begins with its parameters, below the names of the columns: "u v T0 T1 ..." with
+    --basis.
 
     --grid reads nothing: its parameters cover the domain, corners and edges included, and each line is "u v x y z"
     (for a curve "t x y z"), which plotting programs read.
@@ -75,15 +74,18 @@ def evaluate(
         raise click.UsageError("--header is for lines; --json already names its parts")
     if grid is None and spec == params == STANDARD:
         raise click.UsageError("spec and parameters cannot both be standard input")
-    loaded = read_patch(spec, spec_format)
+    loaded = streams.patch_of(spec)
     evaluated = loaded.basis if basis else loaded.evaluate
     values = partial(evaluated, parametrization=parametrization)
     batches = _batches(loaded, params, values) if grid is None else _grid(loaded, grid, values)
     if as_json:
-        return write_text(output, _json(batches, "basis" if basis else "points"))
+        found = list(batches)
+        points, parameters = ([row for pair in found for row in pair[part].tolist()] for part in (1, 0))
+        data = {"basis" if basis else "points": points, "parameters": parameters}
+        return write_json(streams.output, data, by_row=True)
     first = [" ".join(_columns(loaded, basis)).encode("ascii") + b"\n"] if header else []
     rows = map(_with_parameters, batches) if header or grid is not None else (_rows(found) for _, found in batches)
-    write_blocks(output, chain(first, rows))
+    write_blocks(streams.output, chain(first, rows))
 
 
 def _columns(patch: Patch, basis: bool) -> list[str]:
@@ -121,9 +123,9 @@ def _batches(
                 yield u, values(u)
             except DomainError as error:
                 # The index at the start of the message, which is that of a parameter, becomes the number of its line.
-                match = re.fullmatch(r"parameters\[(\d+)\](: .*)", str(error), re.DOTALL)
-                text = f":{batch[int(match[1])][0]}{match[2]}" if match else f": {error}"
-                raise DomainError(f"{shown_input(params)}{text}") from None
+                match = re.fullmatch(r"parameters\[(\d+)\]: (.*)", str(error), re.DOTALL)
+                line, text = (batch[int(match[1])][0], match[2]) if match else (None, str(error))
+                raise DomainError(Fault(text, shown_input(params), line)) from None
 
 
 def _with_parameters(batch: tuple[FloatArray, FloatArray]) -> bytes:
@@ -135,10 +137,3 @@ def _with_parameters(batch: tuple[FloatArray, FloatArray]) -> bytes:
 def _rows(values: FloatArray) -> bytes:
     line = " ".join(["%r"] * values.shape[1]) + "\n"
     return (line * len(values) % tuple(values.ravel().tolist())).encode("ascii")
-
-
-def _json(batches: Iterator[tuple[FloatArray, FloatArray]], key: str) -> str:
-    """Return the text of a JSON object, a line for each point."""
-    found = list(batches)
-    points, parameters = (",".join(f"\n{row}" for pair in found for row in pair[part].tolist()) for part in (1, 0))
-    return f'{{"{key}": [{points}\n], "parameters": [{parameters}\n]}}\n'

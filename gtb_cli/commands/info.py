@@ -1,18 +1,20 @@
-"""`gtb info`: what a spec describes."""
+"""`gtb info`: what a spec describes, and what a mesh measures."""
 
 from __future__ import annotations
 
 import math
-import operator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import Console, in_options
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.several import ReportRequest, report_options
-from gtb_cli.shell.streams import spec_of
+from gtb_cli.shell.streams import Spec, about, shown_input, spec_of
+from gtb_cli.verdicts.mesh_reports import corners, mesh_line, mesh_text, row, spec_or_report
+from gtb_cli.vocabulary import SPEC_FORMATS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.checks.description import Description
@@ -23,27 +25,37 @@ MAX_PATCHES_SHOWN = 4  # largest number of patches of a model that are all descr
 
 
 @click.command
-@report_options()
+@report_options(metavar="SPEC|MESH...")
 def info(request: ReportRequest, console: Console) -> None:
     """\b
     Example: gtb info specs/pentagon.toml
 
-    Say what specs describe.
+    Say what specs describe, or what meshes measure.
 
-    That is: the kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any
-    knots), knots and edges numbered from 0, the bounding box of the surface, and how far the parametrisation is from
-    linear. Several specs, or those in a folder, get a line each, unless --long or --json asks for everything. If
-    a spec cannot be read, a message says so and the exit status is 2.
+    Of a spec: the kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any
+    knots), knots and edges numbered from 0, the bounding box of the surface, how far the parametrisation is from
+    linear, and length, area or volume (of closed models), with an estimate of their accuracy. Several specs and meshes,
+    or those in a folder, get a line each, unless --long or --json asks for everything. If one cannot be read, a message
+    says so and the exit status is 2.
+
+    Of an OBJ, PLY, STL or GLB file: faces, bounds, parts, area, volume (of a closed surface; negative if it looks
+    inwards), edges that are open, crowded (with more than two faces) or turned (with two that look in opposite
+    directions), collapsed faces, and groups. --json has all digits and groups; the text has those that are the same on
+    all processors, for git diff: git config diff.gtb.textconv "gtb info". A mesh without faces, or with coordinates
+    that are not finite, is said to be so.
     """
     in_full = request.in_full
-    rows, errors = request.found(partial(_found, in_full=request.as_json or in_full))
+    report = partial(_found, in_full=request.as_json or in_full, with_extents=not request.in_lines)
+    rows, errors = request.found(report, meshes=True)
     request.write(rows, dict, _line, partial(_text, in_full=in_full), gap="\n")
     if errors:
-        raise GtbError("\n".join(errors))
+        raise GtbError(*errors)
 
 
 def _line(name: str, found: dict[str, Any]) -> str:
-    """Describe a spec in a few words."""
+    """Describe a spec, or a mesh, in a few words."""
+    if found["kind"] == "mesh":
+        return mesh_line(name, found)
     if "patches" in found:
         state = "closed" if found["closed"] else f"{len(found['open_edges'])} open edges"
         kind = "surfaces" if found["dimension"] == 2 else "curves"
@@ -56,18 +68,38 @@ def _kind(found: dict[str, Any]) -> str:
     return str(found["kind"]) + (" of degree " + " × ".join(map(str, degree)) if degree else "")
 
 
-def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full: bool) -> dict[str, Any]:
-    """Return everything that is reported about a spec; unless in full, only the joints that are listed."""
+def _found(
+    spec: str, spec_format: str | None, weld: float | str | None, in_full: bool, with_extents: bool
+) -> dict[str, Any]:
+    """Return all that is reported about a spec, or a mesh; unless in full, only the joints that are listed."""
+    from gtb_cli.checks.extents import extents
+    from gtb_cli.tessellation.recipe import welded
+
+    if spec_format is not None or suffix_of(spec) in SPEC_FORMATS:
+        with spec_of(spec, spec_format) as read:
+            found: Spec | dict[str, Any] = read
+    else:
+        found = spec_or_report(spec)
+    if isinstance(found, dict):
+        if weld is not None:
+            raise GtbError(f"{shown_input(spec)}: --weld is for specs, and this is a mesh")
+        return found
+    with about(shown_input(spec)):
+        shape = welded(found, weld)
+        report = _report_of(shape, in_full)
+        for name, extent in extents(shape).items() if with_extents else ():
+            report |= {name: extent.value, f"{name}_error": extent.error}
+    return report
+
+
+def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
     import numpy as np
 
     from gtb_cli.arrays import bounds_of
     from gtb_cli.checks.bounds import bounds
     from gtb_cli.checks.description import description
-    from gtb_cli.tessellation.recipe import welded
     from gtb_cli.theory.model import Model
 
-    with spec_of(spec, spec_format) as read:
-        loaded = welded(read, weld)
     if isinstance(loaded, Model):
         all_shown = in_full or len(loaded.patches) <= MAX_PATCHES_SHOWN
         found = [*map(description, loaded.patches)] if all_shown else []
@@ -139,6 +171,8 @@ def _report(patch: Patch, found: Description) -> dict[str, Any]:
 
 def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> str:
     """Write a report as a table of two columns; unless in full, only as many patches and joints as fit on a screen."""
+    if found["kind"] == "mesh":
+        return mesh_text(found)
     patches = found.get("patches", [])
     if not in_full and len(patches) > MAX_PATCHES_SHOWN:
         patches = []
@@ -163,22 +197,32 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
             lines.append(("and more", f"{count} joints in all, and each patch: with --long"))
     else:
         error = found["linear_precision_error"]
-        corners, edges = found["hull_vertices"], found["edges"]
         what = "edge" if found["dimension"] == 2 else "end"
         lines += [
             ("dimension", str(found["dimension"])),
             ("knots", str(found["knots"])),
-            ("repeated knots", "; ".join(_row(group) for group in found["repeated_knots"]) or "none"),
-            ("hull vertices", "; ".join(_row(corner) for corner in corners)),
-            *((f"knots of {what} {index}", _row(edge)) for index, edge in enumerate(edges)),
+            ("repeated knots", "; ".join(row(group) for group in found["repeated_knots"]) or "none"),
+            ("hull vertices", "; ".join(row(corner) for corner in found["hull_vertices"])),
+            *((f"knots of {what} {index}", row(edge)) for index, edge in enumerate(found["edges"])),
         ]
         if found["edge_normals"]:
             lines.append(("edge normals", found["edge_normals"]))
         lines.append(("linear precision", f"off by up to {error:.3g}"))
-    lines += zip(("lowest", "highest"), _corners(found["bounding_box"]), strict=True)
-    lines.append(("control points", "from {} to {}".format(*_corners(found["control_box"]))))
+    lines += zip(("lowest", "highest"), corners(found["bounding_box"]), strict=True)
+    lines.append(("control points", "from {} to {}".format(*corners(found["control_box"]))))
+    for name in ("length", "area", "volume"):
+        if name in found:
+            lines.append((name, _within(found[name], found[f"{name}_error"])))
     text = "".join(f"{indent}{label:17} {value}\n" for label, value in lines)
     return text + "".join("\n" + _text(patch, indent + "  ") for patch in patches)
+
+
+def _within(value: float, error: float) -> str:
+    """Write a number with the digits that an estimate of its error leaves, and the step of the last."""
+    if not error:
+        return row([value])
+    digits = -math.ceil(math.log10(2 * error))  # half a step is for the rounding here
+    return f"{round(value, digits) + 0.0:.{max(digits, 0)}f} ± {10.0**-digits:g} (estimated from meshes)"
 
 
 def _listed(names: list[str], in_full: bool) -> str:
@@ -197,13 +241,3 @@ def _joint_text(joint: dict[str, Any]) -> str:
     text += f": {joint['angle']:.2g} degrees near ({place})"
     bend = joint["curvature_difference"]
     return text if bend is None else f"{text}, curvatures across differ by {bend:.3g}"
-
-
-def _corners(box: list[list[float]]) -> list[str]:
-    """Write the lowest and highest coordinates of a box to eight digits of its size."""
-    digits = 8 - math.ceil(math.log10(max(map(operator.sub, *reversed(box))) or 1.0))
-    return [_row([round(x, digits) + 0.0 for x in corner]) for corner in box]
-
-
-def _row(values: list[float]) -> str:
-    return " ".join(repr(int(x)) if float(x).is_integer() and abs(x) < 1e15 else repr(x) for x in values)

@@ -12,20 +12,24 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
-from gtb_cli.shell.console import STANDARD, Console, in_options
+from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.folders import are_several
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import (
     OUTPUT,
     check_folder,
     console_option,
+    gathered,
     mesh_options,
     output_option,
     spec_format_option,
     specs_argument,
 )
-from gtb_cli.shell.several import attempted, fault, inputs_of
+from gtb_cli.shell.several import attempted, inputs_of
 from gtb_cli.shell.streams import (
     Spec,
+    Streams,
     about,
     file_stem,
     is_device,
@@ -37,7 +41,6 @@ from gtb_cli.shell.streams import (
     write_blocks,
     write_text,
 )
-from gtb_cli.shell.surfaces import surface_format, write_surfaces
 from gtb_cli.shell.workers import Workers, workers_option
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNITS, suffix_of
 
@@ -104,11 +107,9 @@ class GroupedOptions(click.Command):
     default=UNITS[0],
     help=f"Unit of length in STEP and IGES files; {UNITS[0]} without this option.",
 )
-@spec_format_option
-@console_option
+@gathered("streams", Streams, spec_format_option, console_option)
 def mesh(
     specs: tuple[str, ...],
-    output: str,
     options: MeshOptions,
     unit: str,
     workers: Workers,
@@ -116,8 +117,7 @@ def mesh(
     resume: bool,
     prune: bool,
     deps: str | None,
-    spec_format: str | None,
-    console: Console,
+    streams: Streams,
 ) -> None:
     """\b
     Example: gtb mesh specs/pentagon.toml -o pentagon.obj
@@ -132,11 +132,11 @@ def mesh(
     has them, or pieces fitted within --tolerance. They are sewn, and are a solid if closed. VTU files hold exact curved
     cells for ParaView, or are refused.
     """
-    if (surfaces := surface_format(options.format, output)) is not None:
+    output, console, spec_format = streams.output, streams.console, streams.spec_format
+    if (surfaces := _surface_format(options.format, output)) is not None:
         if manifest is not None or deps is not None:
             raise click.UsageError(f"--manifest and --deps are for meshes, and {surfaces.upper()} holds surfaces")
-        write_surfaces(specs, surfaces, unit, options, spec_format, output, console)
-        return
+        return _write_surfaces(specs, surfaces, unit, options, streams)
     paths = inputs_of(specs, output)
     folder = output if _is_for_folder(specs, paths, output) else None
     if deps is not None and (output == STANDARD or STANDARD in paths):
@@ -201,6 +201,31 @@ def mesh(
         raise _joined(errors)
 
 
+def _surface_format(format: str | None, output: str) -> str | None:
+    """Return the surface format that -f or the suffix of the output names; None for meshes."""
+    kinds = {name: name for name in (*CAD_FORMATS, *CELL_FORMATS)}
+    return kinds.get(format) if format is not None else (kinds | CAD_SUFFIXES).get(suffix_of(output))
+
+
+def _write_surfaces(specs: Sequence[str], kind: str, unit: str, options: MeshOptions, streams: Streams) -> None:
+    """Write the surfaces of one spec as STEP, IGES, BREP or VTU, and say what is exact."""
+    if are_several(specs) or is_folder(streams.output):
+        raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
+    names = ("normals", "uv", "ascii", "certify", "radius", "thickness", "attributes")
+    options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", *names)
+    if kind in CELL_FORMATS:
+        options.refuse(f"is for meshes, and cells of {kind.upper()} share no vertices", "require")
+    from gtb_cli.formats.surfaces import encode_surfaces
+
+    recipe = options.recipe
+    with streams.spec_of(specs[0]) as spec:
+        data, size, warnings = encode_surfaces(
+            spec, kind, unit, recipe.tolerance_for(spec), closed=bool(recipe.require), y_up=options.up == "y"
+        )
+    write_blocks(streams.output, [data])
+    streams.console.report(streams.output, size, warnings)
+
+
 class Task(NamedTuple):
     """A mesh to make, with checksums of the files of its spec for a manifest; or one that is kept, by its entry."""
 
@@ -231,8 +256,8 @@ def _is_for_folder(given: Sequence[str], paths: Sequence[str], output: str) -> b
 
 
 def _joined(errors: list[GtbError]) -> GtbError:
-    text = "\n".join(map(str, errors))
-    return RequirementError(text) if all(isinstance(error, RequirementError) for error in errors) else GtbError(text)
+    kind = RequirementError if all(isinstance(error, RequirementError) for error in errors) else GtbError
+    return kind(*(arg for error in errors for arg in error.args))
 
 
 def _planned(
@@ -277,6 +302,8 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
     """Make a mesh and the bytes of its file; these as one block, which a process can send to another, if `whole`."""
 
     def made(spec: Spec) -> Made:
+        from gtb_cli.formats.export import held
+
         with about(shown_input(task.path)):
             mesh, remarks = options.made(spec, kind)
             blocks = options.encoded(mesh, kind)
@@ -293,9 +320,8 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             facts = {**asked, **measures, "inputs": task.sums, "warnings": warnings}
             facts["versions"] = versions()  # here, which may be another machine than that of the manifest
         is_open = options.recipe.leaves_open(spec)
-        size = summary(mesh, may_be_closed=not is_open, remarks=remarks) + (
-            f", tolerance {assurance}" if assurance else ""
-        )
+        stored = None if is_open else held(mesh, kind, options.ascii)[0]
+        size = summary(mesh, stored, remarks) + (f", tolerance {assurance}" if assurance else "")
         if kind == "stl" and is_open:
             size += ", open: --thickness D makes a solid"
         lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
@@ -334,10 +360,10 @@ def _written(task: Task, made: Made, write: Write, book: Manifest | None) -> Mad
     max_terminal_lines = 1000
     if is_terminal(task.output) and made.lines > max_terminal_lines:
         raise ExportError(f"the mesh has {made.lines} lines, and standard output is a terminal: give -o FILE")
-    try:
+
+    def written(made: Made) -> Made:
         write(task.output, made.blocks if book is None else book.recorded(task.output, made.facts, made.blocks))
-    except (GtbError, OSError):
-        raise
-    except Exception as error:  # noqa: BLE001 -- blocks are made as they are written: it is this spec's error
-        return fault(task.path, error)
-    return made
+        return made
+
+    # Blocks are made as they are written: what is not an error in writing is this spec's.
+    return attempted(task.path, written, made, passing=(GtbError, OSError))

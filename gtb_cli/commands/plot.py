@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import click
 
 from gtb_cli.errors import DomainError
-from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.limits import LimitRequest, heights_of, limit_options, refuse_limit
-from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
-from gtb_cli.shell.streams import about, format_of, refuse_terminal, single, spec_of, write_blocks
+from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, gathered, numbers_of, spec_format_option
+from gtb_cli.shell.streams import Streams, about, format_of, refuse_terminal, single, write_blocks
 from gtb_cli.vocabulary import COLOUR_MAPS, SEQUENCE_RECORD
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 FIGURE_FORMATS = ("png", "svg", "pdf")  # the default first
-PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
+PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "decompositions", "sequence", "distance")
 
 
 class Variation(NamedTuple):
@@ -74,10 +74,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     "--what", type=click.Choice(PLOT_KINDS), help="What to draw; by default a curve, a surface or a sequence."
 )
 @click.option(
-    "-f",
-    "--format",
-    type=click.Choice(FIGURE_FORMATS),
-    help="Format, whatever FIG is called; png on standard output.",
+    "-f", "--format", type=click.Choice(FIGURE_FORMATS), help="Format, whatever FIG is called; png on standard output."
 )
 @click.option(
     "--size",
@@ -139,17 +136,14 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     help="Segments along each edge of the domain; by default as fine as the figure can show.",
 )
 @limit_options
-@spec_format_option
-@console_option
+@gathered("streams", Streams, spec_format_option, console_option)
 def plot(
     spec: str,
-    output: str,
     what: str | None,
     format: str | None,
     limit: LimitRequest,
     vary: Variation | None,
-    spec_format: str | None,
-    console: Console,
+    streams: Streams,
     **looks: Any,
 ) -> None:
     """\b
@@ -163,15 +157,17 @@ def plot(
     basis           T_i, or with --unnormalised β_i: over t, or as graphs over the domain
     domain          numbered knots and edges, and weights
     decomposition   cells, λ at the knots, knots in no cell hollow; with --lifted the upper hull
+    decompositions  all regular ones, numbered as by gtb decompose --all; of more than 100, the first
     sequence        panels of a degeneration (-x, --lifting), of a knot limit (--merge, --steps), or of a
                     FOLDER's sequence.json, which has no net; the limit's net is drawn over each
     distance        of such a sequence from its limit, with logarithmic axes
 
-    Shading uses the surface's exact normals at the vertices of a mesh, interpolated between them; a sequence.json has
-    no normals, so the means of the faces' normals are used. In SVG and PDF, lines and labels are vectors and text, and
-    shading is an image.
+    Shading uses the surface's own normals at the vertices of a mesh, interpolated between them, and means of the faces'
+    where it has none; a sequence.json has no normals, so the means are used throughout. In SVG and PDF, lines and
+    labels are vectors and text, and shading is an image.
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
+    output = streams.output
     kind = format_of(output, format, FIGURE_FORMATS)
     if kind != "svg":
         refuse_terminal(output, kind, "-o FIG")
@@ -186,23 +182,18 @@ def plot(
         with about(spec):
             figure = figure_of_frames(frames, what or "sequence", look)
     else:
-        with spec_of(spec, spec_format) as loaded:
+        with streams.spec_of(spec) as loaded:
             figure = _of_spec(loaded, what, look, limit, vary)
     from gtb_cli.pictures.look import encoded, settings
 
     with settings():
         data = encoded(figure, kind)
     write_blocks(output, [data])
-    if output != STANDARD:
-        console.note(f"{output}: {len(data) / 1000:.0f} kB")
+    streams.console.report(output, f"{len(data) / 1000:.0f} kB")
 
 
 def _look(
-    camera: tuple[float, float],
-    stretch: tuple[float, float, float],
-    size: tuple[float, float],
-    dpi: int,
-    **others: Any,
+    camera: tuple[float, float], stretch: tuple[float, float, float], size: tuple[float, float], dpi: int, **others: Any
 ) -> Look:
     if size[0] * size[1] * dpi * dpi > 60e6:
         raise click.UsageError(f"--size {size[0]:g},{size[1]:g} at {dpi} dpi is more than 60M pixels")

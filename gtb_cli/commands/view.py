@@ -14,7 +14,7 @@ from gtb_cli.shell.limits import LimitRequest, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, spec_format_option
 from gtb_cli.shell.streams import about, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
+from gtb_cli.vocabulary import FORMATS, RESOLUTION, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.pictures.content import Content
@@ -40,6 +40,11 @@ PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8,
     metavar="N",
     help="Segments along each edge; by default the fewer, the more patches there are.",
 )
+@click.option(
+    "--compare",
+    is_flag=True,
+    help="Show two specs or meshes, the old and the new one, side by side under one camera and coloured by distance.",
+)
 @click.option("--no-open", is_flag=True, help="Do not open a browser; say where the page is.")
 @click.option("--watch", is_flag=True, help="Serve the page on this machine only, and follow the files until Ctrl-C.")
 @click.option(
@@ -52,6 +57,7 @@ def view(
     paths: tuple[str, ...],
     output: str | None,
     resolution: int | None,
+    compare: bool,
     no_open: bool,
     watch: bool,
     port: int,
@@ -67,15 +73,19 @@ def view(
     Turn, move and zoom with mouse, keys or fingers. Patch colours, control net, knots, edges of patches, open edges,
     folds (where a patch turns by more than 90 degrees between two triangles, or by more than 150 at an edge of a mesh)
     and axes can be switched on and off; shading may be curvature with its scale, zebra stripes or isophotes. Normals
-    and curvature of a spec are exact at the vertices of its mesh and interpolated at each pixel between them; -n makes
-    the mesh finer. Where patches meet, each has its own normals. Normals in mesh files are not read: the means of the
-    triangles' normals are used instead, which part at edges sharper than 35 degrees. Names appear under the pointer. A
+    and curvature of a spec are those of the surface at the vertices of its mesh, interpolated at each pixel between
+    them; where it has no normal, the mean of the triangles' is shown, and the page says "not all exact"; -n makes the
+    mesh finer. Where patches meet, each has its own normals, and the curvature shown is that of the
+    first. Normals in mesh files are not read: the means of the triangles' normals are used instead, which part at edges
+    sharper than 35 degrees. Names appear under the pointer. A
     sequence has a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge
-    and --steps (a knot limit).
+    and --steps (a knot limit). With --compare, for git difftool, the page is that of gtb diff --report.
 
     With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
     the last good picture. A page's address may say how it looks: page.html#mode=zebra&azimuth=30&net=true.
     """
+    if compare and (watch or limit.given() or len(paths) != 2):
+        raise click.UsageError("--compare takes two files, and neither --watch nor the options of a limit")
     see = partial(content_of_paths, paths, resolution, spec_format, limit)
     if watch:
         if output is not None or STANDARD in paths:
@@ -85,13 +95,23 @@ def view(
         return serve(paths, see, port, console, opens=not no_open)
     from gtb_cli.pictures.page import page_of
 
-    page = page_of(see())
+    page = _comparison(paths, resolution, spec_format) if compare else page_of(see())
     if output is not None:
         write_text(output, page)
-        if output != STANDARD:
-            console.note(f"{output}: {len(page) / 1000:.0f} kB")
-        return
+        return console.report(output, f"{len(page) / 1000:.0f} kB")
     _show(page, console, opens=not no_open)
+
+
+def _comparison(paths: tuple[str, ...], resolution: int | None, spec_format: str | None) -> str:
+    """Return a page of two files side by side."""
+    from gtb_cli.review.page import page
+    from gtb_cli.verdicts.comparing import Comparing
+    from gtb_cli.verdicts.reporting import reviewed
+
+    old, new = paths
+    comparing = Comparing(Recipe(resolution or RESOLUTION), spec_format=spec_format)
+    answer = comparing.files(old, new)
+    return page(reviewed(answer.paths, [answer], comparing))
 
 
 def content_of_paths(

@@ -228,11 +228,9 @@ def _folds(patch: Patch) -> int:
     """
     resolution, halvings = 24, 10  # of the places, and of the way from one to the next
     places, _ = energy_samples(patch.domain, resolution)
-    moment_map = MomentMap(patch.knots, patch.log_products)
-    s, normals = np.empty((2, len(places))), np.empty((len(places), 3))
-    for block in np.array_split(np.arange(len(places)), 1 + len(places) // block_length(len(patch.knots))):
-        s[:, block] = moment_map.inverse(places[block], 1e-7)
-        normals[block] = _directions(patch, s[:, block])
+    s = MomentMap(patch.knots, patch.log_products).inverse(places, 1e-7)
+    blocks = np.array_split(s, 1 + len(places) // block_length(len(patch.knots)), axis=1)
+    normals = np.concatenate([_directions(patch, block) for block in blocks])
     numbers = np.arange(len(places)).reshape(-1, resolution, resolution)  # by edge, depth and place along the edge
     rings = numbers.swapaxes(0, 1).reshape(resolution, -1)
     pairs = np.concatenate(

@@ -1,7 +1,5 @@
 """Curves through points, and surfaces with the knots and weights of a patch, through points or near them."""
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -195,15 +193,13 @@ def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | Non
     return _passed(patch, p, patch.basis(p, "linear"), places)
 
 
-def surface_near(points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None, smoothing: float = 1e-6) -> Fit:
+def surface_near(points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None) -> Fit:
     """Find control points with which a surface is near (m, 3) points; without parameters, project them first.
 
-    `smoothing`, at least 0, weighs the thin-plate energy relative to the points, each by its mean: it decides where
-    there are no points. Raises `DomainError` as `fit` does.
+    Raises `DomainError` as `fit` does.
     """
+    smoothing = 1e-6  # weight of the thin-plate energy, which decides where there are no points
     places = _checked(points, patch)
-    if not (math.isfinite(smoothing) and smoothing >= 0):
-        raise DomainError(f"smoothing: must not be negative, got {smoothing!r}")
     plate = energy_matrix(patch.domain, patch.log_products, "thin-plate")
     middle = places.mean(axis=0)
 

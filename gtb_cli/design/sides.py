@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.basis import Location, face_knots
+from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -164,7 +164,7 @@ def edge_normals(patch: Patch, edge: int, t: FloatArray) -> FloatArray:
     the Bézier form the weight 1.
     """
     shape, face = patch.domain, patch.domain.faces.edge(edge)
-    along = face_knots(shape, face)[:, 0]
+    along = shape.face_knots(face)[:, 0]
     length, logs = float(np.ptp(along)), patch.log_products[face.knots]
     steps = bezier_degree(along - along.min(), STEP_TOLERANCE * length)
     assert steps is not None, "the edge has a Bézier form"

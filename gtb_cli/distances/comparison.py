@@ -12,6 +12,7 @@ import numpy as np
 from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.shapes import shape_distance
 from gtb_cli.errors import GtbError
+from gtb_cli.files import read_up_to
 from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES
 from gtb_cli.language.document import spec_format_of
@@ -55,7 +56,7 @@ class Operand:
         except GtbError as error:
             if not self.name:
                 raise
-            raise type(error)("\n".join(f"{self.name}: {line}" for line in str(error).split("\n"))) from error
+            raise error.within(self.name) from error
 
 
 def diff(
@@ -95,7 +96,7 @@ def diff(
         A file cannot be read, or something cannot be compared.
     """
     recipe = recipe or Recipe()
-    return compared(_operand(a, recipe), _operand(b, recipe), tolerance, kind, ignore)
+    return compared(operand(a, recipe), operand(b, recipe), tolerance, kind, ignore)
 
 
 def distance(a: Comparable, b: Comparable) -> Distance:
@@ -122,7 +123,7 @@ def distance(a: Comparable, b: Comparable) -> Distance:
     with an error of at most a thousandth of its size, seen at samples only.
     """
     fine = 1e-3  # of the size: the mesh of a patch that is compared with a mesh
-    one, other = (_operand(each, Recipe(tolerance=f"{100 * fine}%")) for each in (a, b))
+    one, other = (operand(each, Recipe(tolerance=f"{100 * fine}%")) for each in (a, b))
     if one.spec is not None and other.spec is not None:
         return shape_distance(one.spec, other.spec)
     found = mesh_distance(one.known.mesh, other.known.mesh)
@@ -162,7 +163,8 @@ def compared(
     )
 
 
-def _operand(what: Comparable, recipe: Recipe) -> Operand:
+def operand(what: Comparable, recipe: Recipe) -> Operand:
+    """Return what is compared, with the recipe for what is not a mesh; `GtbError` if it is neither mesh nor spec."""
     if isinstance(what, Mesh):
         return Operand(known_exactly(what), recipe)
     if not isinstance(what, str | os.PathLike):
@@ -171,7 +173,7 @@ def _operand(what: Comparable, recipe: Recipe) -> Operand:
     try:
         with open(name, "rb") as file:
             start = file.read(BEGINNING_BYTES)
-            data = start + file.read(bytes_at_most(name, start) + 1 - len(start))
+            data = start + read_up_to(file, bytes_at_most(name, start) + 1 - len(start))
     except OSError as error:
         raise GtbError(f"{name}: {error.strerror or error}") from None
     return decoded(data, name, recipe)

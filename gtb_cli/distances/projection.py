@@ -16,7 +16,7 @@ def projected(
     Returns (m,) distances, no shorter than the shortest ones, whatever becomes of the method, with a relative error of
     `accuracy` or at most `enough` (m,); and (m, 2) coordinates.
     """
-    block = 1 + 500_000 // len(strata.log_weights)
+    block = 1 + 100_000 // len(strata.log_weights)
     distances, found = np.empty(len(points)), np.empty_like(s)
     for start in range(0, len(points), block):
         rows = slice(start, start + block)
@@ -34,8 +34,8 @@ def _least_squares(
 
     Ends when a step would not shorten the square by more than a fraction `accuracy`, or when it is at most `enough`.
     """
-    longest_step = 2.0
-    max_steps = 40  # mostly four; towards an edge, infinitely far, each step divides the remaining distance by e
+    longest_step = 32.0  # towards an edge, steps are as long as one over its distance from the next knots
+    max_steps = 80  # mostly four; an edge is infinitely far, and each step divides the remaining distance by e
     s, active = np.ascontiguousarray(start), np.arange(start.shape[1])
     squares, enough, places = np.full(len(active), np.inf), np.maximum(enough, ROUNDING**2), s.copy()
     best, least, reach = s, squares, np.full(len(active), longest_step / 2)

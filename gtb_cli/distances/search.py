@@ -153,7 +153,7 @@ class Search:
     def peaks(self, candidates: Candidates) -> Peaks:
         """The few farthest ones that are farther than their neighbours."""
         same_height = 1e-9  # relative difference of distances of one place in two strata
-        few = 4
+        few = 8
         heights = np.zeros((len(self.source), len(self.points)))
         heights[candidates.way, candidates.point] = candidates.distance
         low = np.tile(heights.reshape(-1, self.count, len(self.points)).max(axis=(0, 2)), len(heights) // self.count)

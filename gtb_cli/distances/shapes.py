@@ -4,11 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, bounds_of
+from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.distances.search import Search
 from gtb_cli.distances.surface import Surface, surface_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.triangulation import cell_count
+from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.hausdorff import Distance, Farthest
 from gtb_cli.tessellation.complex import Complex, joined_complex
 from gtb_cli.tessellation.refinement import refine
@@ -28,14 +29,15 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
     nearest point was missed, as happens between surfaces with hundreds of knots, and too small if the farthest one is
     on a peak between starting points. The bound has room for missed nearest points where any came to light.
     """
-    # Fraction of the largest coordinate below which surfaces cannot be told apart: with weights of 1e-12 beside 1e12,
-    # points of one surface were up to 9e-11 from its other descriptions.
-    rounding = 2e-10
+    # Fraction of half the size below which surfaces cannot be told apart: with weights of 1e-12 beside 1e12, points of
+    # one surface were up to 9e-11 from its other descriptions. Far from the origin, coordinates are rounded as well.
+    blur, rounding = 2e-10, 16 * EPS
     surfaces = [whole_surface(shape) for shape in (a, b)]
     found, at, errors = farthest(surfaces, [(0, 1), (1, 0)], 2)
     ways = [Farthest(float(distance), tuple(point.tolist())) for distance, point in zip(found, at, strict=True)]
+    half = max(float(np.ptp(surface.points, axis=0).max()) for surface in surfaces) / 2
     scale = max(float(np.abs(surface.points).max()) for surface in surfaces)
-    bound = float((found + errors).max()) + rounding * scale
+    bound = float((found + errors).max()) + blur * half + rounding * scale
     return Distance(ways[0], ways[1], bound, is_proved=False)
 
 
@@ -43,12 +45,9 @@ def farthest(
     surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int, accuracy: float = RELATIVE_ERROR
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(k,) distances, (k, 3) points and (k,) errors as found by `Search`, in model units."""
-    low, high = bounds_of(np.concatenate([bounds_of(surface.points) for surface in surfaces]))
-    origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
-    found, at, errors = Search(
-        [surface.moved(origin, exponent) for surface in surfaces], ways, count, accuracy
-    ).farthest()
-    return np.ldexp(found, exponent), np.ldexp(at, exponent) + origin, np.ldexp(errors, exponent)
+    frame = Frame.around(*(surface.points for surface in surfaces))
+    found, at, errors = Search([surface.seen_from(frame) for surface in surfaces], ways, count, accuracy).farthest()
+    return frame.length(found), frame.outside(at), frame.length(errors)
 
 
 def whole_surface(shape: Patch | Model) -> Surface:

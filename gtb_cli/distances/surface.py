@@ -14,6 +14,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, groups
 from gtb_cli.knots.face import INTERIOR
+from gtb_cli.meshes.frame import Frame
 from gtb_cli.moment.torus import scaled_exponentials
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.theory.patch import Patch
@@ -100,11 +101,10 @@ class Surface:
     region: IntArray  # (v,) parts of the domain, by number, for points inside it; -1 on edges and at corners
     cells: IntArray  # (k, c) points that are near each other
 
-    def moved(self, origin: FloatArray, exponent: int) -> Surface:
-        """The surface about another origin, in units of 2^`exponent`."""
-        b = np.ldexp(self.strata.control_points - origin[:, None, None], -exponent)
-        strata = Strata(self.strata.knots, self.strata.log_weights, b)
-        return replace(self, strata=strata, points=np.ldexp(self.points - origin, -exponent))
+    def seen_from(self, frame: Frame) -> Surface:
+        """The surface in coordinates of a frame."""
+        strata = replace(self.strata, control_points=np.ascontiguousarray(frame.inside(self.strata.control_points.T).T))
+        return replace(self, strata=strata, points=frame.inside(self.points))
 
 
 def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:

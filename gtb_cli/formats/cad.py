@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtb_cli.errors import ExportError
+from gtb_cli.files import begin
 from gtb_cli.formats.splines import SplineSurface
 
 KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points
@@ -20,10 +21,9 @@ KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # t
 
 
 class Body(NamedTuple):
-    """A CAD file, and its numbers of faces, of shells outside solids, and of solids."""
+    """A CAD file, and its numbers of shells outside solids, and of solids."""
 
     data: bytes
-    faces: int
     shells: int
     solids: int
 
@@ -37,7 +37,7 @@ def encode_cad(surfaces: Sequence[SplineSurface], kind: str, unit: str = "mm", n
     try:
         check = _kernel("BRepCheck").BRepCheck_Analyzer
         _kernel("collections")
-    except ImportError:
+    except ModuleNotFoundError:
         raise ExportError(
             f"{kind.upper()} needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
         ) from None
@@ -55,10 +55,12 @@ def encode_cad(surfaces: Sequence[SplineSurface], kind: str, unit: str = "mm", n
         )
     with tempfile.TemporaryDirectory(prefix=".gtb-") as folder:
         path = os.path.join(folder, f"x.{kind}")
+        begin(folder)
+        begin(path)
         _WRITERS[kind](shape, faces, path, unit, name)
         with open(path, "rb") as file:
             data = file.read()
-    return Body(_without_time(data, kind), len(surfaces), shells, solids)
+    return Body(_without_time(data, kind), shells, solids)
 
 
 def _kernel(room: str) -> Any:
@@ -132,16 +134,18 @@ def _surface(surface: SplineSurface) -> Any:
     given = (poles,) if (surface.net[..., 3] == surface.net[0, 0, 3]).all() else (poles, weights)
     if m == surface.degrees[0] + 1 and n == surface.degrees[1] + 1:
         return _kernel("Geom").Geom_BezierSurface(*given)
-    rows: list[Any] = []
-    multiplicities: list[Any] = []
-    for knots in surface.knots:
-        places, counts = np.unique(knots, return_counts=True)
-        rows.append(collections.Array1_double(1, len(places)))
-        multiplicities.append(collections.Array1_int(1, len(places)))
-        for k, (place, count) in enumerate(zip(places.tolist(), counts.tolist(), strict=True), 1):
-            rows[-1].SetValue(k, place)
-            multiplicities[-1].SetValue(k, count)
+    tables = [np.unique(knots, return_counts=True) for knots in surface.knots]
+    rows = [_filled(collections.Array1_double, places.tolist()) for places, _ in tables]
+    multiplicities = [_filled(collections.Array1_int, counts.tolist()) for _, counts in tables]
     return _kernel("Geom").Geom_BSplineSurface(*given, *rows, *multiplicities, *surface.degrees, False, False)
+
+
+def _filled(kind: Any, values: list[float]) -> Any:
+    """Return an array of the kernel."""
+    array = kind(1, len(values))
+    for place, value in enumerate(values, 1):
+        array.SetValue(place, value)
+    return array
 
 
 def _write_step(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:

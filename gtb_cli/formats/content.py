@@ -36,13 +36,19 @@ def single_half_steps(largest: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(steps), steps, 0.0))
 
 
+def first_beyond(rows: FloatArray, limit: float) -> int | None:
+    """Return the first of (m, k) rows with a number that is not finite or larger than a limit."""
+    # Two reductions are the cheapest look at every number, and NaN spoils both.
+    if -limit <= rows.min(initial=0.0) and rows.max(initial=0.0) <= limit:
+        return None
+    return int(np.flatnonzero(~(np.abs(rows) <= limit).all(axis=1))[0])
+
+
 def faulty_point(points: FloatArray) -> tuple[int, str] | None:
     """Return the first of (m, 3) points that no mesh may have, and what is wrong with it."""
-    largest = 2.0**1000  # differences of larger coordinates may overflow
-    with np.errstate(invalid="ignore"):
-        if (np.abs(points) <= largest).all():
-            return None
-        number = int(np.flatnonzero(~(np.abs(points) <= largest).all(axis=1))[0])
+    number = first_beyond(points, 2.0**1000)  # differences of larger coordinates may overflow
+    if number is None:
+        return None
     reason = "too large" if np.isfinite(points[number]).all() else "not finite"
     return number, f"is {reason}: {' '.join(f'{x:g}' for x in points[number])}"
 

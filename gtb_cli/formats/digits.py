@@ -19,10 +19,6 @@ Words: TypeAlias = NDArray[np.uint32]
 BLOCK_ROWS = 8192  # rows of a block, whose arrays fit in the cache
 
 _WORD = np.dtype("<u4")
-_HALF_EXACT = 2.0**52  # below it every k + 1/2 is a double
-_MAX_DECIMALS = 21  # 10^(21 - 3) is the largest divisor wanted, and fits int64
-_MAX_SHORT_DECIMALS = 9  # with these, decimals fit in 32 bits
-_MAX_WHOLE = 1e18  # likewise for the divisors of the whole part
 
 
 def decimals(vertices: FloatArray) -> int:
@@ -60,7 +56,7 @@ def obj_blocks(
             for start in range(0, len(values), BLOCK_ROWS):
                 yield number_lines(prefix, values[start : start + BLOCK_ROWS], digits)
     prefix = "f" if cells.shape[1] == 3 else "l"
-    # A reference is v, v/vt, v//vn or v/vt/vn. Numbers that are the same are written together. Segments have no vn.
+    # A reference is v, v/vt, v//vn or v/vt/vn. Segments have no vn.
     leads = [b" "] if uv is None else [b" ", b"/"]
     references = [(leads, cells)]
     if normals is not None and prefix == "f":
@@ -84,13 +80,17 @@ def text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
 
 def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     """Return one line for each row of `values`: the prefix, then the numbers with `digits` (8 or more) decimals."""
+    half_exact = 2.0**52  # below it every k + 1/2 is a double
+    max_decimals = 21  # 10^(21 - 3) is the largest divisor wanted, and fits int64
+    max_short_decimals = 9  # with these, decimals fit in 32 bits
+    max_whole = 1e18  # the largest power of ten that int64 holds
     rows, columns = values.shape
     size = np.abs(values)
     whole = np.floor(size)
     size -= whole
-    scale = 10.0 ** min(digits, _MAX_DECIMALS)  # exact: so is every power of ten up to the 22nd
+    scale = 10.0 ** min(digits, max_decimals)  # exact: so is every power of ten up to the 22nd
     scaled = size * scale
-    if digits > _MAX_DECIMALS or scaled.max() >= _HALF_EXACT or whole.max() >= _MAX_WHOLE:
+    if digits > max_decimals or scaled.max() >= half_exact or whole.max() >= max_whole:
         return b"".join(text_rows(prefix + f" %.{digits}f" * columns + "\n", values))
 
     fraction = _round_exactly(size, scale, scaled)
@@ -105,10 +105,10 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     parts += fours * [(b"", 4)] + (rest > 0) * [(b"", rest)]
     groups = _groups(top, 2)
     words, text = _lines(prefix, rows, columns, groups + 1 + len(parts))
-    head = _head(b" ", 2, signed=True, alone=not groups) if top > 9 else _head(b" ", 1, signed=True, tail=b".")
+    head = _signed(2, int(not groups)) if top > 9 else _signed(1, 1, b".")
     _put_whole(words[..., : groups + 1], whole.astype(np.int64), head, len(head) // 2 * np.signbit(values))
     divisor = 10**digits
-    remainder: NDArray[Any] = fraction.astype(np.int32 if digits <= _MAX_SHORT_DECIMALS else np.int64)
+    remainder: NDArray[Any] = fraction.astype(np.int32 if digits <= max_short_decimals else np.int64)
     for place, (lead, count) in enumerate(parts, groups + 1):
         divisor //= 10**count
         upper = remainder // divisor
@@ -145,7 +145,7 @@ def cell_lines(prefix: str, references: Sequence[tuple[Sequence[bytes], IntArray
     stop = 0
     for lead, cells, groups in parts:
         start, stop = stop, stop + groups + 1
-        _put_whole(words[..., start:stop], cells + 1, _head(lead, 4 - len(lead), alone=not groups), 0)
+        _put_whole(words[..., start:stop], cells + 1, _table(lead, 4 - len(lead), int(not groups)), 0)
     return _compressed(text)
 
 
@@ -199,8 +199,6 @@ def _table(lead: bytes, digits: int, least: int, tail: bytes = b"") -> Words:
 
 
 @cache
-def _head(lead: bytes, digits: int, *, signed: bool = False, alone: bool = True, tail: bytes = b"") -> Words:
-    """Return the table of a number's first word. Negative ones follow the others if `signed`; 0 is shown if `alone`."""
-    least = int(alone)
-    plain = _table(lead, digits, least, tail)
-    return np.concatenate([plain, _table(lead + b"-", digits, least, tail)]) if signed else plain
+def _signed(digits: int, least: int, tail: bytes = b"") -> Words:
+    """Return the table of the first words of numbers; negative ones follow the others."""
+    return np.concatenate([_table(b" " + sign, digits, least, tail) for sign in (b"", b"-")])

@@ -11,7 +11,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
-from gtb_cli.formats.content import SINGLE_FLOAT, single_half_steps
+from gtb_cli.formats.content import SINGLE_FLOAT, first_beyond, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS, decimals, number_lines, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, UP, Up, plain_name, suffix_of
@@ -203,11 +203,10 @@ def _check_cells(mesh: Mesh) -> None:
 
 
 def _check_numbers(label: str, values: FloatArray, limit: float) -> None:
-    # Two reductions are the cheapest look at every number, and NaN spoils both.
-    if -limit <= values.min() and values.max() <= limit:
-        return
     rows = values.reshape(len(values), -1)
-    bad = int(np.flatnonzero(~(np.abs(rows) <= limit).all(axis=1))[0])
+    bad = first_beyond(rows, limit)
+    if bad is None:
+        return
     reason = "must be finite"
     if np.isfinite(rows[bad]).all():
         reason = "too large for 32-bit numbers" if limit == _SINGLE_LIMIT else "too large"

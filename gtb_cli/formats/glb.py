@@ -194,8 +194,8 @@ def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
 
 def _content(tree: dict[str, Any], binary: bytes) -> Content:
     # Many nodes may share one mesh: vertices and corners of cells are counted before they are made.
-    most = 2 * len(binary) + 3_000_000
-    effort = 60  # vertices that take as long as a primitive without any
+    most = 2 * len(binary) + 20_000_000
+    effort = 400  # vertices that take as long as a primitive without any
     vertices: list[FloatArray] = []
     cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
     groups = []
@@ -206,12 +206,12 @@ def _content(tree: dict[str, Any], binary: bytes) -> Content:
             mode = primitive.get("mode", 4)
             if mode == 0:  # points
                 continue
-            positions = _accessor(tree, binary, primitive["attributes"]["POSITION"])
+            positions = accessor_values(tree, binary, primitive["attributes"]["POSITION"])
             if positions.shape[1] != 3 or positions.dtype != SINGLE_FLOAT:
                 raise GtbError("POSITION: expected vectors of three 32-bit numbers")
             corners: NDArray[Any] = np.arange(len(positions))[:, None]
             if "indices" in primitive:
-                corners = _accessor(tree, binary, primitive["indices"])
+                corners = accessor_values(tree, binary, primitive["indices"])
             if corners.shape[1] != 1 or corners.dtype.kind not in "iu":
                 raise GtbError("indices: expected whole numbers")
             used += len(positions) + len(corners) + effort
@@ -265,7 +265,7 @@ def _placed_meshes(tree: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, 
         stack += [(_index(child), place, depth + 1) for child in reversed(node.get("children", []))]
 
 
-def _accessor(tree: dict[str, Any], binary: bytes, number: object) -> NDArray[Any]:
+def accessor_values(tree: dict[str, Any], binary: bytes, number: object) -> NDArray[Any]:
     """Return the (count, width) numbers of an accessor."""
     component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
     element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}

@@ -10,7 +10,7 @@ from importlib import import_module
 
 import numpy as np
 
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.files import read_file
 from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point
 from gtb_cli.meshes.mesh import KnownMesh, Mesh, largest_coordinates, rounding
@@ -54,17 +54,17 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
         if len(data) > MAX_FILE_BYTES:
             raise GtbError(f"is larger than {MAX_FILE_BYTES >> 30} GB")
         if data.startswith(LFS_POINTER):
-            raise GtbError(LFS_FAULT)
+            raise MeshError(LFS_FAULT)
         if not _is_facets(data):
             data = data.removeprefix(BOM_UTF8)
         kind = format or format_of(data)
         if kind not in FORMATS:
             raise GtbError("is not a mesh: expected OBJ, PLY, STL or GLB")
         with np.errstate(all="ignore"):  # NaN is refused below, with a message
-            content = _content(data, kind)
+            content: Content = getattr(import_module(f"gtb_cli.formats.{kind}"), f"read_{kind}")(data)
         _check(content)
     except GtbError as error:
-        raise GtbError(f"{shown}: {_printable(str(error))}") from None
+        raise type(error)(f"{shown}: {_printable(str(error))}") from None
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
     mesh = Mesh(content.vertices, content.cells, groups=groups)
     largest = largest_coordinates(mesh.used)
@@ -112,12 +112,6 @@ def _is_facets(data: bytes) -> bool:
 _OBJ_STARTS = {b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f", b"l"}
 
 
-def _content(data: bytes, kind: str) -> Content:
-    room = import_module(f"gtb_cli.formats.{kind}")  # only that of one format is needed
-    content: Content = getattr(room, f"read_{kind}")(data)
-    return content
-
-
 def _printable(text: str) -> str:
     """Text of a file made fit for a terminal: short, and without control characters."""
     max_name_characters = 300  # longest name, or message of an error, in characters
@@ -129,9 +123,9 @@ def _check(content: Content) -> None:
     """Refuse a mesh without vertices or cells, with wrong indices, or with coordinates that are not finite."""
     vertices, cells = content.vertices, content.cells
     if not len(vertices):
-        raise GtbError("has no vertices")
+        raise MeshError("has no vertices")
     if not len(cells):
-        raise GtbError("has neither faces nor segments")
+        raise MeshError("has neither faces nor segments")
     low, high = int(cells.min()), int(cells.max())
     if low < 0 or high >= len(vertices):
         cell = int(np.flatnonzero(((cells < 0) | (cells >= len(vertices))).any(axis=1))[0])
@@ -141,4 +135,4 @@ def _check(content: Content) -> None:
         )
     fault = faulty_point(vertices)
     if fault is not None:
-        raise GtbError(f"vertex {fault[0]}: {fault[1]}")
+        raise MeshError(f"vertex {fault[0]}: {fault[1]}")

@@ -14,7 +14,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.formats.content import SINGLE_FLOAT
 from gtb_cli.formats.export import encode_mesh, standing
-from gtb_cli.formats.glb import VERTICES, GlbFile, glb_chunks
+from gtb_cli.formats.glb import VERTICES, GlbFile, accessor_values, glb_chunks
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import Up
 
@@ -46,7 +46,10 @@ def animated_glb(
     (primitive,) = mesh["primitives"]
     mesh["extras"] = {**extras} if extras else {}
     if others:
-        stored = {name: _vectors(tree, body, primitive["attributes"][name]) for name in _morphed(first, normals)}
+        stored = {
+            name: accessor_values(tree, body, primitive["attributes"][name]).astype(np.float64)
+            for name in _morphed(first, normals)
+        }
         primitive["targets"] = []
         for other, label in zip(others, labels[1:], strict=True):
             target = {}
@@ -76,13 +79,6 @@ def check_count(meshes: int) -> None:
         raise ExportError(
             f"GLB: an animation of {meshes} meshes, more than {MAX_MESHES}: the files of a folder may be more"
         )
-
-
-def _vectors(tree: Mapping[str, Any], body: bytes, accessor: int) -> FloatArray:
-    """Return the vectors of an accessor, as they are stored."""
-    described = tree["accessors"][accessor]
-    start = tree["bufferViews"][described["bufferView"]]["byteOffset"]
-    return np.frombuffer(body, SINGLE_FLOAT, 3 * described["count"], start).reshape(-1, 3).astype(np.float64)
 
 
 def _morphed(mesh: Mesh, normals: bool) -> dict[str, FloatArray]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.content import Content, faulty_point, segments, stacked, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
 
@@ -54,7 +54,7 @@ class _Reader:
             self._read(lines)
         except GtbError as error:
             if len(lines) == 1:
-                raise GtbError(f"line {number}: {error}") from None
+                raise type(error)(f"line {number}: {error}") from None
             half = len(lines) // 2
             self.read(lines[:half], number)
             self.read(lines[half:], number + half)
@@ -68,7 +68,7 @@ class _Reader:
             points = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]
             fault = faulty_point(points)
             if fault is not None:
-                raise GtbError(f"a vertex {fault[1]}")
+                raise MeshError(f"a vertex {fault[1]}")
         cells = {}
         for keyword, made, fewer in ((b"f", triangles, 2), (b"l", segments, 1)):
             if not places[keyword]:

@@ -2,14 +2,14 @@
 
 import re
 from array import array
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.content import SINGLE_FLOAT, Content, single_half_steps, triangles
 from gtb_cli.formats.digits import text_rows
@@ -197,14 +197,6 @@ def _header(data: bytes) -> tuple[dict[str, Element], str, int]:
     return elements, order, end.end()
 
 
-def _row(element: Element, take: Callable[[str, int], list[float]]) -> list[list[float]]:
-    """Return the numbers of each property in a row; `take` gives the next numbers of a kind."""
-    return [
-        take(item.kind, int(take(item.count_kind, 1)[0]) if item.count_kind else 1)
-        for item in element.properties.values()
-    ]
-
-
 def _uneven(element: Element, rows: Iterable[list[list[float]]]) -> Columns:
     """Return the columns of rows whose lists may differ in length."""
     columns = [(array("d"), array("q")) for _ in element.properties]
@@ -234,9 +226,13 @@ def _binary(data: bytes, start: int, element: Element, order: str) -> tuple[Colu
         values: list[float] = np.frombuffer(data, order + kind, count, begin).tolist()
         return values
 
+    def row() -> list[list[float]]:
+        kinds = element.properties.values()
+        return [take(kind, int(take(count_kind, 1)[0]) if count_kind else 1) for kind, count_kind in kinds]
+
     if not element.rows or not element.properties:
         return _uneven(element, ()), start
-    first = _row(element, take)
+    first = row()
     fields: list[tuple[Any, ...]] = []
     for (name, item), values in zip(element.properties.items(), first, strict=True):
         fields += [(f"count {name}", order + item.count_kind)] if item.count_kind else []
@@ -248,8 +244,7 @@ def _binary(data: bytes, start: int, element: Element, order: str) -> tuple[Colu
     if held == element.rows and all((rows[f"count {name}"] == lengths[name]).all() for name in lists):
         columns = {name: (rows[f"value {name}"].ravel(), np.full(held, lengths[name])) for name in lengths}
         return columns, start + rows.nbytes
-    others = (_row(element, take) for _ in range(1, element.rows))
-    return _uneven(element, chain([first], others)), place
+    return _uneven(element, chain([first], (row() for _ in range(1, element.rows)))), place
 
 
 def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Columns:
@@ -275,42 +270,33 @@ def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Colum
 
 
 def _text_block(lines: list[bytes], element: Element) -> Columns:
-    text = b"\n".join(lines)
     has_fractions = any(item.is_float for item in element.properties.values())
+    text = b"\n".join(lines)
     numbers, widths = number_rows(text, np.float64) if has_fractions else number_rows(text, np.int64)
-    ends = np.cumsum(widths)
+    left, place = widths, np.cumsum(widths) - widths
+    columns: Columns = {}
 
-    def row(index: int) -> list[list[float]]:
-        values = iter(numbers[ends[index] - widths[index] : ends[index]].tolist())
+    def check(right: BoolArray, what: str) -> None:
+        if not right.all():
+            raise GtbError(f"{what}: {shown(b' '.join(lines[int(np.argmin(right))].split()))}")
 
-        def fault(what: str) -> GtbError:
-            return GtbError(f"{what}: {shown(b' '.join(lines[index].split()))}")
-
-        def take(kind: str, count: int) -> list[float]:
-            found = list(islice(values, count)) if 0 <= count <= widths[index] else []
-            if len(found) != count:
-                raise fault("a row has too few numbers")
-            if not kind.startswith("f") and any(x % 1 for x in found):
-                raise fault("expected a whole number")
+    def take(kind: str, counts: IntArray) -> NDArray[Any]:
+        """Return the next numbers of each row, of a kind that may have no fractions."""
+        nonlocal left, place
+        check((counts >= 0) & (counts <= left), "a row has too few numbers")
+        starts = np.repeat(place - (np.cumsum(counts) - counts), counts)
+        found = numbers[starts + np.arange(len(starts))]
+        left, place = left - counts, place + counts
+        if kind.startswith("f"):
             return found
+        broken = np.zeros(len(lines), dtype=bool)
+        broken[np.repeat(np.arange(len(lines)), counts)[found % 1 != 0]] = True
+        check(~broken, "expected a whole number")
+        return found.astype(np.int64)
 
-        found = _row(element, take)
-        if next(values, None) is not None:
-            raise fault("a row has too many numbers")
-        return found
-
-    first = row(0)
-    if (widths == widths[0]).all():
-        table = numbers.reshape(len(lines), -1)
-        columns, place, is_even = {}, 0, True
-        for (name, item), values in zip(element.properties.items(), first, strict=True):
-            if item.count_kind:
-                is_even &= bool((table[:, place] == len(values)).all())
-                place += 1
-            part = table[:, place : place + len(values)].ravel()
-            place += len(values)
-            is_even &= item.is_float or not (part % 1).any()
-            columns[name] = (part if item.is_float else part.astype(np.int64)), np.full(len(lines), len(values))
-        if is_even:
-            return columns
-    return _uneven(element, map(row, range(len(lines))))
+    one = np.ones(len(lines), dtype=np.int64)
+    for name, item in element.properties.items():
+        counts = take(item.count_kind, one) if item.count_kind else one
+        columns[name] = take(item.kind, counts), counts
+    check(left == 0, "a row has too many numbers")
+    return columns

@@ -81,7 +81,7 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None) -> Spli
     the exact curve, to rounding.
 
     A `DomainError` refuses curves; a `ToleranceError` says that even 128 spans in each direction do not reach the
-    tolerance, in model units.
+    tolerance, in model units; without one it is 1e-4 of the largest extent of all control points.
     """
     spans = (8, 16, 32, 64, 128)  # in each direction of a fitted surface, tried in turn
     patches = spec.patches

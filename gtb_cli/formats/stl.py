@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS, text_rows
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
@@ -62,7 +62,7 @@ def read_stl(data: bytes) -> Content:
 def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray]) -> Content:
     fault = faulty_point(corners)
     if fault is not None:
-        raise GtbError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
+        raise MeshError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
     first, labels = weld(corners)
     return Content(corners[first], labels.reshape(-1, 3), half_steps)
 

@@ -40,8 +40,8 @@ def cells_of(patch: Patch, index: int = 0) -> list[Cell | FloatArray]:
     return [surface.net for surface in exact_surfaces(patch, index)]
 
 
-def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
-    """Return a VTU file of the exact cells of a patch or model, and their number.
+def encode_vtu(spec: Patch | Model) -> tuple[bytes, int, list[str]]:
+    """Return a VTU file of the exact cells of a patch or model, their number, and warnings.
 
     Points have `RationalWeights`; cells have `HigherOrderDegrees`, and the number of their patch as `patch`. Numbers
     have the fewest digits that read back exactly. Cells do not share points, because neighbours agree on the ratios of
@@ -57,7 +57,12 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
             raise DomainError(f"{patch.name or f'patches[{index}]'}: {fault}") from None
     nets = iter(_raised([cell for _, cell in cells if not isinstance(cell, Cell)]))
     whole = [(index, cell if isinstance(cell, Cell) else _quadrilateral(next(nets))) for index, cell in cells]
-    return "".join(f"{line}\n" for line in _lines(whole)).encode("ascii"), len(whole)
+    degrees = sorted({max(cell.degrees) for _, cell in whole if cell.kind != CURVE})
+    warnings = []
+    if len(degrees) > 1:  # triangles are not raised
+        unlike = " and ".join(map(str, degrees))
+        warnings.append(f"cells have degrees {unlike}, and VTK cuts each by its own: it may draw slits between them")
+    return "".join(f"{line}\n" for line in _lines(whole)).encode("ascii"), len(whole), warnings
 
 
 def _raised(nets: Sequence[FloatArray]) -> list[FloatArray]:
@@ -77,15 +82,11 @@ def _raised(nets: Sequence[FloatArray]) -> list[FloatArray]:
 def _elevation(degree: int, higher: int) -> FloatArray:
     """(higher + 1, degree + 1) shares of control points in those of the higher degree."""
     more = higher - degree
-    return np.array(
-        [
-            [
-                math.comb(degree, i) * math.comb(more, k - i) / math.comb(higher, k) if k >= i else 0.0
-                for i in range(degree + 1)
-            ]
-            for k in range(higher + 1)
-        ]
-    )
+    shares = np.zeros((higher + 1, degree + 1))
+    for i in range(degree + 1):
+        for j in range(more + 1):
+            shares[i + j, i] = math.comb(degree, i) * math.comb(more, j) / math.comb(higher, i + j)
+    return shares
 
 
 def _lines(cells: Sequence[tuple[int, Cell]]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE, dehomogenized, polygon, rectangle, triangle
 from gtb_cli.imports.words import Words
 from gtb_cli.language.reader import MAX_PATCHES
-from gtb_cli.language.values import name_fault
+from gtb_cli.language.values import valid_name
 from gtb_cli.theory.patch import Patch
 
 # Kinds of segments: polyhedron, triangle, rectangle of equal degrees, rectangle, rational rectangle, triangle and
@@ -51,8 +51,7 @@ def read_bv(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     patches: list[Patch] = []
     while words.left:
         if words.peek().lower() == "group":
-            name = " ".join(words.rest_of_line()[2:])  # after the number of the group
-            group = None if not name or name_fault(name) else name
+            group = valid_name(" ".join(words.rest_of_line()[2:]))  # after the number of the group
             continue
         line = words.line
         kind = words.whole(f"the kind of a segment ({SEGMENT_KINDS})", 1, 11)

@@ -10,19 +10,15 @@ from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, spans
 from gtb_cli.imports.words import MAX_MAGNITUDE
-from gtb_cli.language.document import place, read, shown
+from gtb_cli.language.document import Faults, read, shown
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.language.scanner import Path
-from gtb_cli.language.values import name_fault
+from gtb_cli.language.values import valid_name
 from gtb_cli.theory.patch import Patch
 
 
 class _Fault(Exception):
-    """An error in a value, and the path to the value."""
-
-    def __init__(self, path: Path, message: str) -> None:
-        super().__init__(path, message)
-        self.path, self.message = path, message
+    """The path to a value, and what is wrong with it."""
 
 
 def read_geomdl(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
@@ -45,10 +41,9 @@ def read_geomdl(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
                 raise _Fault(path, f"here the model has more than {MAX_PATCHES} patches")
         return patches, []
     except _Fault as fault:
-        line = document.lines({fault.path}).get(fault.path)
-        where = f"{source}:{line}" if line else source
-        keys = f"{place(fault.path)}: " if fault.path else ""
-        raise SpecError(f"{where}: {keys}{fault.message}") from None
+        faults = Faults(document, source)
+        faults.add(*fault.args)
+        raise SpecError(faults.found()[0]) from None
 
 
 def _spans(entry: object, path: Path, suffixes: tuple[str, ...]) -> list[Patch]:
@@ -59,9 +54,8 @@ def _spans(entry: object, path: Path, suffixes: tuple[str, ...]) -> list[Patch]:
     if sizes and len(rows) != math.prod(sizes):
         raise _Fault((*path, "control_points"), f"expected {sizes[0]} × {sizes[1]} points, got {len(rows)}")
     knots = [_row(entry, path, f"knotvector{suffix}") for suffix in suffixes]
-    name = entry.get("name") if isinstance(entry, dict) else None
-    label = name if isinstance(name, str) and not name_fault(name) else None
-    return spans(degrees, knots, rows.reshape(*sizes or [len(rows)], 4), label)
+    name = valid_name(entry.get("name")) if isinstance(entry, dict) else None
+    return spans(degrees, knots, rows.reshape(*sizes or [len(rows)], 4), name)
 
 
 def _get(table: object, path: Path, key: str, kind: type[Any]) -> Any:

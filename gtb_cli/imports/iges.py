@@ -17,7 +17,7 @@ from gtb_cli.imports.nets import MAX_DEGREE
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, spans
 from gtb_cli.imports.words import SHOWN_CHARACTERS, as_number
 from gtb_cli.language.reader import MAX_PATCHES
-from gtb_cli.language.values import name_fault
+from gtb_cli.language.values import valid_name
 from gtb_cli.theory.patch import Patch
 
 CURVE, SURFACE, TRANSFORMATION = 126, 128, 124
@@ -72,7 +72,7 @@ class _File:
             self._field(line + 1, second, 3, "parameter line count"),
             abs(self._field(line, first, 6, "transformation")),
             first[64:72].strip().zfill(8)[2:6],
-            None if not name or name_fault(name) else name,
+            valid_name(name),
             line,
         )
 

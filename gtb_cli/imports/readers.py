@@ -4,10 +4,10 @@ import os
 from importlib import import_module
 from typing import NamedTuple
 
-from gtb_cli.errors import SpecError
+from gtb_cli.errors import Fault, SpecError
 from gtb_cli.language.document import MAX_BYTES, kind_of
+from gtb_cli.language.loading import stem_of
 from gtb_cli.language.reader import MAX_PATCHES
-from gtb_cli.language.values import name_fault
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -51,14 +51,12 @@ def import_file(path: str, data: bytes, format: str | None = None) -> Imported:
         remarks.append(f"{len(patches) - len(surfaces)} curves beside the surfaces are left out")
         patches = surfaces
     if not patches:
-        raise SpecError("\n".join(f"{path}: {line}" for line in ["has no patches", *remarks]))
+        raise SpecError(*(Fault(line, path) for line in ["has no patches", *remarks]))
     if len(patches) > MAX_PATCHES:
         raise SpecError(f"{path}: has {len(patches)} patches, a model has at most {MAX_PATCHES}")
-    stem = os.path.splitext(os.path.basename(path))[0]
-    name = None if path.startswith("<") or name_fault(stem) else stem
-    if len(patches) == 1:
-        return Imported(patches[0].replace(name=patches[0].name or name), tuple(remarks))
-    return Imported(Model(tuple(patches), name), tuple(remarks))
+    name = stem_of(path)
+    named = patches[0].replace(name=patches[0].name or name)
+    return Imported(named if len(patches) == 1 else Model(tuple(patches), name), tuple(remarks))
 
 
 def _read(path: str, data: bytes, format: str | None) -> tuple[list[Patch], list[str]]:

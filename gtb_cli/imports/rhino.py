@@ -15,7 +15,7 @@ from gtb_cli.imports import rhino_process
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, spans
 from gtb_cli.imports.words import MAX_MAGNITUDE
 from gtb_cli.language.reader import MAX_PATCHES
-from gtb_cli.language.values import name_fault
+from gtb_cli.language.values import valid_name
 from gtb_cli.theory.patch import Patch
 
 # Seconds after which the process is stopped: it may only wait, or the system may not limit its processor time
@@ -28,8 +28,7 @@ def read_3dm(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     patches: list[Patch] = []
     others = trimmed = 0
     for index, entry in enumerate(objects):
-        name, forms = entry["name"] or None, entry["forms"]
-        name = None if name is None or name_fault(name) else name
+        name, forms = valid_name(entry["name"]), entry["forms"]
         others += not forms
         trimmed += entry["trimmed"]
         for face, form in enumerate(forms):

@@ -5,7 +5,7 @@ import re
 from typing import NoReturn
 
 from gtb_cli.arrays import FloatArray, read_only
-from gtb_cli.errors import SpecError
+from gtb_cli.errors import Fault, SpecError
 
 MAX_MAGNITUDE = 1e100  # largest coordinate or weight: the product of three of them does not overflow
 
@@ -25,7 +25,7 @@ class Words:
 
     def __init__(self, data: bytes, source: str) -> None:
         if b"\0" in data:
-            raise SpecError(f"{source}: is not text")
+            raise SpecError(Fault("is not text", source))
         text = data.decode("utf-8-sig", "backslashreplace")
         self.source = source
         self._words: list[str] = []
@@ -36,7 +36,7 @@ class Words:
             self._lines += [number] * len(words)
         self._next = 0
         if not self._words:
-            raise SpecError(f"{source}: is empty")
+            raise SpecError(Fault("is empty", source))
 
     @property
     def left(self) -> int:
@@ -50,7 +50,7 @@ class Words:
 
     def fail(self, message: str, line: int | None = None) -> NoReturn:
         """Raise a `SpecError` about the next word, or about another line."""
-        raise SpecError(f"{self.source}:{self.line if line is None else line}: {message}")
+        raise SpecError(Fault(message, self.source, self.line if line is None else line))
 
     def peek(self) -> str:
         """Return the next word, or an empty string at the end."""

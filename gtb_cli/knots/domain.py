@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positive, read_only, two_product
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.face import Faces
+from gtb_cli.knots.face import Face, Faces
 from gtb_cli.knots.hull import convex_hull, knot_tolerance
 from gtb_cli.values import by_value, frozen
 
@@ -114,8 +114,10 @@ class Domain:
         `first` is the index of the first parameter in messages. `faces` has the numbers of the faces on which
         parameters are known to lie, despite rounding.
         """
-        columns = zip(np.ascontiguousarray(u.T), self.vertices.T[:, :, None], self.normals.T[:, :, None], strict=True)
-        h = np.asarray(sum((coordinates - vertex) * normal for coordinates, vertex, normal in columns))
+        h = np.zeros((len(self.vertices), len(u)))
+        for coordinates, corners, normals in zip(u.T.copy(), self.vertices.T, self.normals.T, strict=True):
+            for j in np.flatnonzero(normals).tolist():  # edges along an axis take half the time
+                h[j] += (coordinates - corners[j]) * normals[j]
         if faces is not None:
             known = np.flatnonzero(faces)
             h[:, known] = np.where(self.faces.vanishing.take(faces[known], axis=0).T, 0.0, h[:, known])
@@ -148,6 +150,26 @@ class Domain:
         if self.dimension == 1:
             return members
         return members[np.argsort(self.along(edge, self.knots[members]), kind="stable")]
+
+    def face_knots(self, face: Face) -> FloatArray:
+        """(k, e) coordinates of the knots on a face: along an edge, from its first corner (e = 1); none at a corner."""
+        members = self.knots[face.knots]
+        return np.empty((len(members), 0)) if face.is_corner else self.along(face.index, members)[:, None]
+
+    @cached_property
+    def edge_fractions(self) -> tuple[tuple[IntArray, FloatArray, IntArray], ...]:
+        """Each edge's knots in order, their fractions of it, and the first ones of equal places; or each end's."""
+        found = []
+        for edge in range(len(self.vertices)):
+            members, length = self.edge_knots(edge), 1.0
+            fractions = np.zeros(len(members))
+            if self.dimension == 2:
+                fractions = self.along(edge, self.knots[members])
+                length = float(fractions[-1])
+                fractions /= length
+            first = np.flatnonzero(np.diff(fractions, prepend=-1.0) > self.tolerance / length)
+            found.append((members, fractions, first))
+        return tuple(found)
 
     def direction(self, edge: int) -> FloatArray:
         """(2,) unit vector along an edge, from its first corner to its last."""

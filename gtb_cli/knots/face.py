@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
 from gtb_cli.values import frozen
 
 INTERIOR = 0  # number of Δ itself among its faces, and thus of points that do not lie on an edge
@@ -75,10 +75,8 @@ class Faces:
     def _all(self) -> tuple[Face, ...]:
         r = self.incidence.shape[1]
         kinds = [(self.dimension, 0), *((self.dimension - 1, j) for j in range(r)), *((0, k) for k in range(r))]
-        return tuple(
-            Face(number, *kind, members, np.flatnonzero(vanishing))
-            for number, (kind, members, vanishing) in enumerate(zip(kinds, self.knots, self.vanishing, strict=False))
-        )
+        rows = zip(range(len(self.knots)), kinds, self.knots, map(np.flatnonzero, self.vanishing), strict=False)
+        return tuple([Face(number, *kind, members, facets) for number, kind, members, facets in rows])
 
     def __len__(self) -> int:
         return len(self._all)
@@ -109,6 +107,12 @@ class Faces:
             corner = np.where(zero[0] & zero[r - 1] & ~zero[1 % r], 0, (edge + 1) % r)
             found = np.where(count > 1, self.corners[corner], found)
         return found
+
+    def on_boundary(self, heights: FloatArray) -> list[tuple[Face, IntArray]]:
+        """The edges and corners on which points with (r, m) edge functions lie, each with the indices of its points."""
+        boundary = np.flatnonzero((heights == 0).any(axis=0))
+        found = list(groups(self.at(heights[:, boundary])))
+        return [(self._all[number], boundary[members]) for number, members in found]
 
     def smallest(self, knots: int | Sequence[int]) -> Face:
         """The smallest face that contains the given knots."""

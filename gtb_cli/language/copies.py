@@ -30,10 +30,7 @@ AXES = ("x", "y", "z")
 
 @frozen
 class Copy:
-    """What a table of a model with the key ``copy`` asks for: a name and a move of (n, 3) points for each copy.
-
-    There are no moves if one of them is wrong.
-    """
+    """Copies of a patch of a model: each has a name and a move of (n, 3) points; none has if one of them is wrong."""
 
     path: Path
     original: str

@@ -1,14 +1,12 @@
 """The text of a spec: TOML or JSON bytes → plain data, and faults by line."""
 
 import re
-from typing import TypeAlias, cast
+from typing import cast
 
-from gtb_cli.errors import SpecError
-from gtb_cli.language.scanner import Format, Path, Scanner, TooMuch
+from gtb_cli.errors import Fault, SpecError
+from gtb_cli.language.scanner import Format, Path, TooMuch, places
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, suffix_of
-
-Repeated: TypeAlias = tuple[Path, int, int]
 
 MAX_BYTES = 10_000_000  # a spec; a patch of a thousand knots takes a hundred kilobytes
 MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of them
@@ -26,38 +24,25 @@ _OTHER_FILES = {
 class Document:
     """A spec that is well-formed TOML or JSON: the parser's result, and the text.
 
-    `repeated` has the path, first line and line of keys given twice in one JSON object, which the parser would accept.
+    `repeated` has the path, line and fault of keys given twice in one JSON object, which the parser would accept.
     """
 
     data: object
     text: str
     format: Format
-    repeated: tuple[Repeated, ...]
+    repeated: tuple[tuple[Path, int, str], ...]
 
     def lines(self, paths: set[Path]) -> dict[Path, int]:
-        """Find the line of each path, or of the innermost existing value around it."""
-        around = {path: self._existing(path) for path in paths}
-        wanted = set(around.values()) - {()}
+        """Find the line of each path, or of the innermost value around it that is there."""
+        wanted = {path[:length] for path in paths for length in range(1, len(path) + 1)}
         known: dict[Path, int] = {}
-        for path, line, _ in Scanner(self.text, self.format).places() if wanted else ():
+        for path, line, _ in places(self.text, self.format) if wanted else ():
             if path in wanted:
                 known.setdefault(path, line)
                 if len(known) == len(wanted):
                     break
-        return {path: known[place] for path, place in around.items() if place in known}
-
-    def _existing(self, path: Path) -> Path:
-        """Return the longest part of a path that leads to a value."""
-        value = self.data
-        for length, part in enumerate(path):
-            match value:
-                case dict() if part in value:
-                    value = value[part]
-                case list() if isinstance(part, int) and part < len(value):
-                    value = value[part]
-                case _:
-                    return path[:length]
-        return path
+        around = {path: [line for part, line in known.items() if path[: len(part)] == part] for path in paths}
+        return {path: lines[-1] for path, lines in around.items() if lines}
 
 
 class Faults:
@@ -69,8 +54,8 @@ class Faults:
         self.count = 0
         self._document, self.source, self._note = document, source, note
         self._faults: list[tuple[Path, str, int | None]] = []
-        for path, first, line in document.repeated:
-            self.add(path, _twice(first), line)
+        for path, line, message in document.repeated:
+            self.add(path, message, line)
 
     def add(self, path: Path, message: str, line: int | None = None) -> None:
         """Note a fault of the value at a path; its line is found later unless given."""
@@ -78,22 +63,21 @@ class Faults:
         if self.count <= self.SHOWN:
             self._faults.append((path, message, line))
 
-    def lines(self) -> list[str]:
-        """Write the faults in the order of the file."""
+    def found(self) -> list[Fault]:
+        """Return the faults in the order of the file."""
         lines = self._document.lines({path for path, _, _ in self._faults})
         faults = [(line or lines.get(path, 0), path, message) for path, message, line in self._faults]
-        text = []
-        for line, path, message in sorted(faults, key=lambda fault: fault[0]):
-            file = f"{self.source}:{line}" if line else self.source
-            text.append(f"{file}: {place(path)}: {message}" if path else f"{file}: {message}")
-        return [line + self._note for line in text]
+        return [
+            Fault(message + self._note, self.source, line or None, key=place(path) or None)
+            for line, path, message in sorted(faults, key=lambda fault: fault[0])
+        ]
 
 
-def listed(files: list[Faults]) -> str:
-    """Write the first faults of a spec's files, its own first, and the number of the others."""
-    lines = [line for faults in files for line in faults.lines()][: Faults.SHOWN]
-    more = sum(faults.count for faults in files) - len(lines)
-    return "\n".join([*lines, f"{files[0].source}: ... and {more} more"] if more else lines)
+def error_about(files: list[Faults]) -> SpecError:
+    """Return the error with the first faults of a spec's files, its own first, and the number of the others."""
+    found = [fault for faults in files for fault in faults.found()][: Faults.SHOWN]
+    more = sum(faults.count for faults in files) - len(found)
+    return SpecError(*found, *([Fault(f"... and {more} more", files[0].source)] if more else []))
 
 
 def place(path: Path) -> str:
@@ -139,14 +123,14 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
     """
     if isinstance(data, bytes):
         if data.startswith(LFS_POINTER):
-            raise SpecError(f"{source}: {LFS_FAULT}")
+            raise SpecError(Fault(LFS_FAULT, source))
         if (kind := kind_of(data)) is not None:
-            raise SpecError(f"{source}: is {kind}, and a spec is expected")
+            raise SpecError(Fault(f"is {kind}, and a spec is expected", source))
     text = _decode(data, source)
     if format is None:
         format = "json" if text.lstrip()[:1] == "{" else "toml"
     if not text.strip():
-        raise SpecError(f"{source}: is empty")
+        raise SpecError(Fault("is empty", source))
     repeated = _measure(text, source, format)
     return Document(_parse(text, source, format, repeated), text, format, repeated)
 
@@ -161,38 +145,38 @@ def kind_of(data: bytes) -> str | None:
 def _decode(data: bytes | str, source: str) -> str:
     byte_order_mark = b"\xef\xbb\xbf"
     if len(data) > MAX_BYTES:
-        raise SpecError(f"{source}: is too large, a spec has at most {MAX_BYTES // 10**6} MB")
+        raise SpecError(Fault(f"is too large, a spec has at most {MAX_BYTES // 10**6} MB", source))
     if isinstance(data, str):
         return data.removeprefix("\ufeff")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise SpecError(f"{source}: is UTF-16 text, a spec must be UTF-8")
+        raise SpecError(Fault("is UTF-16 text, a spec must be UTF-8", source))
     try:
         return data.removeprefix(byte_order_mark).decode()
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = error.object[error.start]
-        raise SpecError(f"{source}:{line}: is not UTF-8 text, byte 0x{byte:02x} ({error.reason})") from None
+        raise SpecError(Fault(f"is not UTF-8 text, byte 0x{byte:02x} ({error.reason})", source, line)) from None
 
 
-def _measure(text: str, source: str, format: Format) -> tuple[Repeated, ...]:
-    """Refuse a text that a parser would choke on; return the keys given twice in one table."""
+def _measure(text: str, source: str, format: Format) -> tuple[tuple[Path, int, str], ...]:
+    """Refuse a text that a parser would choke on; return the keys given twice in one table, with lines and faults."""
     if text.count("\n") >= MAX_LINES:
-        raise SpecError(f"{source}: is too large, a spec has at most {MAX_LINES} lines")
+        raise SpecError(Fault(f"is too large, a spec has at most {MAX_LINES} lines", source))
     first: dict[Path, int] = {}
-    repeated: dict[Path, tuple[int, int]] = {}
+    repeated: dict[Path, int] = {}
     try:
-        for path, line, defines in Scanner(text, format, passes_numbers=True).places():
+        for path, line, defines in places(text, format, is_measured=True):
             if defines and path not in first:
                 first[path] = line
             elif defines and not any(path[:length] in repeated for length in range(1, len(path) + 1)):
-                repeated[path] = first[path], line
+                repeated[path] = line
     except TooMuch as error:
         line, reason = error.args
-        raise SpecError(f"{source}:{line}: {reason}") from None
-    return tuple((path, *lines) for path, lines in repeated.items())
+        raise SpecError(Fault(reason, source, line)) from None
+    return tuple((path, line, f"is given twice, first in line {first[path]}") for path, line in repeated.items())
 
 
-def _parse(text: str, source: str, format: Format, repeated: tuple[Repeated, ...]) -> object:
+def _parse(text: str, source: str, format: Format, repeated: tuple[tuple[Path, int, str], ...]) -> object:
     if format == "json":
         import json
 
@@ -210,8 +194,8 @@ def _parse(text: str, source: str, format: Format, repeated: tuple[Repeated, ...
         # "Reason (at line 3, column 5)" or "Reason (at end of document)"
         reason, _, where = str(error).removesuffix(")").rpartition(" (at ")
         if repeated and reason.startswith(("Cannot", "Duplicate")):
-            path, first, line = repeated[0]
-            raise SpecError(f"{source}:{line}: {place(path)}: {_twice(first)}") from None
+            path, line, message = repeated[0]
+            raise SpecError(Fault(message, source, line, key=place(path))) from None
         found = re.fullmatch(r"line (\d+), column (\d+)", where)
         end = text.count("\n") + 1, len(text) - text.rfind("\n")
         line, column = (int(found[1]), int(found[2])) if found else end
@@ -225,8 +209,4 @@ def _malformed(text: str, source: str, language: str, line: int, column: int, re
     is_value &= not reason.startswith("Expected newline") or before[-1:].isdigit()
     if is_value and re.match(r"[ \t]*(?:[-+*(A-Za-z_]|/(?![/*]))", rest):
         reason += " (names and expressions go in quotes; numbers have no unit)"
-    return SpecError(f"{source}:{line}:{column}: is not valid {language}, {reason[:1].lower()}{reason[1:]}")
-
-
-def _twice(first: int) -> str:
-    return f"is given twice, first in line {first}"
+    return SpecError(Fault(f"is not valid {language}, {reason[:1].lower()}{reason[1:]}", source, line, column))

@@ -9,11 +9,11 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.files import read_file
-from gtb_cli.language.document import MAX_BYTES, Document, Faults, listed, read, spec_format_of
+from gtb_cli.language.document import MAX_BYTES, Document, Faults, error_about, read, spec_format_of
 from gtb_cli.language.includes import Library
 from gtb_cli.language.models import ModelReader
 from gtb_cli.language.scanner import Format
-from gtb_cli.language.values import Budget, Values, name_fault
+from gtb_cli.language.values import Budget, Values, valid_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -83,11 +83,11 @@ def _parse(text: bytes | str, source: str, format: Format | None, second_row: bo
             found = spec(data, spec_format_of(path), (*readers, path))
             return () if found is None else found.patches
 
-        return ModelReader(Values(faults, budget), include, second_row).spec(document.data, _stem(readers[-1]))
+        return ModelReader(Values(faults, budget), include, second_row).spec(document.data, stem_of(readers[-1]))
 
     result = spec(text, format, (source,))
     if result is None or any(faults.count for faults in files):
-        raise SpecError(listed(files))
+        raise error_about(files)
     return result
 
 
@@ -108,7 +108,7 @@ def from_dict(data: Mapping[str, Any]) -> Patch | Model:
     faults = Faults(document, "from_dict")
     result = ModelReader(Values(faults, Budget()), _nothing_included).spec(document.data, None)
     if result is None or faults.count:
-        raise SpecError(listed([faults]))
+        raise error_about([faults])
     return result
 
 
@@ -128,7 +128,7 @@ def _nothing_included(name: str) -> tuple[Patch, ...]:
     raise SpecError(f"{name}: plain data have no folder from which files could be taken")
 
 
-def _stem(source: str) -> str | None:
+def stem_of(source: str) -> str | None:
     """Return the name of a nameless patch, if the file's name is valid for a patch."""
-    stem = os.path.splitext(os.path.basename(source))[0]
-    return None if source == "-" or source.startswith("<") or name_fault(stem) else stem
+    is_file = source != "-" and not source.startswith("<")
+    return valid_name(os.path.splitext(os.path.basename(source))[0]) if is_file else None

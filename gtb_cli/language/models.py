@@ -49,10 +49,8 @@ class ModelReader:
             length = length.rstrip()[:-1]
         distance = self.values.number(length, ("weld",), POSITIVE) if "weld" in data else None
         included, owners = self._included(data)
-        tables = data.get("patches")
-        if "patches" not in data:
-            tables = []
-        elif not isinstance(tables, list) or not tables:
+        tables = data.get("patches", [])
+        if not isinstance(tables, list) or ("patches" in data and not tables):
             self.faults.add(("patches",), f"must be a list of at least one table ([[patches]]), got {shown(tables)}")
             return None
         if len(included) + len(tables) > MAX_PATCHES:

@@ -181,5 +181,5 @@ def _coefficients(domain: Domain, name: str) -> FloatArray:
 
 
 def _in_space(points: FloatArray) -> FloatArray:
-    """(n, 3) of (n, 2) or (n, 3) points."""
+    """Return (n, 3) points, with z = 0 where it is not given."""
     return np.pad(points, [(0, 0), (0, 3 - points.shape[1])])

@@ -181,6 +181,11 @@ def name_fault(name: str) -> str | None:
     return None
 
 
+def valid_name(name: object) -> str | None:
+    """Return the name of a patch from elsewhere, or None if no patch may have it."""
+    return None if not isinstance(name, str) or name_fault(name) else name
+
+
 def likely_word(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that was probably meant, if any."""
     import difflib

@@ -11,7 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.hausdorff import MAX_CUTS, Farthest, mesh_distance
+from gtb_cli.meshes.hausdorff import Farthest, mesh_distance
 from gtb_cli.meshes.matching import matching, unlike
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
@@ -78,7 +78,29 @@ class Difference:
     @property
     def is_proved(self) -> bool:
         """Whether the answer is proved: a distance of meshes that there is, or that none can exceed the tolerance."""
-        return self.method != "patches" and (not self.same or self.bound <= self.tolerance)
+        return self.method != "patches" and not self.is_loose
+
+    @property
+    def is_loose(self) -> bool:
+        """Whether they are called the same, though the distance could be more than the tolerance."""
+        return self.same and self.bound > self.tolerance
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """Sentences on where the answer does not quite fit the question."""
+        result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
+        if self.asked and self.asked < self.tolerance:
+            finest = "the numbers in the files are no finer at this size"
+            result.append(f"tolerance {self.tolerance:.3g} instead of {self.asked:.3g}: {finest}")
+        if self.stray is not None:
+            size = f"the size is {self.stray:.3g} instead of {self.diagonal:.3g}"
+            makes = f"which makes the tolerance {self.tolerance:.3g}"
+            result.append(f"without a few vertices far from all others, {size}, {makes}")
+        if self.is_loose:
+            where = "" if self.method == "patches" else "between samples "
+            what = f"nothing farther apart than {self.distance:.3g} was found, but it is not proved"
+            result.append(f"{what}: {where}it could be {self.bound:.3g}")
+        return tuple(result)
 
 
 def difference(
@@ -87,10 +109,8 @@ def difference(
     tolerance: float | str | None = None,
     kind: Kind = "auto",
     ignore: Collection[Aspect] = (),
-    *,
-    effort: int = MAX_CUTS,
 ) -> Difference:
-    """Compare two meshes; the tolerance, `kind` and `ignore` are those of `diff`, the effort that of `mesh_distance`.
+    """Compare two meshes; the tolerance, `kind` and `ignore` are those of `diff`.
 
     Raises `DomainError` if the tolerance is none, a mesh has no cells or vertices that are not finite, or vertices are
     to be compared of meshes with other cells.
@@ -143,7 +163,7 @@ def difference(
     error = allowed
     for _ in range(4):
         error *= finer
-        found = mesh_distance(a.mesh, b.mesh, error, effort=effort)
+        found = mesh_distance(a.mesh, b.mesh, error)
         if not found.distance <= allowed < found.bound <= found.distance + 2 * error:
             break  # decided, or the effort was spent
     first, second = measure(a.mesh), measure(b.mesh)
@@ -194,9 +214,7 @@ def _stray(mesh: Mesh, diagonal: float) -> float | None:
 
 def _diagonal(points: FloatArray) -> float:
     low, high = bounds_of(points)
-    half = high / 2 - low / 2
-    exponent = int(np.frexp(half.max())[1])
-    return float(np.ldexp(np.linalg.norm(np.ldexp(half, -exponent)), exponent + 1))
+    return 2 * math.hypot(*(high / 2 - low / 2))
 
 
 def _group(mesh: Mesh, vertex: int) -> str:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of, joined, rows_of
+from gtb_cli.arrays import FloatArray, IntArray, joined, rows_of
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, spatial_order
 from gtb_cli.meshes.overlay import CellParts
@@ -61,12 +62,12 @@ class Distance:
         return self.distance
 
 
-def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0, *, effort: int = MAX_CUTS) -> Distance:
+def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     """Measure the Hausdorff distance between two meshes, as the surfaces or curves that their cells fill.
 
     The search ends at an error of `accuracy`, in model units, or of a thousandth of the distance, whichever is more, or
-    when `effort` pieces are cut in each direction; with 0, the bound is that of whole cells. Raises `DomainError` for a
-    mesh without cells, or with vertices that are not finite.
+    when `MAX_CUTS` pieces are cut in each direction. Raises `DomainError` for a mesh without cells, or with vertices
+    that are not finite.
 
     Notes
     -----
@@ -89,21 +90,17 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0, *, effort: int = MAX_
         if not np.isfinite(used[-1]).all():
             raise DomainError("mesh: vertices must be finite")
         distinct.append(_distinct(mesh.cells, len(used[-1])))
-    # A common power of two and origin, so that squares neither over- nor underflow.
-    low, high = bounds_of(np.concatenate([bounds_of(points) for points in used]))
-    origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
-    first, second = (np.ldexp(mesh.vertices - origin, -exponent) for mesh in (a, b))
-    allowed = float(np.ldexp(accuracy, -exponent))
+    frame = Frame.around(*used)
+    first, second, allowed = frame.inside(a.vertices), frame.inside(b.vertices), float(frame.length(accuracy, -1))
     cells, others = distinct
     with ThreadPool(1) as pool:  # one more thread: numpy and scipy release the interpreter's lock
-        waiting = pool.apply_async(_directed, (second, others, first[cells], allowed, effort))
-        searches = _directed(first, cells, second[others], allowed, effort), waiting.get()
+        waiting = pool.apply_async(_directed, (second, others, first[cells], allowed))
+        searches = _directed(first, cells, second[others], allowed), waiting.get()
     forward, backward = (
-        Farthest(float(np.ldexp(found.found, exponent)), tuple((np.ldexp(found.place, exponent) + origin).tolist()))
-        for found in searches
+        Farthest(float(frame.length(found.found)), tuple(frame.outside(found.place).tolist())) for found in searches
     )
-    bound = float(np.ldexp(max(found.bound for found in searches), exponent))
-    return Distance(forward, backward, bound, is_proved=True)
+    bound = max(found.bound for found in searches)
+    return Distance(forward, backward, float(frame.length(bound)), is_proved=True)
 
 
 def _distinct(cells: IntArray, used: int) -> IntArray:
@@ -117,7 +114,7 @@ def _distinct(cells: IntArray, used: int) -> IntArray:
     return cells[np.unique(np.sort(cells, axis=1), axis=0, return_index=True)[1]]
 
 
-def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float, effort: int) -> _FarthestPoint:
+def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float) -> _FarthestPoint:
     """Search the given cells for the point farthest from the cells with the corners `other`."""
     cell_batch, cut_batch = 1 << 16, 20_000  # cells bounded together, and pieces cut together: they bound the memory
     cells_per_cut = 4  # that cost as much as a cut; a large mesh leaves less for cuts …
@@ -135,7 +132,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         kept.append(search.bounded(search.needed(block)))
     pieces = joined(kept)
     # Few cells that need many cuts have whole lines as far as the farthest point, where the bound falls slowly.
-    effort = min(effort, 20_000 + 50 * max(len(cells), len(other)))
+    effort = min(MAX_CUTS, 20_000 + 50 * max(len(cells), len(other)))
     effort = max(effort - len(cells) // cells_per_cut, round(effort * least_share))
     by_sample = False
     if len(pieces.bounds) > excess * effort:

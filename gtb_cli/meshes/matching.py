@@ -2,14 +2,16 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, paired
+from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import Measures
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
 from gtb_cli.meshes.nearest import NearestCells, middles
-from gtb_cli.meshes.topology import are_used, component_count, sides_of
+from gtb_cli.meshes.topology import are_used, component_count, components_of, sides_of
 from gtb_cli.meshes.welding import weld
 
 
@@ -83,10 +85,10 @@ def _by_nearness(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray
     from scipy.spatial import cKDTree
 
     (first, cells), (second, others) = _places(a), _places(b)
-    exponent = -int(np.frexp(np.abs(a.vertices[first]).max())[1])  # squares neither overflow nor underflow
-    points, targets = (np.ldexp(part, exponent) for part in (a.vertices[first], b.vertices[second]))
+    frame = Frame.around(a.vertices[first])
+    points, targets = frame.inside(a.vertices[first]), frame.inside(b.vertices[second])
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-    apart, place = map(np.asarray, tree.query(targets, distance_upper_bound=float(np.ldexp(tolerance, exponent))))
+    apart, place = map(np.asarray, tree.query(targets, distance_upper_bound=float(frame.length(tolerance, -1))))
     order = np.lexsort((apart, place))
     order = order[(np.diff(place[order], prepend=-1) != 0) & (place[order] < len(first))]
     numbers = len(first) + np.arange(len(place))
@@ -143,8 +145,11 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
             return None
         turned = faces.turned
         corners, other_corners = (
-            np.take_along_axis(own, np.argsort(places, axis=1, kind="stable"), axis=1)[np.argsort(face, kind="stable")]
-            for own, places, face in ((corners, cells, faces.face), (other_corners, others, faces.other))
+            np.take_along_axis(mesh.cells, np.argsort(places, axis=1, kind="stable"), axis=1)[_order(mesh, face, odd)]
+            for mesh, places, face, odd in (
+                (a.mesh, cells, faces.face, faces.odd),
+                (b.mesh, others, faces.other, faces.other_odd),
+            )
         )
     used, others_used = (_used_count(each.mesh) for each in (a, b))
     if np.array_equal(corners, other_corners):
@@ -155,20 +160,27 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
     remarks: tuple[str, ...] = ()
     if a.has_indices and b.has_indices and not used == others_used == len(vertices):
         remarks = (f"faces share vertices in another way: {used} against {others_used} vertices",)
-    distances = _distances(a.mesh.vertices[vertices], b.mesh.vertices[there])
-    return Matching(vertices, there, distances, turned, remarks)
+    apart = a.mesh.vertices[vertices] - b.mesh.vertices[there]
+    return Matching(vertices, there, np.asarray(reduce(np.hypot, apart.T)), turned, remarks)
+
+
+def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
+    """(k,) the order of faces by their numbers, and of equal ones by the parts of the mesh to which they belong.
+
+    Parts with the same faces follow each other, those that are turned alike first of all.
+    """
+    if len(face) == int(face.max()) + 1:  # none is there twice
+        return np.argsort(face, kind="stable")
+    _, part = np.unique(components_of(mesh.cells, len(mesh.vertices))[mesh.cells[:, 0]], return_inverse=True)
+    marks = np.random.default_rng(0).integers(1 << 30, size=(int(face.max()) + 1, 2))  # sums of 8 million are exact
+    sums = [np.bincount(part, marks[face, 0]), np.bincount(part, marks[face, 1] * odd)]
+    rank = np.empty(len(sums[0]), dtype=np.int64)
+    rank[np.lexsort(sums[::-1])] = np.arange(len(rank))
+    return np.lexsort((rank[part], face))
 
 
 def _used_count(mesh: Mesh) -> int:
     return int(are_used(mesh.cells, len(mesh.vertices)).sum())
-
-
-def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m,) distances of points, computed in a unit in which squares neither overflow nor underflow."""
-    apart = a - b
-    exponent = int(np.frexp(np.abs(apart).max(initial=0.0))[1])
-    apart = np.ldexp(apart, -exponent)
-    return np.asarray(np.ldexp(np.sqrt(np.einsum("ij,ij->i", apart, apart)), exponent))
 
 
 def unlike(
@@ -216,20 +228,13 @@ def unlike(
 def _without_extent(mesh: Mesh) -> BoolArray:
     """(k,) true for segments without length and triangles without area, to rounding."""
     least = 1e-14  # area, as a fraction of the square of the longest side
-    middle, exponent = _unit(mesh)
-    corners = np.ldexp(mesh.vertices - middle, -exponent)[mesh.cells]
+    corners = Frame.around(mesh.bounds).inside(mesh.vertices)[mesh.cells]
     sides = corners - np.roll(corners, 1, axis=1)
     squares = np.einsum("kcx,kcx->kc", sides, sides).max(axis=1)
     if mesh.is_curve:
         return np.asarray(squares == 0)
     normals = cross(sides[:, 1], sides[:, 2])
     return np.asarray(dot(normals, normals) <= (least * squares) ** 2)
-
-
-def _unit(mesh: Mesh) -> tuple[FloatArray, int]:
-    """The middle of a mesh, and the exponent of a power of two in which no product of its sizes over- or underflows."""
-    low, high = mesh.bounds
-    return low / 2 + high / 2, int(np.frexp((high / 2 - low / 2).max())[1])
 
 
 def _looking_away(mesh: Mesh, chosen: BoolArray, other: Mesh, solid: BoolArray, tolerance: float) -> int:
@@ -239,15 +244,13 @@ def _looking_away(mesh: Mesh, chosen: BoolArray, other: Mesh, solid: BoolArray, 
     candidates = 16  # triangles of the other mesh with the nearest centres, besides the nearest triangle
     if not chosen.any() or not solid.any():
         return 0
-    middle, exponent = _unit(other)
-    here, there = (
-        np.ldexp(each.vertices - middle, -exponent)[each.cells[kept]] for each, kept in ((mesh, chosen), (other, solid))
-    )
+    frame = Frame.around(other.bounds)
+    here, there = (frame.inside(each.vertices)[each.cells[kept]] for each, kept in ((mesh, chosen), (other, solid)))
     normals, others = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, there))
     tree, points = NearestCells(there), middles(here)
     distances, nearest = tree.search(points, *tree.start(points))
     away = np.flatnonzero(dot(normals, others[nearest]) < 0)
-    within = np.maximum(distances[away], float(np.ldexp(tolerance, -exponent))) * (1 + 1e-9)
+    within = np.maximum(distances[away], float(frame.length(tolerance, -1))) * (1 + 1e-9)
     number = min(candidates, len(there))
     choice = np.asarray(cKDTree(middles(there)).query(points[away], k=[*range(1, number + 1)])[1]).T
     good = np.zeros(len(away), dtype=bool)

@@ -1,6 +1,7 @@
 """Measures of a mesh: area, volume, length, boundary, and topology."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import bounds_of, cross, dot
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, are_used, component_count, sides_of
 from gtb_cli.meshes.welding import weld
@@ -29,6 +31,7 @@ class Measures:
     euler_characteristic: int  # vertices in use, less edges, plus faces
     open_edges: int  # edges with one face; for a curve, vertices with one segment
     crowded_edges: int  # edges with more than two faces; for a curve, vertices with more than two segments
+    turned_edges: int  # edges with two faces that look in opposite directions; 0 for a curve
     collapsed: int  # cells with two corners at the same place; they count nowhere else
 
     @property
@@ -57,6 +60,14 @@ class Measures:
         }
 
 
+def labelled(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a record by the labels that all reports give them; the bounds have two."""
+    found: dict[str, Any] = {}
+    for key, value in record.items():
+        found |= zip(("lowest", "highest"), value, strict=True) if key == "bounds" else {key.replace("_", " "): value}
+    return found
+
+
 def measure(mesh: Mesh) -> Measures:
     """Measure a mesh, in about 1.5 s for a million triangles.
 
@@ -69,15 +80,14 @@ def measure(mesh: Mesh) -> Measures:
     low, high = bounds_of(points)
     if not (np.isfinite(low) & np.isfinite(high)).all():
         raise DomainError("mesh: vertices must be finite")
-    # About the middle, with a power of two as unit, so that products keep their digits and do not overflow.
-    exponent = int(np.frexp((high / 2 - low / 2).max())[1])
+    frame = Frame.around(points)
     first, labels = weld(points)
     place = np.zeros(len(mesh.vertices), dtype=np.int64)
     place[used] = labels
     cells = place[mesh.cells]
     proper = are_proper(cells)
     cells = cells[proper]
-    vertices = np.ldexp(points[first] - (low / 2 + high / 2), -exponent)
+    vertices = frame.inside(points[first])
     topology = sides_of(cells)
     edges, number = topology.edges, topology.uses
     sides = vertices[edges[:, 1]] - vertices[edges[:, 0]]
@@ -86,15 +96,15 @@ def measure(mesh: Mesh) -> Measures:
     area = length = volume = boundary = None
     if mesh.is_curve:
         number = np.bincount(edges.ravel(), minlength=1)
-        length = _scaled(float(lengths.sum()), exponent)
+        length = float(frame.length(lengths.sum()))
         euler = in_use - len(edges)
     else:
         a, b, c = (vertices[corner] for corner in cells.T)
         normal = cross(b - a, c - a)
-        area = _scaled(float(np.sqrt(dot(normal, normal)).sum()) / 2, 2 * exponent)
-        boundary = _scaled(float(lengths[number == 1].sum()), exponent)
+        area = float(frame.length(np.sqrt(dot(normal, normal)).sum() / 2, 2))
+        boundary = float(frame.length(lengths[number == 1].sum()))
         if len(cells) and not len(topology.open):
-            volume = _scaled(float(dot(a, normal).sum()) / 6, 3 * exponent)
+            volume = float(frame.length(dot(a, normal).sum() / 6, 3))
         euler = in_use - len(edges) + len(cells)
     return Measures(
         vertices=len(mesh.vertices),
@@ -109,13 +119,9 @@ def measure(mesh: Mesh) -> Measures:
         euler_characteristic=euler,
         open_edges=int(np.count_nonzero(number == 1)),
         crowded_edges=int(np.count_nonzero(number > 2)),
+        turned_edges=0 if mesh.is_curve else int(np.count_nonzero((number == 2) & (topology.balance != 0))),
         collapsed=int(np.count_nonzero(~proper)),
     )
-
-
-def _scaled(value: float, exponent: int) -> float:
-    with np.errstate(over="ignore", under="ignore"):
-        return float(np.ldexp(value, exponent))
 
 
 def _finite(value: float | None) -> float | None:

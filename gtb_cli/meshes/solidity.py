@@ -4,6 +4,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot
 from gtb_cli.meshes.crossings import crossing_pairs
+from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, are_proper
 from gtb_cli.meshes.welding import merged, weld
@@ -82,9 +83,7 @@ def inward_faces(mesh: Mesh) -> IntArray:
     cells = places[mesh.faces]
     proper = are_proper(cells)
     part = merged(len(cells), adjacent(cells)[0])
-    # About the middle, with extent 1, so that products keep their digits and do not overflow
-    low, high = bounds_of(mesh.vertices)
-    corners = (mesh.vertices[first] - (low / 2 + high / 2))[cells] / (float((high - low).max()) or 1.0)
+    corners = Frame.around(mesh.vertices).inside(mesh.vertices[first])[cells]
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = dot(normals, normals)
     numbers = distinct(part[proper])

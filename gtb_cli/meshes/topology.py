@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, IntArray, paired, taken
+from gtb_cli.meshes.welding import merged
 from gtb_cli.values import frozen
 
 
@@ -101,12 +102,11 @@ def compacted(cells: IntArray) -> tuple[IntArray, IntArray]:
     return used, places.reshape(cells.shape).astype(cells.dtype, copy=False)
 
 
+def components_of(cells: IntArray, count: int) -> IntArray:
+    """(count,) the least vertex of the connected component to which each of `count` vertices belongs."""
+    return merged(count, np.concatenate([cells[:, [0, k]] for k in range(1, cells.shape[1])]))
+
+
 def component_count(cells: IntArray, count: int) -> int:
     """The number of connected components of a mesh of `count` vertices; unused vertices do not count."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    links = np.concatenate([cells[:, [0, k]] for k in range(1, cells.shape[1])])
-    graph = coo_array((np.ones(len(links), dtype=bool), (links[:, 0], links[:, 1])), shape=(count, count))
-    number, _ = connected_components(graph, directed=False)
-    return int(number) - (count - int(are_used(cells, count).sum()))
+    return int((components_of(cells, count) == np.arange(count))[are_used(cells, count)].sum())

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, column_dot
-from gtb_cli.moment.torus import SAFE_EXPONENT, scaled_exponentials
+from gtb_cli.moment.torus import scaled_exponentials
 from gtb_cli.values import frozen
 
 RESIDUAL = 1e-12  # largest accepted |μ(s) − p|, as a fraction of the hull's size
@@ -51,27 +51,16 @@ class LogSum:
 
     def moments(self, s: FloatArray) -> Moments:
         """Return the derivatives at (d, m) torus coordinates."""
-        d, is_safe = len(s), False
-        if self.log_weights.ndim == 2:
-            e = self.knots @ s + self.log_weights
-        else:
-            e = self._exponents @ np.concatenate([s, np.ones((1, s.shape[1]))])
-            reach = np.abs(self._exponents).max(axis=0)
-            is_safe = bool(reach[:d] @ np.abs(s).max(axis=1, initial=0.0) + reach[d] <= SAFE_EXPONENT)
-        shift = np.zeros(1) if is_safe else e.max(axis=0)
-        sums = self._summed @ (np.exp(e, out=e) if is_safe else scaled_exponentials(e))
+        d, e = len(s), self.knots @ s
+        e += self.log_weights if self.log_weights.ndim == 2 else self.log_weights[:, None]
+        shift = e.max(axis=0)
+        sums = self._summed @ scaled_exponentials(e)
         moments = sums[1:] / sums[0]
         mean, spread = moments[:d], moments[d:]
         # The spread of a column near a knot is of the order of the rounding, but positive.
         spread[:d] -= (1 - 8 * EPS) * mean**2
         spread[d:] -= mean[:1] * mean[1:]
         return Moments(mean, spread, sums[0], shift)
-
-    @cached_property
-    def _exponents(self) -> FloatArray:
-        """(n, d + 1) knots, and log weights relative to the knot nearest 0, where the sum is about 1."""
-        nearest = np.lexsort((-self.log_weights, np.abs(self.knots).max(axis=1)))[0]
-        return np.column_stack([self.knots, self.log_weights - self.log_weights[nearest]])
 
     @cached_property
     def _summed(self) -> FloatArray:
@@ -133,7 +122,7 @@ def short_steps(
         mean -= p
         step = _step(mean, spread)
         length = np.abs(step).sum(axis=0)
-        bound = -0.5 * column_dot(mean, step)
+        bound = -0.5 * np.einsum("ij,ij->j", mean, step)
         short = length <= longest
         done = short & (bound * np.exp(np.minimum(length, longest)) <= target)
         long = np.flatnonzero(~short)
@@ -145,9 +134,10 @@ def short_steps(
         else:
             solution[:, active[done]] = step[:, done]
         keep = np.flatnonzero(~done)
-        active, s, p, total = active[keep], step.take(keep, axis=1), p.take(keep, axis=1), total.columns(keep)
+        active = active[keep]
         if not len(keep):
             break
+        s, p, total = step.take(keep, axis=1), p.take(keep, axis=1), total.columns(keep)
     solution[:, active] = start[:, active]
     return solution, active
 

@@ -18,7 +18,7 @@ from gtb_cli.meshes.welding import weld
 from gtb_cli.pictures.look import subscript
 from gtb_cli.pictures.nets import net_of
 from gtb_cli.pictures.sequences import Frames
-from gtb_cli.pictures.solid import with_normals
+from gtb_cli.pictures.shapes import with_normals
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model

@@ -110,7 +110,7 @@ def settings() -> AbstractContextManager[None]:
     }
     try:
         import matplotlib.figure
-    except ImportError:
+    except ModuleNotFoundError:
         raise ExportError("pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'") from None
     return matplotlib.rc_context(chosen)
 

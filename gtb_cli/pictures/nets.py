@@ -52,15 +52,6 @@ def bowl(domain: Domain) -> FloatArray:
     return np.asarray(-(centred**2).sum(axis=1))
 
 
-def boundary_paths(patch: Patch) -> list[FloatArray]:
-    """Return (m, 3) evenly spread points along each edge of a surface, in order."""
-    return [
-        edge_path(patch, edge)
-        for edge in range(len(patch.domain.vertices))
-        if len(np.unique(patch.control_points[patch.domain.incidence[:, edge]], axis=0)) > 1
-    ]
-
-
 def edge_path(patch: Patch, edge: int) -> FloatArray:
     """Return (m, 3) points along an edge, at the vertices of a mesh: evenly spread in the linear parametrisation."""
     curve = patch.boundary(edge)

@@ -1,8 +1,4 @@
-"use strict";
-// Shows what is in #data: meshes with exact normals at their vertices, interpolated and evaluated at each pixel.
-const $ = id => document.getElementById(id);
-const canvas = $("view");
-const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+// Shows what is in #data: meshes with normals at their vertices, interpolated and evaluated at each pixel.
 
 const MODES = { shaded: "Shaded", mean: "Mean curvature", gaussian: "Gaussian curvature", zebra: "Zebra stripes", isophotes: "Isophotes" };
 const SWITCHES = {
@@ -19,11 +15,6 @@ const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, p
 let scene = null, version = 0, playing = false, wanted = false, fitted = false;
 
 // ---- data
-
-function decoded(text, kind) {
-  const bytes = Uint8Array.from(atob(text), c => c.charCodeAt(0));
-  return new kind(bytes.buffer);
-}
 
 function read(data) {
   const frames = data.frames.map(f => ({ label: f.label, positions: decoded(f.positions, Float32Array),
@@ -106,21 +97,6 @@ void main() {
   if (round_) { float r = length(gl_PointCoord - 0.5) * 2.0; if (r > 1.0) discard; if (r > 0.62) pixel = rim; }
 }`;
 
-function program(vertex, pixel) {
-  const made = gl.createProgram();
-  for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, pixel]]) {
-    const shader = gl.createShader(kind);
-    gl.shaderSource(shader, text);
-    gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-    gl.attachShader(made, shader);
-  }
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
-  const places = {};
-  return { use: () => gl.useProgram(made), at: name => places[name] ??= gl.getUniformLocation(made, name) };
-}
-
 let surfaces, strokes, dots, buffers;
 
 function equip() {   // also after a graphics card has gone and come back, with all that it held lost
@@ -153,12 +129,6 @@ function segments(name, attributeNames, pairs) {   // two attributes of one inte
 }
 
 // ---- drawing
-
-function axes() {
-  const a = state.azimuth * Math.PI / 180, e = state.elevation * Math.PI / 180;
-  const [ca, sa, ce, se] = [Math.cos(a), Math.sin(a), Math.cos(e), Math.sin(e)];
-  return [[-sa, ca, 0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]];
-}
 
 function frameNow() {
   const last = scene.frames.length - 1, first = clamp(Math.floor(state.frame), 0, Math.max(last - 1, 0));

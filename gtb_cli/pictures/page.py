@@ -36,11 +36,12 @@ def page_of(content: Content) -> str:
     return page_with(page_data(content), content.name)
 
 
-def page_with(data: dict[str, Any], title: str) -> str:
-    """Return the text of a page with this data."""
-    folder = files("gtb_cli.pictures")
+def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pictures") -> str:
+    """Return the text of a page with this data, by the template and the script of a package."""
+    folder = files(package)
     page = folder.joinpath("page.html").read_text(encoding="utf-8")
-    script = folder.joinpath("page.js").read_text(encoding="utf-8")
+    scripts = files("gtb_cli.pictures").joinpath("common.js"), folder.joinpath("page.js")
+    script = "\n".join(each.read_text(encoding="utf-8") for each in scripts)
     # No text of a spec can end the script element that holds it.
     text = json.dumps(data, ensure_ascii=True, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     for place, value in (("@TITLE@", html.escape(title)), ("@SCRIPT@", script), ("@DATA@", text)):

@@ -1,4 +1,4 @@
-"""A picture of things in space: a surface as an image, lines and labels as vectors, hidden parts lighter."""
+"""Axes on which things are drawn, in the plane or in space, where a surface is an image and hides what is behind."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of
 from gtb_cli.pictures.colours import FAINT, INK, SURFACE_COLOUR, rgb
 from gtb_cli.pictures.look import Camera
-from gtb_cli.pictures.planar import label_all
 from gtb_cli.pictures.raster import Raster, rasterised
 from gtb_cli.values import frozen
 
@@ -20,6 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SUPERSAMPLING = 3  # computed pixels along one of the picture: their mean gives smooth outlines
+HIDDEN_STRENGTH = 0.3  # opacity of what is behind a surface
+GRAPH_HEIGHT = 0.62  # height of a graph relative to the width of Δ
+
+# Box behind a label, so that lines do not run through it
+HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
 
 
 @frozen
@@ -38,59 +42,91 @@ class Surface:
     colour_map: str = "cividis"
 
 
-def views(
+@frozen
+class Projection:
+    """What a camera sees of a (2, 3) box, which holds all that is drawn."""
+
+    camera: Camera
+    box: FloatArray
+
+    def seen(self, points: ArrayLike) -> FloatArray:
+        """(m, 3): to the right, upwards and towards the eye, in units of the box's diagonal, from its middle."""
+        stretch = self.camera.stretch
+        size = float(np.linalg.norm((self.box[1] - self.box[0]) * stretch)) or 1.0  # 1: everything is at one place
+        centred = (np.asarray(points, dtype=np.float64) - (self.box[0] + self.box[1]) / 2) / size
+        return np.asarray((centred * stretch) @ self.camera.axes.T)
+
+
+def space_views(
     axes: Sequence[Axes], camera: Camera, surfaces: Sequence[Surface | None], others: Sequence[FloatArray] = ()
 ) -> list[View]:
     """Draw a surface, or none, on each of the axes; all have one window, which holds all surfaces and other points."""
     scene_margin = 0.07  # free border around a scene, as a fraction of its size: room for labels
-    clouds = [*(surface.vertices for surface in surfaces if surface is not None), *others]
-    clouds = [cloud for cloud in clouds if len(cloud)]
-    box = bounds_of(np.concatenate(clouds))
-    ends = bounds_of(np.concatenate([_seen(cloud, camera, box)[:, :2] for cloud in clouds]))
-    margin = scene_margin * max(float(np.ptp(ends, axis=0).max()), 1e-3)
-    window = ends + np.array([[-margin], [margin]])
-    return [View(ax, camera, box, window, surface) for ax, surface in zip(axes, surfaces, strict=True)]
-
-
-def _seen(points: ArrayLike, camera: Camera, box: FloatArray) -> FloatArray:
-    """(m, 3): to the right, upwards and towards the eye, in units of the box's diagonal, from its middle."""
-    size = float(np.linalg.norm((box[1] - box[0]) * camera.stretch)) or 1.0  # 1 where everything is at one place
-    centred = (np.asarray(points, dtype=np.float64) - (box[0] + box[1]) / 2) / size
-    return np.asarray((centred * camera.stretch) @ camera.axes.T)
-
-
-class View:
-    """Axes on which a surface is drawn at once, then lines and points, which the surface hides.
-
-    The (2, 3) `box` holds all that is seen. The (2, 2) `window` is the lowest and highest coordinates of the picture,
-    to the right and upwards, in units of the box's diagonal.
-    """
-
-    def __init__(self, ax: Axes, camera: Camera, box: FloatArray, window: FloatArray, surface: Surface | None) -> None:
-        self.ax, self._camera, self._box, self._window = ax, camera, box, window
-        self._raster: Raster | None = None
-        (left, bottom), (right, top) = window.tolist()
+    clouds = np.concatenate([*(surface.vertices for surface in surfaces if surface is not None), *others])
+    projection = Projection(camera, bounds_of(clouds))
+    window = bounds_of(projection.seen(clouds)[:, :2])
+    margin = scene_margin * max(float(np.ptp(window, axis=0).max()), 1e-3)
+    window += np.array([[-margin], [margin]])
+    (left, bottom), (right, top) = window.tolist()
+    views = []
+    for ax, surface in zip(axes, surfaces, strict=True):
         ax.set_xlim(left, right)
         ax.set_ylim(bottom, top)
         ax.set_aspect("equal")
         ax.set_axis_off()
-        if surface is None:
-            return
-        ax.apply_aspect()
-        place = ax.get_window_extent()
-        width, height = (max(round(length), 8) * SUPERSAMPLING for length in (place.width, place.height))
-        shrink = math.sqrt(min(12_000_000 / (width * height), 1.0))  # which bounds time and memory of one image
-        width, height = (max(int(length * shrink) // SUPERSAMPLING, 1) * SUPERSAMPLING for length in (width, height))
-        points = self.seen(surface.vertices)
-        pixels = (points[:, :2] - window[0]) * (np.array([width, height]) / (window[1] - window[0]))
-        self._raster = rasterised(np.column_stack([pixels, points[:, 2]]), surface.faces, width, height)
-        image = _smoothed(_shaded(surface, camera, self._raster))
-        extent = (left, right, bottom, top)
-        ax.imshow(image, extent=extent, origin="lower", interpolation="antialiased", zorder=1, aspect="equal")
+        views.append(View(ax, projection, None if surface is None else _drawn(ax, projection, surface)))
+    return views
+
+
+def plane_view(ax: Axes, points: FloatArray) -> View:
+    """Give axes the same scale in both directions, and room around (m, 2) or (m, 3) points."""
+    low, high = bounds_of(points[:, :2])
+    spans = np.maximum(high - low, 0.02 * float((high - low).max()) or 1.0)
+    spans += 0.18 * spans.max()
+    box = ax.get_window_extent()
+    spans = np.maximum(spans, np.array([spans[1] * box.width / box.height, spans[0] * box.height / box.width]))
+    middle = (low + high) / 2
+    ax.set_xlim(middle[0] - spans[0] / 2, middle[0] + spans[0] / 2)
+    ax.set_ylim(middle[1] - spans[1] / 2, middle[1] + spans[1] / 2)
+    ax.set_aspect("equal", adjustable="box")
+    ax.grid(True, color="#E6E6E6", lw=0.6)
+    ax.set_axisbelow(True)
+    return View(ax)
+
+
+def _drawn(ax: Axes, projection: Projection, surface: Surface) -> Raster:
+    """Draw a surface, shaded, as an image that fills the window, and return what is where in it."""
+    ax.apply_aspect()
+    place = ax.get_window_extent()
+    width, height = (max(round(length), 8) * SUPERSAMPLING for length in (place.width, place.height))
+    shrink = math.sqrt(min(12_000_000 / (width * height), 1.0))  # which bounds time and memory of one image
+    width, height = (max(int(length * shrink) // SUPERSAMPLING, 1) * SUPERSAMPLING for length in (width, height))
+    points = projection.seen(surface.vertices)
+    low, high = _window(ax)
+    points[:, :2] = (points[:, :2] - low) * (np.array([width, height]) / (high - low))
+    raster = rasterised(points, surface.faces, width, height)
+    image = _smoothed(_shaded(surface, projection.camera, raster))
+    extent = (*ax.get_xlim(), *ax.get_ylim())
+    ax.imshow(image, extent=extent, origin="lower", interpolation="antialiased", zorder=1, aspect="equal")
+    return raster
+
+
+def _window(ax: Axes) -> FloatArray:
+    """Return (2, 2) lowest and highest coordinates that axes show."""
+    return np.array([ax.get_xlim(), ax.get_ylim()]).T
+
+
+@frozen
+class View:
+    """Axes on which lines and points are drawn: in the plane, by their first two coordinates, or in space."""
+
+    ax: Axes
+    projection: Projection | None = None
+    raster: Raster | None = None  # of the surface that hides them
 
     def seen(self, points: ArrayLike) -> FloatArray:
-        """(m, 3): to the right, upwards and towards the eye, in units of the box's diagonal, from its middle."""
-        return _seen(points, self._camera, self._box)
+        """Return (m, 2) or (m, 3) places on the axes and, in space, how near they are to the eye."""
+        return np.asarray(points) if self.projection is None else self.projection.seen(points)
 
     def lines(
         self,
@@ -101,10 +137,12 @@ class View:
         hidden: float = 0.0,
         dashes: str = "-",
         order: float = 3,
+        label: str | None = None,
     ) -> None:
-        """Draw paths, (m, 3) points each: where the surface hides them, `hidden` times as strong, or not at all at 0.
+        """Draw paths, (m, 2) or (m, 3) points each, for the legend with a label.
 
-        Short pieces of a path are visible or hidden as a whole.
+        Where the surface hides them, they are `hidden` times as strong, or absent at 0. Short pieces of a path are
+        visible or hidden as a whole.
         """
         from matplotlib.collections import LineCollection
 
@@ -112,26 +150,26 @@ class View:
         behind: list[FloatArray] = []
         for path in paths:
             points = self.seen(path)
-            if self._raster is not None:
-                points = _refined(points)
-            shown = self._is_shown(points)
+            if self.raster is None:
+                visible.append(points[:, :2])
+                continue
+            points = _refined(points)
+            shown = self._is_shown(points, self.raster)
             cuts = np.flatnonzero(np.diff(shown.astype(np.int8))) + 1
             for start, stop in zip([0, *cuts.tolist()], [*cuts.tolist(), len(points)], strict=True):
                 (visible if shown[start] else behind).append(points[max(start - 1, 0) : stop, :2])
         style: dict[str, Any] = {"colors": [colour], "linewidths": width, "linestyles": dashes}
         style |= {"capstyle": "round", "joinstyle": "round"}
-        self.ax.add_collection(LineCollection(visible, zorder=order, **style), autolim=False)
+        self.ax.add_collection(LineCollection(visible, zorder=order, label=label, **style), autolim=False)
         if hidden and behind:
             self.ax.add_collection(LineCollection(behind, zorder=order - 0.5, alpha=hidden, **style), autolim=False)
 
-    def _is_shown(self, points: FloatArray) -> BoolArray:
+    def _is_shown(self, points: FloatArray, raster: Raster) -> BoolArray:
         """(m,) true where no surface is before (m, 3) seen points; up to 0.004 of the scene's size behind counts."""
-        if self._raster is None:
-            return np.ones(len(points), dtype=bool)
-        (left, bottom), (right, top) = self._window
-        height, width = self._raster.triangle.shape
-        column, row = ((points[:, :2] - [left, bottom]) / [right - left, top - bottom] * [width, height]).T.astype(int)
-        nearest = self._raster.farthest_around[row.clip(0, height - 1), column.clip(0, width - 1)]
+        low, high = _window(self.ax)
+        height, width = raster.triangle.shape
+        column, row = ((points[:, :2] - low) / (high - low) * [width, height]).T.astype(int)
+        nearest = raster.farthest_around[row.clip(0, height - 1), column.clip(0, width - 1)]
         return np.asarray(nearest <= points[:, 2] + 0.004)
 
     def points(
@@ -143,15 +181,21 @@ class View:
         edge: str = INK,
         size: float = 4.5,
     ) -> None:
-        """Draw (m, 3) points as dots, with a label beside each."""
+        """Draw (m, 2) or (m, 3) points as dots, with a label beside each, on the side away from their middle."""
         seen = self.seen(places)[:, :2]
-        self.ax.plot(*seen.T, "o", ms=size, color=colour, mec=edge, mew=0.8, zorder=5)
-        label_all(self.ax, seen, labels)
+        self.ax.plot(*seen.T, "o", ms=size, color=colour, mec=edge, mew=0.8, zorder=5, clip_on=False)
+        for place, text in zip(seen, labels, strict=False):
+            x, y = place - seen.mean(axis=0)
+            length = math.hypot(x, y)
+            away = (9 * x / length, 9 * y / length) if length else (6.3, 6.3)
+            note(self.ax, text, place, away, va="center", color=INK, bbox=HALO)
 
     def triad(self) -> None:
-        """Draw the directions of the axes in the lower left corner."""
+        """Draw the directions of the axes of space in the lower left corner."""
+        if self.projection is None:
+            return
         corner, length = np.array([22, 20]), 13
-        for name, along in zip("xyz", self._camera.axes[:2].T * length, strict=True):
+        for name, along in zip("xyz", self.projection.camera.axes[:2].T * length, strict=True):
             if math.hypot(*along) < 0.12 * length:
                 continue
             arrow = {"arrowstyle": "-|>,head_width=0.12,head_length=0.25", "color": FAINT, "lw": 0.9, "shrinkA": 0}
@@ -200,6 +244,12 @@ def _smoothed(image: FloatArray) -> FloatArray:
     mean[..., :3] /= np.where(mean[..., 3:] > 0, mean[..., 3:], 1)
     # Eight bits, as the file has: rounded here, whatever the last digits of the sums.
     return np.asarray(np.rint(mean * 255).astype(np.uint8))
+
+
+def note(ax: Axes, text: str, place: ArrayLike, offset: tuple[float, float], **style: Any) -> None:
+    """Write a text beside a place, by an offset in points to the right and upwards."""
+    defaults = {"textcoords": "offset points", "ha": "center", "fontsize": 8, "zorder": 7}
+    ax.annotate(text, place, offset, **{**defaults, **style})  # type: ignore[arg-type]
 
 
 def _refined(points: FloatArray) -> FloatArray:

@@ -16,11 +16,10 @@ from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.files import read_file
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import LINE_COLOURS, NET
-from gtb_cli.pictures.look import Camera, Look, empty_figure, panels, settings, with_numbers
+from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_numbers
 from gtb_cli.pictures.nets import is_flat, net_of
-from gtb_cli.pictures.planar import level
-from gtb_cli.pictures.scene import Surface, plain, views
-from gtb_cli.pictures.solid import HIDDEN_STRENGTH, surface_of, with_normals
+from gtb_cli.pictures.scene import HIDDEN_STRENGTH, Surface, plain, plane_view, space_views
+from gtb_cli.pictures.shapes import surface_of, with_normals
 from gtb_cli.sequences.sequence import MeshSequence, degeneration_sequence
 from gtb_cli.theory.degeneration import lifting_of
 from gtb_cli.theory.patch import Patch
@@ -28,7 +27,6 @@ from gtb_cli.values import frozen
 from gtb_cli.vocabulary import SEQUENCE_RECORD
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -82,57 +80,37 @@ def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
         frames = replace(frames, net_points=frames.net_points[:0], net=())
     net = [frames.net_points[list(pair)] for pair in frames.net]
     clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points]
-    flat = frames.meshes[0].is_curve and is_flat(clouds)
+    limit, film = frames.meshes[-1], frames.film
+    flat = limit.is_curve and is_flat(clouds)
     with settings():
         figure = empty_figure(look)
         axes = panels(figure, frames.titles, plane=flat)
         if flat:
-            _draw_plane(axes, frames, net)
+            views = [plane_view(ax, np.concatenate(clouds)) for ax in axes]
         else:
-            _draw_space(axes, look.camera, frames, net)
+            smooth = [with_normals(mesh, smooth=True) for mesh in frames.meshes]
+            surfaces = [None if mesh.is_curve else surface_of(mesh) for mesh in smooth]
+            if film is not None and surfaces[-1] is not None:
+                surfaces[-1] = _with_film(surfaces[-1], with_normals(film, smooth=True))
+            views = space_views(axes, look.camera, surfaces, clouds)
+        for view, mesh in zip(views, frames.meshes, strict=True):
+            view.lines(net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
+            view.points(frames.net_points, edge=NET, size=3.6 if mesh.is_curve else 2.6)
+            if mesh.is_curve:
+                beside = limit if mesh is not limit else film
+                if beside is not None:
+                    view.lines(_paths(beside), colour=LINE_COLOURS[1], width=1.4, dashes="--", order=4)
+                view.lines(_paths(mesh), colour=LINE_COLOURS[0], width=1.8, order=4)
+            else:
+                view.lines(list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
+        views[0].triad()
         return figure
 
 
-def _draw_plane(axes: Sequence[Axes], frames: Frames, net: Sequence[FloatArray]) -> None:
-    every = np.concatenate([*(mesh.vertices for mesh in frames.meshes), frames.net_points])[:, :2]
-    for ax, mesh in zip(axes, frames.meshes, strict=True):
-        for ends in net:
-            ax.plot(*ends[:, :2].T, "-", color=NET, lw=0.8, alpha=0.7, zorder=2)
-        if net:
-            ax.plot(*frames.net_points[:, :2].T, "o", ms=3.6, color="white", mec=NET, mew=0.8, zorder=4)
-        if ax is not axes[-1]:
-            _plot_segments(ax, frames.meshes[-1], LINE_COLOURS[1], "--", 1.2)
-        _plot_segments(ax, mesh, LINE_COLOURS[0], "-", 1.8)
-        if ax is axes[-1] and frames.film is not None:
-            _plot_segments(ax, frames.film, LINE_COLOURS[1], "--", 1.6)
-        level(ax, every)
-
-
-def _plot_segments(ax: Axes, mesh: Mesh, colour: str, dashes: str, width: float) -> None:
-    breaks = np.flatnonzero(mesh.cells[1:, 0] != mesh.cells[:-1, 1]) + 1
-    for run in np.split(mesh.cells, breaks):
-        path = mesh.vertices[np.append(run[:, 0], run[-1, 1])]
-        ax.plot(path[:, 0], path[:, 1], dashes, color=colour, lw=width, zorder=3)
-
-
-def _draw_space(axes: Sequence[Axes], camera: Camera, frames: Frames, net: Sequence[FloatArray]) -> None:
-    curves = frames.meshes[0].is_curve
-    surfaces = [None if curves else surface_of(with_normals(mesh, smooth=True)) for mesh in frames.meshes]
-    if frames.film is not None and surfaces[-1] is not None:
-        surfaces[-1] = _with_film(surfaces[-1], with_normals(frames.film, smooth=True))
-    points = [*(mesh.vertices for mesh in frames.meshes), frames.net_points]
-    for view, mesh in zip(views(axes, camera, surfaces, points), frames.meshes, strict=True):
-        if curves:
-            view.lines(list(mesh.vertices[mesh.cells]), colour=LINE_COLOURS[0], width=1.8)
-        else:
-            view.lines(list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
-        if net:
-            view.lines(net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
-            view.points(frames.net_points, edge=NET, size=2.6)
-        if frames.film is not None and curves and view.ax is axes[-1]:
-            view.lines(list(frames.film.vertices[frames.film.cells]), colour=LINE_COLOURS[1], width=1.4)
-        if view.ax is axes[0]:
-            view.triad()
+def _paths(curve: Mesh) -> list[FloatArray]:
+    """Return (m, 3) points along each piece of a curve, so that dashes run on from segment to segment."""
+    breaks = np.flatnonzero(curve.cells[1:, 0] != curve.cells[:-1, 1]) + 1
+    return [curve.vertices[[*run[:, 0], run[-1, 1]]] for run in np.split(curve.cells, breaks)]
 
 
 def _with_film(surface: Surface, film: Mesh) -> Surface:

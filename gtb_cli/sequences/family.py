@@ -49,11 +49,6 @@ class Family:
         return self.samplers[-1]
 
     @property
-    def dimension(self) -> int:
-        """1 for curves, 2 for surfaces."""
-        return self.limit.patches[0].dimension
-
-    @property
     def has_film(self) -> bool:
         """Whether the limit as a set is more than the last patches."""
         return self.knot_limit is not None and bool(self.knot_limit.films)

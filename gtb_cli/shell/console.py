@@ -1,98 +1,86 @@
 """Messages and progress on standard error."""
 
-import errno
 import os
-import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from typing import TextIO
 
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import Fault
+from gtb_cli.shell.faults import in_options, located
+from gtb_cli.vocabulary import SCHEMA
 
 STANDARD = "-"  # the name of a file that stands for standard input or output
 
 
-def complain(message: str) -> None:
-    """Print an error message as one line on standard error."""
-    say(f"gtb: error: {printable(message)}")
+# How errors and warnings are printed: as lines, as one JSON object at the end, or as annotations of GitHub
+FORMS = ("text", "json", "github")
 
 
-def lines_about(error: Exception) -> list[str]:
-    """Return the lines of the message for any error; GTB_TRACEBACK=1 shows where an internal error comes from."""
-    system_limits = {
-        errno.EMFILE: "too many open files: the system allows this process no more",
-        errno.ENFILE: "too many open files: the system allows no more",
-        errno.EAGAIN: "no more processes or threads: the system allows no more",
-        errno.ENOMEM: "not enough memory for this",
-        errno.ENOENT: "the working folder is gone",
-    }
-    match error:
-        case GtbError():
-            return [discreet(line) for line in in_options(str(error)).split("\n")]
-        case MemoryError() | SystemError():  # the second, from C code that had no memory left to say so
-            return ["not enough memory for this"]
-        case OSError(filename=str() | bytes() as name):
-            return [f"{os.fsdecode(name)}: {error.strerror}"]
-        case OSError(errno=number) if number in system_limits:
-            return [system_limits[number]]
-        case OSError():
-            return [f"cannot write standard output: {error.strerror or error}"]
-    if os.environ.get("GTB_TRACEBACK"):
-        import traceback
+@dataclass
+class _Messages:
+    """The form of the errors and warnings of a command line, its words, and what waits for its end."""
 
-        say("".join(traceback.format_exception(error)).rstrip())
-    return [f"internal error, please report it: {type(error).__name__}: {error} (GTB_TRACEBACK=1 shows where)"]
+    form: str = FORMS[0]
+    words: Sequence[str] = ()
+    waiting: list[dict[str, object]] = field(default_factory=list)
 
 
-def in_options(message: str) -> str:
-    """Return a message of the library with options in place of the arguments that it names in backticks."""
-    options = {
-        "ascii": "--ascii",
-        "certify": "--certify",
-        "distances=False": "--no-distance",
-        "edge": "--hole EDGE",
-        "fit": "gtb fit",
-        "isoparametric_points": "--polyline",
-        "lifting": "--lifting",
-        "max_degree": "--max-degree",
-        "max_faces": "--max-faces",
-        'parametrization="toric"': "--parametrization toric",
-        "patch": "--patch",
-        "radius": "--radius R",
-        "resolution": "-n",
-        "tolerance": "--tolerance",
-        "weld": "--weld",
-        "what": "--what",
-    }
-    return re.sub("`([^`\n]+)`", lambda found: options.get(found[1], found[0]), message)
+_messages = _Messages()
 
 
-def discreet(line: str) -> str:
-    """Return the line of an error without what it quotes, if the file with which it begins is a link out of its folder.
-
-    So a job on a stranger's files puts no line of another file into its log.
-    """
-    quotations = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*\""""
-    path = next((line[:i] for i, c in enumerate(line) if c == ":" and leads_out(line[:i])), None)
-    if path is None:
-        return line
-    text, count = re.subn(quotations, "…", line.removeprefix(path))
-    return f"{path}{text} (not quoted: a link leads out of its folder)" if count else line
+def begin(form: str, words: Sequence[str]) -> None:
+    """Print the errors and warnings of this command line in one of the `FORMS`."""
+    global _messages
+    _messages = _Messages(form, words)
 
 
-def leads_out(path: str) -> bool:
-    """Tell whether one of the links in a path leads out of the folder in which it stands."""
-    folder, steps = "", path.split(os.sep)
-    for step in steps:
-        place = os.path.join(folder, step) if step else folder or os.sep
-        if step and os.path.islink(place):
-            inside = os.path.realpath(folder or os.curdir)
-            if os.path.commonpath([inside, os.path.realpath(place)]) != inside:
-                return True
-        folder = place
-    return False
+def finish(status: int) -> None:
+    """Print the errors and warnings that are one object."""
+    if _messages.waiting:
+        import json
+
+        say(json.dumps({"schema": SCHEMA, "errors": _messages.waiting, "status": status}))
+
+
+def complain(fault: Fault) -> None:
+    """Print an error."""
+    tell(fault, "error")
+
+
+def tell(what: Fault | str, severity: str = "note") -> None:
+    """Print an error, a warning or a note, as a line on standard error or as `begin` says."""
+    if _messages.form == "text" or (_messages.form == "github" and severity == "note"):
+        return say(f"gtb: {'' if severity == 'note' else f'{severity}: '}{printable(str(what))}")
+    fault = what if isinstance(what, Fault) else Fault(what)
+    if _messages.form == "github":
+        say(annotation(located(fault, _messages.words), severity))
+    elif severity != "note":
+        _messages.waiting.append(error_record(fault, severity))
+
+
+def error_record(fault: Fault, severity: str = "error") -> dict[str, object]:
+    """Return an error or a warning as plain data."""
+    fault = located(fault, _messages.words)
+    keys = ("file", "line", "column", "key", "message")
+    return {key: getattr(fault, key) for key in keys} | {"severity": severity}
+
+
+def annotation(fault: Fault, severity: str) -> str:
+    """Write a fault as a command to GitHub's workflows, with the path as from the working folder."""
+    file = fault.file
+    if file is not None and os.path.isabs(file) and (inside := os.path.relpath(file))[:2] != os.pardir:
+        file = inside
+    properties = {"file": file if file != "<stdin>" else None, "line": fault.line, "col": fault.column, "title": "gtb"}
+    given = [f"{key}={_escaped(str(value), ':,')}" for key, value in properties.items() if value is not None]
+    return f"::{severity} {','.join(given)}::{_escaped(str(Fault(fault.message, key=fault.key)))}"
+
+
+def _escaped(text: str, more: str = "") -> str:
+    """Escape a value of a workflow command; what would control a terminal is escaped as in other messages."""
+    return printable("".join(f"%{ord(c):02X}" if c in "%\r\n" + more else c for c in text))
 
 
 def printable(text: str) -> str:
@@ -119,16 +107,16 @@ class Console:
 
     def note(self, message: str) -> None:
         """Print what was done."""
-        self._say(f"gtb: {printable(message)}")
+        self._tell(message)
 
     def warn(self, message: str) -> None:
         """Print what the user might not expect."""
-        self._say(f"gtb: warning: {printable(in_options(message))}")
+        self._tell(in_options(message), "warning")
 
-    def _say(self, line: str) -> None:
+    def _tell(self, message: str, severity: str = "note") -> None:
         if not self.quiet:
             self._show("")
-            say(line)
+            tell(message, severity)
 
     def report(self, output: str, size: str, warnings: Iterable[str] = ()) -> None:
         """Print what was written to an output, and the warnings."""
@@ -139,8 +127,8 @@ class Console:
             self.note(f"{prefix}{size}")
 
     @contextmanager
-    def counter(self, total: int) -> Iterator[Callable[[str], None]]:
-        """Give a function that shows on a terminal, after two seconds, which of `total` things is being made."""
+    def counter(self, total: int | None) -> Iterator[Callable[[str], None]]:
+        """Give a function that shows on a terminal, after two seconds, which thing of how many is being made."""
         visible = not self.quiet and sys.stderr is not None and sys.stderr.isatty()
         start, begun = time.monotonic(), 0
 
@@ -148,7 +136,7 @@ class Console:
             nonlocal begun
             begun += 1
             if visible and time.monotonic() - start > 2.0:
-                self._show(f"[{begun}/{total}] {printable(label)}")
+                self._show(f"[{begun}{'' if total is None else f'/{total}'}] {printable(label)}")
 
         try:
             yield begin

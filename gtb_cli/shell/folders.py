@@ -3,50 +3,69 @@
 import os
 import stat
 from collections.abc import Sequence
-from typing import NamedTuple
 
-from gtb_cli.errors import GtbError, SpecError
-from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
+from gtb_cli.errors import Fault, GtbError, SpecError
+from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, SPEC_FORMATS, suffix_of
 
 # Largest number of subfolders that are read: twenty that link to each other have a million paths through them
 MAX_FOLDERS = 10_000
 
 
-class Pair(NamedTuple):
-    """Files of two folders that belong together; None if a folder lacks the file."""
-
-    name: str
-    first: str | None
-    second: str | None
+def is_pattern(path: str) -> bool:
+    """Tell whether a path stands for the files whose names match it, as where no shell has expanded it."""
+    return any(sign in path for sign in "*?[") and not os.path.lexists(path)
 
 
-def specs_among(paths: Sequence[str]) -> tuple[str, ...]:
-    """Return the paths, with each folder replaced by the specs in it, sorted by name; a `SpecError` if it has none."""
+def are_several(paths: Sequence[str]) -> bool:
+    """Tell whether paths stand for several specs: a folder and a pattern do, even if they have only one."""
+    return len(paths) > 1 or is_pattern(paths[0]) or os.path.isdir(paths[0])
+
+
+def specs_among(paths: Sequence[str], meshes: bool = False) -> tuple[str, ...]:
+    """Return the paths, with each folder replaced by the specs in it, and each pattern by what matches it, by name.
+
+    With `meshes`, those in a folder count, too, and files that describe them do not. Raises a `SpecError` if there are
+    none.
+    """
+    suffixes = (*SPEC_FORMATS, *FORMATS) if meshes else SPEC_FORMATS
     found: list[str] = []
     for path in paths:
+        if is_pattern(path):
+            from glob import glob
+
+            matching = sorted(glob(path))
+            if not matching:
+                raise SpecError(Fault("no file has such a name", path))
+            found += specs_among(matching, meshes)
+            continue
         if not os.path.isdir(path):
             found.append(path)
             continue
         try:
             names = sorted(os.listdir(path))
         except OSError as error:
-            raise SpecError(f"{path}: {error.strerror}") from None
-        specs = [os.path.join(path, name) for name in names if suffix_of(name) in SPEC_FORMATS and name[0] != "."]
+            raise SpecError(Fault(str(error.strerror), path)) from None
+        specs = [os.path.join(path, name) for name in names if suffix_of(name) in suffixes and name[0] != "."]
         specs = [spec for spec in specs if not os.path.isdir(spec)]
+        if meshes:
+            specs = [spec for spec in specs if os.path.basename(spec) != SEQUENCE_RECORD and not _is_manifest(spec)]
         if not specs:
-            raise SpecError(f"{path}: has no specs, files that end in .toml or .json")
+            *most, last = (f".{suffix}" for suffix in suffixes)
+            what = "specs or meshes" if meshes else "specs"
+            raise SpecError(Fault(f"has no {what}, files that end in {', '.join(most)} or {last}", path))
         found += specs
     return tuple(found)
 
 
-def pairs(a: str, b: str) -> tuple[list[Pair], dict[str, str]]:
+def pairs(a: str, b: str) -> tuple[dict[str, tuple[str | None, str | None]], dict[str, str]]:
     """Match all files of two folders by name; specs of a folder without meshes and meshes, by name without suffix.
 
-    Beside meshes, only the specs of such a folder count. Also return what cannot be read, such as links to nothing, by
-    name, with a message for each. Hidden files and manifests are left out: these say which versions made the others.
+    A path is None where a folder lacks the file. Beside meshes, only the specs of such a folder count. Also return what
+    cannot be read, such as links to nothing, by name, with a message for each. Hidden files and manifests are left out:
+    these say which versions made the others.
     """
     unreadable: dict[str, str] = {}
-    first, second = _files(a, unreadable), _files(b, unreadable)
+    first, second = files_in(a, unreadable), files_in(b, unreadable)
     if not first and not unreadable:
         raise GtbError(f"{a}: has no files to compare with")
     meshes = [any(suffix_of(name) in FORMATS for name in files) for files in (first, second)]
@@ -57,10 +76,10 @@ def pairs(a: str, b: str) -> tuple[list[Pair], dict[str, str]]:
         unreadable = {os.path.splitext(name)[0]: message for name, message in unreadable.items()}
     hidden = tuple(f"{name}{os.sep}" for name in unreadable)  # what is in folders that cannot be read
     names = sorted(name for name in {*first, *second} - unreadable.keys() if not name.startswith(hidden))
-    return [Pair(name, first.get(name), second.get(name)) for name in names], unreadable
+    return {name: (first.get(name), second.get(name)) for name in names}, unreadable
 
 
-def _files(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
+def files_in(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
     """Return the paths of the files in a folder and its subfolders, by name; hidden files and manifests do not count.
 
     Links are followed. What cannot be read is noted.

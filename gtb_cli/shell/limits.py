@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gtb_cli.arrays import FloatArray
+    from gtb_cli.knots.all_decompositions import LiftingCone
     from gtb_cli.pictures.sequences import Frames
+    from gtb_cli.shell.console import Console
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
@@ -66,6 +68,23 @@ def heights_of(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatAr
     from gtb_cli.theory.degeneration import lifting_of
 
     return lifting_of(patch, lifting_of_knot(len(patch.knots), lifting) if isinstance(lifting, int) else lifting)
+
+
+def all_decompositions(
+    patch: Patch, console: Console, *, triangulations: bool = False, most: int | None = None
+) -> list[LiftingCone]:
+    """Return all regular decompositions of a patch's knots, or as many as are asked for, lexicographic by cells."""
+    from gtb_cli.knots.all_decompositions import regular_decompositions
+
+    found: list[LiftingCone] = []
+    with console.counter(None) as begin:
+        for cone in regular_decompositions(patch.knots, triangulations):
+            if len(found) == most:
+                console.warn(f"there are more than these {most}")
+                break
+            begin("regular decompositions")
+            found.append(cone)
+    return sorted(found, key=lambda cone: cone.cells)
 
 
 @dataclass(frozen=True)

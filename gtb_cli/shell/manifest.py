@@ -5,7 +5,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 import click
@@ -14,6 +14,7 @@ from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks
 from gtb_cli.shell.versions import versions
+from gtb_cli.vocabulary import SCHEMA
 
 
 class Manifest:
@@ -57,10 +58,12 @@ class Manifest:
             if is_listed and not os.path.islink(path) and _sum_of(path) == entry["sha256"]:
                 self._earlier[path] = {"file": name, "sha256": entry["sha256"]}
 
-    def left_over(self, outputs: Iterable[str]) -> list[str]:
+    def left_over(self, outputs: Collection[str]) -> list[str]:
         """Return the files that the old manifest lists, that are as it says, and unlike `outputs` but for suffixes."""
         stems = {os.path.splitext(output)[0] for output in outputs}
-        return sorted(path for path in self._earlier if os.path.splitext(path)[0] not in stems)
+        targets = {os.path.realpath(output) for output in outputs}  # of links, which need their files
+        spare = (path for path in self._earlier if os.path.realpath(path) not in targets)
+        return sorted(path for path in spare if os.path.splitext(path)[0] not in stems)
 
     def remove(self, output: str) -> None:
         """Remove a file that is left over."""
@@ -97,6 +100,7 @@ class Manifest:
     def blocks(self) -> list[bytes]:
         """Return the bytes of the manifest as it is now."""
         record = {
+            "schema": SCHEMA,
             "versions": versions(),
             "options": self._settings,
             "files": [entry for entry in self._entries.values() if entry is not None],

@@ -1,6 +1,12 @@
-"""The memory that this process may use, where the system limits it (``ulimit -v``)."""
+"""The memory that this process may use, where ``ulimit -v`` or --max-memory limits it."""
 
 from gtb_cli.errors import GtbError
+
+# Smallest limit: numpy, scipy and trimesh with the buffers of both BLAS libraries take 285 MB of addresses
+LEAST_BYTES = 320 << 20
+SCARCE_BYTES = 1 << 30  # below them, this process does all work itself
+
+_allowed: int | None = None  # bytes that --max-memory allows this process and those that it starts
 
 
 def limit_of_addresses() -> int | None:
@@ -19,7 +25,46 @@ def is_scarce() -> bool:
     A worker process that cannot allocate what it needs to send its result would be waited for in vain.
     """
     limit = limit_of_addresses()
-    return limit is not None and limit < 1 << 30
+    return limit is not None and limit < SCARCE_BYTES
+
+
+def limit_to(size: int) -> None:
+    """Let the system refuse this process, and all that it starts, more addresses than this many bytes."""
+    global _allowed
+    import resource
+
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    limit = size if most == resource.RLIM_INFINITY else min(size, most)
+    try:
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    except (OSError, ValueError) as error:
+        raise GtbError(f"--max-memory: this system does not limit memory: {error}") from None
+    _allowed = size
+
+
+def divided_among(jobs: int) -> int:
+    """Return how many of these processes there may be; where --max-memory says so, each then has a part of it."""
+    if is_scarce():
+        return 1
+    if _allowed is None:
+        return jobs
+    import resource
+
+    _, whole = resource.getrlimit(resource.RLIMIT_AS)
+    jobs = max(1, min(jobs, whole // SCARCE_BYTES - 1))
+    if jobs > 1:
+        resource.setrlimit(resource.RLIMIT_AS, (whole // (jobs + 1), whole))
+    return jobs
+
+
+def shortage() -> str:
+    """Return the message for what needs more memory than there is."""
+    return "not enough memory for this" + (f" within --max-memory {shown(_allowed)}" if _allowed else "")
+
+
+def shown(size: int) -> str:
+    """Return a number of bytes as --max-memory takes it."""
+    return f"{size / (1 << 20):.6g}M"
 
 
 def prepare_for_limit() -> None:
@@ -27,13 +72,11 @@ def prepare_for_limit() -> None:
 
     Raises a `GtbError` if the limit is so low that not even the libraries can be loaded.
     """
-    # Smallest limit: numpy, scipy and trimesh with the buffers of both BLAS libraries take 285 MB of addresses
-    least_bytes = 320 << 20
     limit = limit_of_addresses()
     if limit is None:
         return
-    if limit < least_bytes:
-        at_least = f"gtb needs at least {least_bytes >> 20} MB"
+    if limit < LEAST_BYTES:
+        at_least = f"gtb needs at least {LEAST_BYTES >> 20} MB"
         raise GtbError(f"not enough memory: the limit (ulimit -v) is {limit >> 20} MB, {at_least}")
     import numpy as np
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import ExportError, ToleranceError
-from gtb_cli.shell.console import Console
-from gtb_cli.shell.streams import Spec, format_of, refuse_terminal, write_blocks
+from gtb_cli.shell.streams import Spec, Streams, format_of, refuse_terminal, write_blocks
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, Up
@@ -93,11 +92,6 @@ class MeshOptions:
             refuse_terminal(output, kind, "-o FILE" if kind == "glb" else "-o FILE or --ascii")
         return kind
 
-    def write(self, output: str, kind: str, mesh: Mesh, console: Console) -> None:
-        """Write a mesh in a format, and report it."""
-        write_blocks(output, self.encoded(mesh, kind))
-        console.report(output, summary(mesh), self.warnings(mesh, kind))
-
 
 def format_of_lines(output: str, option: str) -> str:
     """Return the format of an output that holds lines, for which an option asks."""
@@ -107,19 +101,26 @@ def format_of_lines(output: str, option: str) -> str:
     return kind
 
 
-def summary(mesh: Mesh, may_be_closed: bool = False, remarks: Sequence[str] = ()) -> str:
-    """Describe the size of a mesh, for messages; with its extents and volume if it is found to be closed.
+def write_lines(streams: Streams, kind: str, mesh: Mesh) -> None:
+    """Write lines in a format, and report them."""
+    options = MeshOptions(Recipe())
+    write_blocks(streams.output, options.encoded(mesh, kind))
+    streams.console.report(streams.output, summary(mesh), options.warnings(mesh, kind))
+
+
+def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = ()) -> str:
+    """Describe the size of a mesh, for messages; with extents and volume if it is found to be closed as it is `stored`.
 
     Where remarks say that faces cross, what they bound several times is counted so, and the volume is marked.
     """
     text = f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
-    if not may_be_closed or mesh.is_curve:
+    if stored is None or mesh.is_curve:
         return text
     from gtb_cli.meshes.measures import measure
     from gtb_cli.meshes.solidity import CROSSES
 
-    measures = measure(mesh)
-    if measures.volume is None:
+    measures = measure(stored)
+    if measures.volume is None or measures.collapsed:  # a reader that keeps a collapsed face has four at its edges
         return text
     low, high = measures.bounds
     extents = " × ".join(_amount(end - start) for start, end in zip(low, high, strict=True))

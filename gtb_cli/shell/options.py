@@ -9,9 +9,10 @@ from typing import Any, TypeAlias
 import click
 
 from gtb_cli.errors import DomainError, ExportError, SpecError
-from gtb_cli.shell.console import STANDARD, Console, leads_out
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.faults import leads_out
 from gtb_cli.shell.meshing import MeshOptions
-from gtb_cli.shell.streams import Spec, about, read_spec, refuse_overwriting, shown_input, write_text
+from gtb_cli.shell.streams import Spec, Streams, refuse_overwriting
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import (
     ATTRIBUTES,
@@ -81,6 +82,19 @@ def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 
 # Names of files that a command reads, and of those that it writes; - is a standard stream
 INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
+
+
+def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
+    """Read a tolerance as `tolerance_of` does, but allow 0."""
+    return 0.0 if value is not None and value.strip() in ("0", "0%", "0.0") else tolerance_of(ctx, param, value)
+
+
+def _aspects(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[str, ...]:
+    aspects = ("orientation", "connectivity")
+    words = [word.strip() for word in value.split(",")] if value is not None else []
+    if wrong := [word for word in words if word not in aspects]:
+        raise click.BadParameter(f"expected {' or '.join(aspects)}, or both with a comma, got {wrong[0]!r}")
+    return tuple(aspect for aspect in aspects if aspect in words)
 
 
 class WholeNumber(click.IntRange):
@@ -198,6 +212,23 @@ lifting_option = click.option(
 )
 
 
+difference_option = click.option(
+    "--tolerance",
+    callback=_tolerance_or_none,
+    metavar="T",
+    help="Largest distance that is not a difference, in model units or such as 1% of the size; 1e-9 of the size "
+    "by default. 0 means what the numbers in the files can hold.",
+)
+
+ignore_option = click.option(
+    "--ignore",
+    callback=_aspects,
+    metavar="WHAT",
+    help="What is not a difference between faces in the same place: orientation (turned over), connectivity (other "
+    "holes or parts, vertices shared in another way, faces missing, there twice or without area), or both.",
+)
+
+
 def require_option(consequence: str) -> Option:
     """Add ``--require``, whose help begins with what happens unless the mesh is as required."""
     return click.option(
@@ -246,22 +277,26 @@ console_option = gathered("console", _console, click.option("-q", "--quiet", is_
 
 
 def text_options(function: Function) -> Function:
-    """Add ``-o``, ``--spec-format`` and ``-q``, as every command has that makes text of a spec."""
+    """Add ``-o``, ``--spec-format`` and ``-q``; the command gets each of them."""
     return output_option(spec_format_option(console_option(function)))
+
+
+# Those of commands that make text, of nothing or of a spec; the commands get them as `streams`
+output_options = gathered("streams", Streams, output_option, console_option)
+streams_options = gathered("streams", Streams, output_option, spec_format_option, console_option)
 
 
 def spec_from_spec(function: Callable[..., Spec]) -> Function:
     """Turn a function of a patch or model, and of options, into a command that reads one spec and prints another."""
 
-    @text_options
+    @streams_options
     @functools.wraps(function)
-    def command(*, spec: str, output: str, spec_format: str | None, console: Console, **values: Any) -> None:
+    def command(*, spec: str, streams: Streams, **values: Any) -> None:
         from gtb_cli.language.writer import dump
 
-        loaded = read_spec(spec, spec_format)
-        with about(shown_input(spec)):
+        with streams.spec_of(spec) as loaded:
             text = dump(function(loaded, **values))
-        write_text(output, text)
+        streams.write(text)
 
     return command
 
@@ -288,7 +323,7 @@ def mesh_options(*more: str) -> Option:
             "--certify",
             is_flag=True,
             help="Make --tolerance certain for surfaces, too, everywhere and not only at samples, for the numbers in "
-            "the file, or refuse within a minute. Slower.",
+            "the file, or refuse after at most 50 seconds of the processor. Slower.",
         ),
         parametrization_option,
         click.option("--normals", is_flag=True, help="Write the unit normals of the surface at each vertex."),

@@ -22,7 +22,17 @@ from gtb_cli.shell.options import (
     mesh_options,
     spec_format_option,
 )
-from gtb_cli.shell.streams import about, file_stem, is_device, is_folder, write_blocks, write_text
+from gtb_cli.shell.streams import (
+    Streams,
+    about,
+    file_stem,
+    is_device,
+    is_folder,
+    shown_input,
+    versioned,
+    write_blocks,
+    write_text,
+)
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
@@ -38,16 +48,15 @@ NAME_DIGITS = 6  # digits of numbers in file names, unless a number needs more
 class SequenceOutput:
     """The output that the options of a sequence ask for: its meshes, a spec on standard output, or both.
 
-    The place of the meshes is a folder, a file with an animation, or standard output.
+    The output of `streams` is a folder, a file with an animation, or standard output.
     """
 
-    place: str
+    streams: Streams
     meshes: bool
     emits_spec: bool
     animated: bool
     distances: bool
     options: MeshOptions
-    console: Console
 
     def check_length(self, values: Iterable[float]) -> None:
         """Refuse an animation of too many meshes before they are made: each value gives at least one."""
@@ -75,39 +84,40 @@ class SequenceOutput:
             distances=self.distances,
         )
 
-    def write(self, sequence: MeshSequence | None, prefix: str, source: str, spec_text: str) -> None:
+    def write(self, sequence: MeshSequence | None, prefix: str, spec: str, spec_text: str) -> None:
         """Make and write the meshes, report each when it is made, and print the spec.
 
-        `prefix` stands before values in file names; `source` names the spec in errors.
+        `prefix` stands before values in file names; `spec` is the file that is named in errors.
         """
         if sequence is not None:
             texts = [number_text(value) for value in sequence.values[:-1]]
             if self.animated:
                 # Meshes are made after the file is opened, so that a file that cannot be written is an error at once.
                 labels = [*(f"{sequence.key}={text}" for text in texts), "limit"]
-                write_blocks(self.place, self._animation(sequence, labels, source))
+                write_blocks(self.streams.output, self._animation(sequence, labels, spec))
             else:
-                self._write_folder(sequence, [*(f"{prefix}{text}" for text in texts), "limit"], source)
+                self._write_folder(sequence, [*(f"{prefix}{text}" for text in texts), "limit"], spec)
         if self.emits_spec:
             write_text(STANDARD, spec_text)
 
-    def _write_folder(self, sequence: MeshSequence, labels: list[str], source: str) -> None:
+    def _write_folder(self, sequence: MeshSequence, labels: list[str], spec: str) -> None:
         """Make the meshes, and write them and `sequence.json`."""
         stem, kind = file_stem(sequence.name), self.options.format or "obj"
         names = [f"{stem}-{label}.{kind}" for label in labels]
-        *places, record = [os.path.join(self.place, name) for name in [*names, SEQUENCE_RECORD]]
+        folder = self.streams.output
+        *places, record = [os.path.join(folder, name) for name in [*names, SEQUENCE_RECORD]]
         check_folder(*places, record)
         from gtb_cli.files import StagedFiles
 
         entries = []
-        with StagedFiles(self.place, SEQUENCE_RECORD) as files:
-            for place, name, member in zip(places, names, self._members(sequence, names, source), strict=True):
+        with StagedFiles(folder, SEQUENCE_RECORD) as files:
+            for place, name, member in zip(places, names, self._members(sequence, names, spec), strict=True):
                 files.add(place, self.options.encoded(member.mesh, kind))
                 entries.append(sequence.entry(member, name))
                 self._report(place, sequence, member, self.options.warnings(member.mesh, kind))
-            files.add(record, [(json.dumps(sequence.record(entries), indent=2) + "\n").encode("ascii")])
+            files.add(record, [(json.dumps(versioned(sequence.record(entries)), indent=2) + "\n").encode("ascii")])
 
-    def _animation(self, sequence: MeshSequence, labels: list[str], source: str) -> Iterator[bytes]:
+    def _animation(self, sequence: MeshSequence, labels: list[str], spec: str) -> Iterator[bytes]:
         """Make the meshes and yield one file of them all; a warning that several share appears once."""
         from gtb_cli.formats.morph import animated_glb
 
@@ -115,8 +125,8 @@ class SequenceOutput:
         meshes: list[Mesh] = []
         entries: list[dict[str, Any]] = []
         said: set[str] = set()
-        file = "" if self.place == STANDARD else f"{self.place}: "
-        for label, member in zip(labels, self._members(sequence, labels, source), strict=True):
+        file = "" if self.streams.output == STANDARD else f"{self.streams.output}: "
+        for label, member in zip(labels, self._members(sequence, labels, spec), strict=True):
             meshes.append(member.mesh)
             entries.append(sequence.entry(member, label, "label"))
             warnings = [text for text in options.warnings(member.mesh, ANIMATION_FORMAT) if text not in said]
@@ -125,13 +135,13 @@ class SequenceOutput:
         extras, normals = {"sequence": sequence.record(entries)}, options.recipe.normals
         yield from animated_glb(meshes, labels, normals=normals, uv=options.uv, up=options.up, extras=extras)
 
-    def _members(self, sequence: MeshSequence, names: list[str], source: str) -> Iterator[Member]:
+    def _members(self, sequence: MeshSequence, names: list[str], spec: str) -> Iterator[Member]:
         """Make the meshes, with the spec's name in errors."""
         members = iter(sequence)
-        with self.console.counter(len(names)) as begin:
+        with self.streams.console.counter(len(names)) as begin:
             for name in names:
                 begin(name)
-                with about(source):
+                with about(shown_input(spec)):
                     member = next(members)
                 yield member
 
@@ -139,26 +149,32 @@ class SequenceOutput:
         """Report a mesh and its warnings."""
         if member.doubt:
             doubt = f"the distance is between coarse meshes: {member.doubt}"
-            self.console.warn(f"{sequence.key} {member.value:g}: {doubt}")
+            self.streams.console.warn(f"{sequence.key} {member.value:g}: {doubt}")
         for warning in warnings:
-            self.console.warn(f"{place}: {warning}")
+            self.streams.console.warn(f"{place}: {warning}")
         text, filmed = "", member.film_distance
         if member.value != sequence.values[-1]:
             text += f", {member.distance:.3g} from the limit" if member.distance is not None else ""
             text += f", {filmed:.3g} from the limit with its film" if filmed is not None else ""
         elif filmed is not None:
             text = f", its film reaches {filmed:.3g} from it"
-        self.console.note(f"{place}: {summary(member.mesh)}{text}")
+        self.streams.console.note(f"{place}: {summary(member.mesh)}{text}")
 
 
 def _output(
-    emit_spec: bool, no_distance: bool, output: str | None, options: MeshOptions, console: Console
+    emit_spec: bool,
+    no_distance: bool,
+    output: str | None,
+    options: MeshOptions,
+    spec_format: str | None,
+    console: Console,
 ) -> SequenceOutput:
     if output == STANDARD and emit_spec:
         raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
     meshes, place = output is not None or not emit_spec, output or STANDARD
     animated = meshes and _is_animation(options, place)
-    return SequenceOutput(place, meshes, emit_spec, animated, not no_distance, options, console)
+    streams = Streams(console, place, spec_format)
+    return SequenceOutput(streams, meshes, emit_spec, animated, not no_distance, options)
 
 
 def sequence_options(spec_help: str) -> Option:

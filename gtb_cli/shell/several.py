@@ -1,6 +1,5 @@
 """Reports on several specs, even if some of them have errors."""
 
-import os
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -9,39 +8,43 @@ from typing import Any, TypeVar
 
 import click
 
-from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, lines_about, printable
-from gtb_cli.shell.folders import specs_among
-from gtb_cli.shell.options import Option, gathered, json_option, specs_argument, text_options, weld_option
-from gtb_cli.shell.streams import refuse_overwriting, shown_input, write_text
+from gtb_cli.errors import Fault, GtbError
+from gtb_cli.shell.console import STANDARD, printable
+from gtb_cli.shell.faults import faults_about
+from gtb_cli.shell.folders import are_several, specs_among
+from gtb_cli.shell.options import INPUT, Option, gathered, json_option, text_options, weld_option
+from gtb_cli.shell.streams import refuse_overwriting, shown_input, write_json, write_text
 from gtb_cli.shell.workers import Workers, jobs_option
 
 Found = TypeVar("Found")
 Task = TypeVar("Task")
 
 
-def inputs_of(specs: Sequence[str], output: str) -> tuple[str, ...]:
-    """Return the specs that a command was given, with those in folders; refuse one that is also its output."""
+def inputs_of(specs: Sequence[str], output: str, meshes: bool = False) -> tuple[str, ...]:
+    """Return the specs, or meshes, that a command was given, with those in folders; refuse one that is its output."""
     if list(specs).count(STANDARD) > 1:
         raise click.UsageError("standard input can be read only once")
-    found = specs_among(specs)
+    found = specs_among(specs, meshes)
     refuse_overwriting(found, [output])
     return found
 
 
-def attempted(spec: str, function: Callable[[Task], Found], task: Task) -> Found | GtbError:
-    """Return ``function(task)``, or the error in this spec: whatever it is, it does not stop the other specs."""
+def attempted(
+    spec: str, function: Callable[[Task], Found], task: Task, passing: tuple[type[Exception], ...] = ()
+) -> Found | GtbError:
+    """Return ``function(task)``, or the error in this spec: whatever it is, it does not stop the other specs.
+
+    An error of ours names the spec; any other is called internal, and not an error in the spec. Those of the kinds in
+    `passing` are raised.
+    """
     try:
         return function(task)
-    except Exception as error:  # noqa: BLE001 -- returned, and reported with an exit status that says so
-        return fault(spec, error)
-
-
-def fault(spec: str, error: Exception) -> GtbError:
-    """Return an error with the name of the spec in which it is; one of ours has it."""
-    if isinstance(error, GtbError):
+    except passing:
+        raise
+    except GtbError as error:
         return error
-    return GtbError("\n".join(f"{shown_input(spec)}: {line}" for line in lines_about(error)))
+    except Exception as error:  # noqa: BLE001 -- returned, and reported with an exit status that says so
+        return GtbError(*faults_about(error)).within(shown_input(spec))
 
 
 def _reported(spec: str, report: Callable[[str], Found]) -> Found | GtbError:
@@ -63,25 +66,34 @@ class ReportRequest:
     output: str
     spec_format: str | None
 
-    def found(self, report: Callable[..., Found]) -> tuple[list[tuple[str, Found]], list[str]]:
-        """Return what ``report(path, spec_format=…, weld=…)`` returns for each spec, by name, and the error lines.
+    @property
+    def in_lines(self) -> bool:
+        """Whether each of several specs gets a line."""
+        return self._are_several and not self.in_full and not self.as_json
+
+    @property
+    def _are_several(self) -> bool:
+        return are_several(self.specs)
+
+    def found(self, report: Callable[..., Found], meshes: bool = False) -> tuple[list[tuple[str, Found]], list[Fault]]:
+        """Return what ``report(path, spec_format=…, weld=…)`` returns for each spec, or mesh, by name, and the errors.
 
         Several processes share the work, so `report` is a function of a module; this one reads standard input. It is a
         `GtbError` if all specs have errors.
         """
-        specs = inputs_of(self.specs, self.output)
+        specs = inputs_of(self.specs, self.output, meshes)
         reported = partial(_reported, report=partial(report, spec_format=self.spec_format, weld=self.weld))
         found: list[tuple[str, Found]] = []
-        errors: list[str] = []
+        errors: list[Fault] = []
         with closing(Workers(self.jobs).results(reported, [spec for spec in specs if spec != STANDARD])) as elsewhere:
             for spec in specs:
                 result = reported(spec) if spec == STANDARD else next(elsewhere)
                 if isinstance(result, GtbError):
-                    errors += str(result).split("\n")
+                    errors += result.faults
                 else:
                     found.append((shown_input(spec), result))
         if not found:
-            raise GtbError("\n".join(errors))
+            raise GtbError(*errors)
         return found, errors
 
     def write(
@@ -93,21 +105,17 @@ class ReportRequest:
         gap: str = "",
     ) -> None:
         """Write the reports as JSON, in full, or with a line for each of several specs; `gap` stands between texts."""
-        import json
-
-        several = len(self.specs) > 1 or os.path.isdir(self.specs[0])
         if self.as_json:
-            data = [({"file": name} if several else {}) | record(found) for name, found in rows]
-            lines = [json.dumps(data if several else data[0])]
-        elif several and not self.in_full:
-            lines = [line(printable(name), found) for name, found in rows]
+            data = [({"file": name} if self._are_several else {}) | record(found) for name, found in rows]
+            write_json(self.output, data if self._are_several else data[0])
+        elif self.in_lines:
+            write_text(self.output, "".join(f"{line(printable(name), found)}\n" for name, found in rows))
         else:
-            texts = [(f"{printable(name)}\n" if several else "") + text(found) for name, found in rows]
-            lines = [gap.join(texts).removesuffix("\n")]
-        write_text(self.output, "\n".join(lines) + "\n")
+            texts = [(f"{printable(name)}\n" if self._are_several else "") + text(found) for name, found in rows]
+            write_text(self.output, gap.join(texts))
 
 
-def report_options(*more: Option) -> Option:
+def report_options(*more: Option, metavar: str = "SPEC...") -> Option:
     """Add the specs and options of a report, and `more`; the command gets the former as `request`."""
     long_option = click.option(
         "--long",
@@ -118,7 +126,7 @@ def report_options(*more: Option) -> Option:
     return gathered(
         "request",
         ReportRequest,
-        specs_argument,
+        click.argument("specs", metavar=metavar, nargs=-1, required=True, type=INPUT),
         json_option,
         long_option,
         weld_option,

@@ -6,16 +6,17 @@ import codecs
 import os
 import stat
 import sys
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from functools import partial
-from typing import IO, TYPE_CHECKING, TypeAlias
+from typing import IO, TYPE_CHECKING, Any, TypeAlias
 
 import click
 
-from gtb_cli.errors import ExportError, GtbError, SpecError
-from gtb_cli.shell.console import STANDARD, abandon
-from gtb_cli.vocabulary import suffix_of
+from gtb_cli.errors import ExportError, Fault, GtbError, SpecError
+from gtb_cli.shell.console import STANDARD, Console, abandon
+from gtb_cli.vocabulary import SCHEMA, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
@@ -26,27 +27,42 @@ STDIN = "<stdin>"  # name of standard input in messages
 MAX_STEM_BYTES = 200  # longest stem of a file name, in bytes: every file system allows it with a suffix
 
 
-def read_spec(path: str, spec_format: str | None = None) -> Spec:
-    """Read a spec from a file, or from standard input; a `SpecError` has a line for each of its errors."""
-    from gtb_cli.language.loading import load, parse
+@dataclass(frozen=True)
+class Streams:
+    """The output of a command, its messages, and the format of the specs that it reads, None where that is seen."""
 
-    if path == STANDARD or spec_format is not None:
-        return parse(read_bytes(path), shown_input(path), spec_format)  # type: ignore[arg-type]
-    return load(path)
+    console: Console
+    output: str = STANDARD
+    spec_format: str | None = None
+
+    def spec_of(self, path: str) -> AbstractContextManager[Spec]:
+        """Read a spec, and name it in errors, as the function `spec_of` does."""
+        return spec_of(path, self.spec_format)
+
+    def patch_of(self, path: str) -> Patch:
+        """Read a spec of a single patch."""
+        with self.spec_of(path) as spec:
+            return single(spec)
+
+    def write(self, text: str) -> None:
+        """Write text to the output."""
+        write_text(self.output, text)
 
 
 @contextmanager
 def spec_of(path: str, spec_format: str | None = None) -> Iterator[Spec]:
-    """Read a spec as `read_spec` does, and name it in errors about the shape that it describes."""
-    spec = read_spec(path, spec_format)
+    """Read a spec from a file, or from standard input, and name it in errors about the shape that it describes.
+
+    A `SpecError` has a line for each of its own errors.
+    """
+    from gtb_cli.language.loading import load, parse
+
+    if path == STANDARD or spec_format is not None:
+        spec = parse(read_bytes(path), shown_input(path), spec_format)  # type: ignore[arg-type]
+    else:
+        spec = load(path)
     with about(shown_input(path)):
         yield spec
-
-
-def read_patch(path: str, spec_format: str | None = None) -> Patch:
-    """Read a spec of a single patch, as `read_spec` does."""
-    with spec_of(path, spec_format) as spec:
-        return single(spec)
 
 
 def single(spec: Spec) -> Patch:
@@ -80,7 +96,7 @@ def opened(path: str) -> Iterator[IO[bytes]]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise SpecError(f"{shown_input(path)}: {error.strerror or error}") from None
+        raise SpecError(Fault(str(error.strerror or error), shown_input(path))) from None
 
 
 def number_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:
@@ -91,7 +107,7 @@ def number_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterato
     max_line_bytes = 10_000
     for number, line in enumerate(iter(partial(file.readline, max_line_bytes + 1), b""), 1):
         if len(line) > max_line_bytes:
-            raise SpecError(f"{source}:{number}: a line of more than {max_line_bytes} characters")
+            raise SpecError(Fault(f"a line of more than {max_line_bytes} characters", source, number))
         if number == 1:
             line = line.removeprefix(codecs.BOM_UTF8)
         row: list[float] = []
@@ -100,9 +116,10 @@ def number_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterato
                 row.append(float(word))
             except ValueError:
                 shown = word.decode("utf-8", "backslashreplace")[:60]
-                raise SpecError(f"{source}:{number}: {shown!r} is not a number") from None
+                raise SpecError(Fault(f"{shown!r} is not a number", source, number)) from None
         if row and len(row) not in sizes:
-            raise SpecError(f"{source}:{number}: expected {' or '.join(map(str, sizes))} numbers, got {len(row)}")
+            expected = " or ".join(map(str, sizes))
+            raise SpecError(Fault(f"expected {expected} numbers, got {len(row)}", source, number))
         if row:
             yield number, row
             sizes = [len(row)]
@@ -175,6 +192,26 @@ def write_blocks(output: str, blocks: Iterable[bytes]) -> None:
         raise ExportError(f"cannot write standard output: {error.strerror or error}") from None
 
 
+def write_json(output: str, data: Any, *, by_row: bool = False) -> None:
+    """Write an object or a list of objects as JSON, each with the version of what JSON holds.
+
+    With `by_row`, each item of an object's lists has a line.
+    """
+    import json
+
+    if not by_row:
+        found = [versioned(each) for each in data] if isinstance(data, list) else versioned(data)
+        return write_text(output, json.dumps(found) + "\n")
+    lists = {key: ",".join(f"\n{json.dumps(row)}" for row in rows) for key, rows in data.items()}
+    text = ", ".join(f'"{key}": [{rows}\n]' for key, rows in lists.items())
+    write_text(output, f'{{"schema": {SCHEMA}, {text}}}\n')
+
+
+def versioned(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the record of something as it stands in JSON, with the version of what this holds."""
+    return {"schema": SCHEMA, **record}
+
+
 def write_text(output: str, text: str) -> None:
     """Write text as UTF-8, whatever the locale, as `write_blocks` does."""
     write_blocks(output, [text.encode("utf-8", "backslashreplace")])
@@ -191,7 +228,7 @@ def about(source: str) -> Iterator[None]:
     try:
         yield
     except GtbError as error:
-        raise type(error)("\n".join(f"{source}: {line}" for line in str(error).split("\n"))) from error
+        raise error.within(source) from error
 
 
 def is_folder(output: str) -> bool:

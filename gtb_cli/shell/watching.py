@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.shell.console import Console, in_options
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.memory import shortage
 from gtb_cli.shell.streams import is_device
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ class Watch:
             except GtbError as error:
                 self.error = in_options(str(error))
             except MemoryError:
-                self.error = "not enough memory for this"
+                self.error = shortage()
 
     def state(self, have: int) -> dict[str, Any]:
         """Return what a page with version `have` needs."""

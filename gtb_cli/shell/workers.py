@@ -5,7 +5,7 @@ from typing import NamedTuple, TypeVar
 
 import click
 
-from gtb_cli.shell.memory import is_scarce
+from gtb_cli.shell.memory import divided_among
 from gtb_cli.shell.options import WholeNumber, gathered
 from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
 
@@ -31,7 +31,7 @@ class Workers(NamedTuple):
             from gtb_cli.shell.cluster import in_cluster
 
             return in_cluster(function, tasks, self.cluster, warn)
-        jobs = 1 if is_scarce() else min(self.jobs or processors(), len(tasks))
+        jobs = divided_among(min(self.jobs or processors(), len(tasks)))
         if jobs > 1:
             return in_processes(function, tasks, jobs)
         return (result for result in map(here or function, tasks))

@@ -14,7 +14,7 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import merged
-from gtb_cli.theory.edges import EdgeRef, edge_points_at
+from gtb_cli.theory.edges import EdgeRef, edge_curves, edge_points_at
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -257,6 +257,28 @@ def welded_points(mosaic: Complex, points: FloatArray, patches: Sequence[Patch],
 
 def _move_corners(mosaic: Complex, points: FloatArray, patches: Sequence[Patch], joints: Joints) -> None:
     """Move vertices at corners that become one, and those of edges that are points, to their mean."""
+    _, means = _corners(patches, joints)
+    for index, patch in enumerate(patches):
+        faces = patch.domain.faces
+        places = dict(zip(faces.corners.tolist(), means[index], strict=True))
+        places |= {faces.edge(edge).number: means[index][edge] for p, edge in joints.collapsed if p == index}
+        own = np.flatnonzero(mosaic.patch == index)
+        for number, place in places.items():
+            points[own[mosaic.face[own] == number]] = place
+
+
+def farthest_move(patches: Sequence[Patch], joints: Joints) -> float:
+    """How far `welded_points` moves points: of seams, of corners that become one, and of edges that become points."""
+    corners, means = _corners(patches, joints)
+    edges = zip(edge_curves(patches, joints.collapsed), joints.collapsed, strict=True)
+    places = [own - mean for own, mean in zip(corners, means, strict=True)]
+    places += [curve.points - means[index][edge] for curve, (index, edge) in edges]
+    moves = [joint.distance for joint in joints.shared]
+    return max([*moves, *(float(np.linalg.norm(place, axis=1).max()) for place in places)])
+
+
+def _corners(patches: Sequence[Patch], joints: Joints) -> tuple[list[FloatArray], list[FloatArray]]:
+    """The corners of each patch, and the means of all that become one with them."""
     counts = [len(patch.domain.vertices) for patch in patches]
     offsets = np.cumsum([0, *counts]).tolist()
 
@@ -268,15 +290,8 @@ def _move_corners(mosaic: Complex, points: FloatArray, patches: Sequence[Patch],
     for joint in joints.shared:
         first, second = ends(joint.first), ends(joint.second)[:: -1 if joint.opposite else 1]
         pairs += [[first[0], second[0]], [first[1], second[1]]]
-    label = merged(offsets[-1], np.array(pairs))
-    corners = np.concatenate([patch.evaluate(patch.domain.vertices) for patch in patches])
-    total = np.bincount(label, minlength=len(label))
-    sums = np.column_stack([np.bincount(label, column, minlength=len(label)) for column in corners.T])
-    means = sums / np.maximum(total, 1)[:, None]
-    for index, patch in enumerate(patches):
-        faces = patch.domain.faces
-        places = {int(number): offsets[index] + corner for corner, number in enumerate(faces.corners)}
-        places |= {int(faces.edge(edge).number): offsets[p] + edge for p, edge in joints.collapsed if p == index}
-        own = np.flatnonzero(mosaic.patch == index)
-        for number, corner in places.items():
-            points[own[mosaic.face[own] == number]] = means[label[corner]]
+    label = merged(offsets[-1], np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    corners = [patch.evaluate(patch.domain.vertices) for patch in patches]
+    sums = np.column_stack([np.bincount(label, column) for column in np.concatenate(corners).T])
+    means = sums[label] / np.bincount(label)[label, None]
+    return corners, np.split(means, offsets[1:-1])

@@ -6,9 +6,9 @@ The command line reads its options with this module, so whatever computes is imp
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.values import by_value, frozen
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
+
+    Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 
 
 @by_value
@@ -95,9 +97,7 @@ class Recipe:
 
             requirements(words)
 
-    def mesh(
-        self, spec: Patch | Model, rounding: float = 0.0, held: Callable[[Mesh], tuple[Mesh, str]] | None = None
-    ) -> tuple[Mesh, list[str]]:
+    def mesh(self, spec: Patch | Model, rounding: float = 0.0, held: Held | None = None) -> tuple[Mesh, list[str]]:
         """Make the mesh of a patch or model, and say what is unusual about its shape.
 
         Vertices may move by `rounding` afterwards, as in a file: a tolerance then holds for the moved ones.
@@ -141,6 +141,7 @@ class Recipe:
                 raise
             raise ToleranceError(f"{error}: the tube has {around} faces around each segment") from None
         remarks = self._remarks_on_surface(spec, mesh)
+        faults: list[str] = []
         folds: list[str] = []
         thin: list[str] = []
         if self.attributes:
@@ -156,8 +157,10 @@ class Recipe:
             mesh, folds = self._tube(spec, mesh, self.radius, tolerance)
         elif self.thickness is not None:
             from gtb_cli.meshes.solid import thicken
+            from gtb_cli.meshes.solidity import folded_places
             from gtb_cli.tessellation.remarks import offset_folds, thin_wall
 
+            faults = folded_places(mesh)  # of the surface, which no other thickness mends
             folds = offset_folds(spec, mesh, self.thickness)
             mesh = thicken(mesh, self.thickness)
             thin = thin_wall(mesh, self.thickness)
@@ -165,17 +168,15 @@ class Recipe:
         if held and not mesh.is_curve and (self.thickness is not None or {"watertight", "solid"} & {*self.require}):
             stored, coarse = held(mesh)
         if self.thickness is not None or ("solid" in self.require and not mesh.is_curve):
-            from gtb_cli.meshes.solidity import crossing_remarks
-
-            crossings = crossing_remarks(stored)
-            if crossings and stored is not mesh and not crossing_remarks(mesh):
-                crossings = [f"{line}: {coarse}" for line in crossings]
+            crossings = _crossings(mesh, stored, coarse)
             folds += crossings
+        if self.thickness is not None and folds and not faults:
+            folds[-1] += f"; {_smaller_thickness(spec, surface, self.thickness, held, bool(crossings))}"
         if self.require:
             from gtb_cli.assembly.requirements import require
 
-            require(self.require, spec, mesh, surface, folds, (stored, coarse))
-        return mesh, remarks + folds + thin
+            require(self.require, spec, mesh, surface, faults + folds, (stored, coarse))
+        return mesh, remarks + faults + folds + thin
 
     def _remarks_on_surface(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
         """Remarks on the seams of a model, and on how its mesh is spread."""
@@ -264,6 +265,52 @@ def welded(spec: Patch | Model, weld: float | str | None) -> Patch | Model:
     from gtb_cli.theory.model import diagonal_of
 
     return model.replace(weld=percentage(weld) / 100 * diagonal_of(model.patches) if isinstance(weld, str) else weld)
+
+
+def _crossings(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
+    """Say where a mesh, as it is stored, passes through itself, and with a remark, if it does not before."""
+    from gtb_cli.meshes.solidity import crossing_remarks
+
+    crossings = crossing_remarks(stored)
+    if crossings and stored is not mesh and not crossing_remarks(mesh):
+        return [f"{line}: {coarse}" for line in crossings]
+    return crossings
+
+
+def _smaller_thickness(spec: Patch | Model, surface: Mesh, thickness: float, held: Held | None, crosses: bool) -> str:
+    """Name the largest of a few smaller thicknesses that makes a solid of a surface, or say that none does.
+
+    Each is judged as one that is asked for. The first are 1/2, 1/8, 1/64, …; when one is solid, it is bisected upwards.
+    A surface that passes through itself, which only a solid that `crosses` has, is a side of all: none is tried.
+    """
+    from gtb_cli.assembly.requirements import require
+    from gtb_cli.meshes.crossings import crossing_pairs
+    from gtb_cli.meshes.solid import thicken
+    from gtb_cli.tessellation.remarks import offset_folds
+
+    def is_solid(thickness: float) -> bool:
+        if offset_folds(spec, surface, thickness):
+            return False
+        try:
+            solid = thicken(surface, thickness)
+            stored, coarse = held(solid) if held else (solid, "")
+            require(("solid",), spec, solid, surface, _crossings(solid, stored, coarse), (stored, coarse))
+        except (DomainError, RequirementError):
+            return False
+        return True
+
+    if crosses and len(crossing_pairs(surface.vertices, surface.faces)[0]):
+        return "no thickness is solid, as the surface passes through itself"
+    many = 20_000  # faces from which on a try takes as long as the mesh
+    tries, low, high = 4 if len(surface.cells) < many else 1, 0.0, thickness
+    for k in range(tries):
+        middle = float(f"{(low + high) / 2 if low else high / 2 ** (k + 1):.3g}")
+        low, high = (middle, high) if is_solid(middle) else (low, middle)
+    if low:
+        return f"`thickness` {low:g} was tried and is solid"
+    if tries == 1:
+        return f"a thickness of {high:g} was tried and is not solid"
+    return f"{tries} thicknesses down to {high:g} were tried, and none is solid"
 
 
 def _model(spec: Patch | Model) -> Model | None:

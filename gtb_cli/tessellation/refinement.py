@@ -6,14 +6,13 @@ hold, segments of curves are certified, and triangles that were not sampled yet 
 each that fails is split. Triangles are certified last, if that is asked for.
 """
 
-import math
 from functools import reduce
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, rows_of
 from gtb_cli.certificates.cells import Certificates
-from gtb_cli.certificates.surface import Uncertified
+from gtb_cli.certificates.deadline import Deadline, Uncertified
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
@@ -39,15 +38,14 @@ def refine(
     tolerance: float,
     max_cells: int,
     points_in_all: int = MIN_SAMPLES,
-    certify: bool = False,
-    seconds: float = math.inf,
+    deadline: Deadline | None = None,
 ) -> tuple[Complex, FloatArray]:
     """Refine a simplicial complex until a curve, or samples of a surface, are within a tolerance of their cells.
 
     Returned are the complex, with the edges it started from or parts of them, and the (v, 3) points of its vertices.
     The sampler takes linear parameters: toric ones are too close to tell apart where exponents are small.
 
-    Segments are certified, triangles only if `certify` asks for it, in some `seconds` of the processor. They are
+    Segments are certified; triangles only up to a `deadline`, if there is one. They are
     sampled at the quarters of their sides, at their centroids, and at and between knots; on a lattice of
     `FINE_LATTICE_STEPS` steps, if samples differ from a quadratic surface; and on one on which all have about
     `points_in_all` points, if cells are few.
@@ -59,7 +57,7 @@ def refine(
     Uncertified
         Surfaces are not certified in time, or not at all.
     """
-    mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify, seconds).finished()
+    mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all, deadline).finished()
     return mesh.result(), mesh.points
 
 
@@ -73,8 +71,7 @@ class _Refinement:
         tolerance: float,
         max_cells: int,
         points_in_all: int,
-        certify: bool,
-        seconds: float,
+        deadline: Deadline | None,
     ) -> None:
         sample_share = 0.9  # of the tolerance: between samples near creases, distances up to 6 % larger were seen
         self.sampler, self.asked, self.max_cells, self.points_in_all = sampler, tolerance, max_cells, points_in_all
@@ -82,8 +79,9 @@ class _Refinement:
         refuse_rounding(tolerance, self.mesh.points)
         is_surface = self.mesh.is_surface
         self.tolerance = sample_share * tolerance if is_surface else tolerance
-        self.samples, self.certificates = Sampling(self.mesh, sampler), Certificates(sampler.patches, seconds)
-        self.certify, self.rounds = certify or not is_surface, 0
+        self.certify, self.rounds, self.deadline = deadline is not None or not is_surface, 0, deadline or Deadline()
+        self.samples = Sampling(self.mesh, sampler, self.deadline)
+        self.certificates = Certificates(sampler.patches, self.deadline)
         self.peaks = Peaks(self.mesh.domains, self.mesh.kinds) if is_surface else None
         self.sizes = np.array([domain.size for domain in self.mesh.domains])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
@@ -106,6 +104,7 @@ class _Refinement:
         """Split edges until all cells are within the tolerance."""
         changed = np.arange(len(self.mesh))
         while True:
+            self.deadline.refuse_late()
             self.sample_middles()
             marked = self.far()
             self.mark_worst(marked, changed[self.bulge(changed) > self.tolerance])

@@ -10,7 +10,7 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.solid import folded_faces, thinnest_wall
-from gtb_cli.meshes.solidity import folded_places, point, where
+from gtb_cli.meshes.solidity import point, where
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.model import Model
@@ -59,15 +59,14 @@ def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
 
 
 def offset_folds(spec: Patch | Model, mesh: Mesh, thickness: float) -> list[str]:
-    """Say where a surface folds, and where its offset by a thickness does."""
+    """Say where the offset of a surface by a thickness folds."""
     folded = folded_faces(mesh, thickness)
     turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
     radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
     facts = [where(mesh, folded)] if len(folded) else []
     if radius < math.inf:
         facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {point(place)}")
-    folds = [f"with a thickness of {thickness:g} the offset folds: {'; '.join(facts)}"] if facts else []
-    return folded_places(mesh) + folds
+    return [f"with a thickness of {thickness:g} the offset folds: {'; '.join(facts)}"] if facts else []
 
 
 def thin_wall(solid: Mesh, thickness: float) -> list[str]:

@@ -5,11 +5,11 @@ have guesses, these in their middles, NaN where there are none, as on the bounda
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
+from gtb_cli.certificates.deadline import Deadline
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import NearestCells, cell_distances
 from gtb_cli.moment.torus import block_length
@@ -44,26 +44,15 @@ def quadratic_heights(places: FloatArray) -> FloatArray:
     return np.asarray(4 * np.stack([a * b, b * c, c * a], axis=1))
 
 
-class Samples(NamedTuple):
-    """Samples at w places of each of k edges or cells, their distances from these, and right guesses for points beside.
-
-    They are (k, w, 3), (k, w) and (k, w, 2).
-    """
-
-    points: FloatArray
-    distances: FloatArray
-    guesses: FloatArray
-
-
 class Sampling:
-    """Samples over the edges and cells of a subdivision, by a sampler of linear parameters."""
+    """Samples over the edges and cells of a subdivision, by a sampler of linear parameters, up to a deadline."""
 
-    def __init__(self, mesh: Subdivision, sampler: Sampler) -> None:
-        self.mesh, self.sampler = mesh, sampler
+    def __init__(self, mesh: Subdivision, sampler: Sampler, deadline: Deadline) -> None:
+        self.mesh, self.sampler, self.deadline = mesh, sampler, deadline
         self.block_rows = block_length(max(len(patch.knots) for patch in sampler.patches))
 
-    def along(self, rows: IntArray, fractions: FloatArray, within: float) -> Samples:
-        """Sample the curves of some edges at fractions."""
+    def along(self, rows: IntArray, fractions: FloatArray, within: float) -> list[FloatArray]:
+        """(k, w, 3) points of some edges' curves at fractions, (k, w) distances from the edges, and right guesses."""
         mesh, t = self.mesh, fractions
         ends, quadratic = np.array([1 - t, t]), np.array([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
 
@@ -92,7 +81,7 @@ class Sampling:
             points, right = self._near(cells.patch.take(each), u, np.full(len(each), INTERIOR), guesses, within)
             return [points, cell_distances(points, *mesh.corners(each)), right]
 
-        return self._in_blocks(sample, rows, len(weights)).distances
+        return self._in_blocks(sample, rows, len(weights))[1]
 
     def at(self, cell: IntArray, u: FloatArray, within: float) -> FloatArray:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
@@ -134,14 +123,18 @@ class Sampling:
         points, right = self.sampler.near(patch, u, face, guesses.T, within)
         return points, right.T
 
-    def _in_blocks(self, sample: Callable[[IntArray, IntArray], list[FloatArray]], rows: IntArray, w: int) -> Samples:
-        """Sample edges or cells, whose numbers are given once, and as often as they have places."""
+    def _in_blocks(
+        self, sample: Callable[[IntArray, IntArray], list[FloatArray]], rows: IntArray, w: int
+    ) -> list[FloatArray]:
+        """Columns of (k, w, ...) samples of edges or cells, whose numbers are given once, and once for each place."""
         length = max(self.block_rows // w, 1)
         blocks = [rows[begin : begin + length] for begin in range(0, max(len(rows), 1), length)]
-        columns = zip(*(sample(block, np.repeat(block, w)) for block in blocks), strict=True)
-        points, distances, guesses = map(np.concatenate, columns)
-        shape = len(rows), w
-        return Samples(points.reshape(*shape, 3), distances.reshape(shape), guesses.reshape(*shape, 2))
+        found = []
+        for block in blocks:
+            self.deadline.refuse_late()
+            found.append(sample(block, np.repeat(block, w)))
+        columns = [np.concatenate(column) for column in zip(*found, strict=True)]
+        return [column.reshape(len(rows), w, *column.shape[1:]) for column in columns]
 
 
 def _turned_over(corners: FloatArray) -> BoolArray:

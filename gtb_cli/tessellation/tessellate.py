@@ -18,14 +18,15 @@ from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.meshes.topology import compacted, sides_of
 from gtb_cli.meshes.welding import merged
-from gtb_cli.tessellation.complex import Complex, joined_complex, welded_points
+from gtb_cli.tessellation.complex import Complex, farthest_move, joined_complex, welded_points
 from gtb_cli.tessellation.sampler import Sampler, evenly, torically, torically_inside
-from gtb_cli.theory.model import Model
+from gtb_cli.theory.model import Model, diagonal_of
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
 if TYPE_CHECKING:
+    from gtb_cli.certificates.deadline import Deadline
     from gtb_cli.theory.joints import Joints
 
 Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
@@ -61,6 +62,7 @@ def tessellate(
     max_faces: int = MAX_FACES,
     certify: bool = False,
     rounding: float = 0.0,
+    seconds: float = 50.0,
 ) -> Mesh:
     """Mesh a patch or a model, as ``gtb mesh`` does. `Recipe` has tubes, solids and attributes, too.
 
@@ -82,6 +84,8 @@ def tessellate(
         Whether the tolerance must be certain for a surface, too, as it is for a curve; else it is sampled.
     rounding : float
         How far vertices may move afterwards: the tolerance then holds for the moved ones.
+    seconds : float
+        Time of the processor after which a tolerance that is not certified yet is refused, and a larger one named.
 
     Returns
     -------
@@ -106,6 +110,7 @@ def tessellate(
     tolerance = tolerance_for(shape, tolerance) if isinstance(tolerance, str) else tolerance
     patches = shape.patches
     joints = shape.joints if isinstance(shape, Model) else None
+    moved = farthest_move(patches, joints) if isinstance(shape, Model) and shape.weld and joints else 0.0
     if tolerance is None:
         refuse_faces(sum(cell_count(patch.domain, resolution) for patch in patches), resolution, max_faces)
         toric = torically if joints is None else torically_inside
@@ -116,14 +121,13 @@ def tessellate(
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
     else:
         sampler = Sampler(patches)
-        moved = max((joint.distance for joint in joints.shared), default=0.0) if joints else 0.0
         if moved > tolerance:
             raise ToleranceError(f"welding moves vertices by up to {moved:.3g}, more than the tolerance {tolerance:g}")
         if certify:  # welding, and the numbers of a file, move vertices of a certified mesh, too
-            mosaic, points = certified(patches, joints, sampler, float(tolerance), moved + rounding, max_faces)
+            mosaic, points = certified(patches, joints, sampler, float(tolerance), moved + rounding, max_faces, seconds)
         else:
             mosaic, points = refined(patches, joints, sampler, float(tolerance) - rounding, max_faces)
-    if joints is not None and any(joint.distance for joint in joints.shared):
+    if joints and moved:
         points = welded_points(mosaic, points, patches, joints)
     return _mesh(mosaic, points, sampler, shape, joints, normals)
 
@@ -178,17 +182,19 @@ def refined(
     sampler: Sampler,
     tolerance: float,
     max_faces: int,
-    certify: bool = False,
-    seconds: float = math.inf,
+    deadline: Deadline | None = None,
 ) -> tuple[Complex, FloatArray]:
-    """Refine the coarsest complex that serves until it holds a tolerance; return it with the points of its vertices."""
+    """Refine the coarsest complex that serves until it holds a tolerance; return it with the points of its vertices.
+
+    With a deadline the tolerance is certain for surfaces, too; see `gtb_cli.tessellation.refinement.refine`.
+    """
     from gtb_cli.tessellation.refinement import refine
 
     for coarsest in FIRST_RESOLUTIONS:
         start = joined_complex(patches, joints, coarsest)
         if not start.is_simplicial and coarsest < FIRST_RESOLUTIONS[-1]:
             continue
-        mosaic, points = refine(start, sampler, tolerance, max_faces, certify=certify, seconds=seconds)
+        mosaic, points = refine(start, sampler, tolerance, max_faces, deadline=deadline)
         if mosaic.is_whole:
             break
     return mosaic, points
@@ -201,25 +207,32 @@ def certified(
     tolerance: float,
     moved: float,
     max_faces: int,
+    seconds: float,
 ) -> tuple[Complex, FloatArray]:
-    """Refine until a tolerance is certain also after vertices are moved; else raise, and say which tolerance is."""
-    from gtb_cli.certificates.surface import Uncertified
+    """Refine until a tolerance is certain also after vertices are moved; else raise, and say which tolerance is.
 
-    first, then = 30.0, 7.0  # seconds of the processor: for the tolerance, and for each larger one
+    Larger ones are tried from the size of the control points downwards, each a third of the last one.
+    """
+    from gtb_cli.certificates.deadline import Deadline, Uncertified
+
+    first_share = 0.6  # of the seconds: for the tolerance; what is left is for larger ones
     if moved >= tolerance:
         raise ToleranceError(f"tolerance: {tolerance:g} is not more than {moved:.2g}, by which vertices are rounded")
     try:
-        return refined(patches, joints, sampler, tolerance - moved, max_faces, True, first)
+        return refined(patches, joints, sampler, tolerance - moved, max_faces, Deadline(first_share * seconds))
     except Uncertified as error:
         why = f"tolerance: {tolerance:g} {error}"
-    for factor in (3, 10, 30, 100):
-        larger = float(f"{factor * tolerance:.1g}")
+    # A surface and its mesh are within the box of the control points: its diagonal is certain, rounded to two digits.
+    deadline, least, size = Deadline((1 - first_share) * seconds), math.inf, 1.1 * diagonal_of(patches) + moved
+    while (larger := float(f"{size:.2g}")) > tolerance:
         try:
-            refined(patches, joints, sampler, larger - moved, max_faces, True, then)
+            refined(patches, joints, sampler, larger - moved, max_faces, deadline)
         except ToleranceError:
-            continue
-        raise ToleranceError(f"{why}: {larger:g} is certified, and without `certify` it is sampled")
-    raise ToleranceError(f"{why}: nor is {larger:g} certified; without `certify` it is sampled")
+            break
+        least, size = larger, size / 3
+    if least < math.inf:
+        raise ToleranceError(f"{why}: {least:g} is certified, and without `certify` it is sampled")
+    raise ToleranceError(f"{why}, and no larger one was certified; without `certify` it is sampled")
 
 
 def _mesh(

@@ -38,12 +38,6 @@ def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:
     return np.asarray(domain.normals.T @ np.log(heights))
 
 
-def face_knots(domain: Domain, face: Face) -> FloatArray:
-    """(k, e) coordinates of the knots on an edge (e = 1: along it, from its first corner) or at a corner (e = 0)."""
-    members = domain.knots[face.knots]
-    return np.empty((len(members), 0)) if face.is_corner else domain.along(face.index, members)[:, None]
-
-
 def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> FloatArray:
     """(m, n) GT-Bernstein basis ``β_i(u) = c_i ∏_j h_j(u)^{h_j(a_i)}``, with 0⁰ = 1 (eq. 201, eq. 204).
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, cross_of_columns, groups
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.frame import PARALLEL_SINE, Frame, cleared, coordinate_rounding, frame
+from gtb_cli.knots.differences import PARALLEL_SINE, Differences, cleared, coordinate_rounding
 from gtb_cli.knots.layers import LAYER_TOLERANCE
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length, exponents
 from gtb_cli.theory.basis import Location
@@ -91,7 +91,6 @@ class _CurvatureField:
         self.extent = np.where(extent > 0, extent, 1.0)[:, None]
         self.points = points / self.extent[:, :, None]
         self.rounding = np.array([[coordinate_rounding(patch.control_points)] for patch in patches]) / self.extent
-        self.frames: dict[int, Frame] = {}
 
     def at(self, location: Location) -> Curvature:
         """(q, m) curvatures at the m parameters of a location."""
@@ -140,15 +139,13 @@ class _CurvatureField:
         leader = np.where(layers.point[:, None], e, -np.inf).argmax(axis=0)
         gaussian, mean = np.empty((len(self.points), e.shape[1])), np.empty((len(self.points), e.shape[1]))
         for k, here in groups(leader):
-            if k not in self.frames:
-                self.frames[k] = frame(self.domain, k)
             gaussian[:, here], mean[:, here] = self._about(k, e[:, here] - e[k, here], layers)
         return Curvature(gaussian, mean)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # from points without a normal or a finite limit
     def _about(self, k: int, e: FloatArray, layers: _Layers) -> Curvature:
         """Curvatures at points where knot k has the largest T; the logarithms are relative to it."""
-        xi, eta, e_one, e_other, turn = _triangle(self.frames[k], e, layers)
+        xi, eta, e_one, e_other, turn = _triangle(Differences(self.domain, k), e, layers)
         deltas = cleared(self.points - self.points[:, [k]], self.rounding[:, :, None])
         columns = deltas.swapaxes(1, 2)
         t = _weighted(e, layers.point, 0.0, 1.0)
@@ -187,23 +184,18 @@ class _CurvatureField:
         return np.asarray(d)
 
 
-def _triangle(axes: Frame, e: FloatArray, layers: _Layers) -> tuple[FloatArray, ...]:
+def _triangle(about: Differences, e: FloatArray, layers: _Layers) -> tuple[FloatArray, ...]:
     """(n, m) ξ and η, (m,) logarithms of T at two more knots, and 1 if these are counter-clockwise, else −1.
 
     Both coordinates are 0 at the knot with the largest T; ξ is 1 at the first of the other knots and 0 at the second,
     and η vice versa. They are chosen like pivots, so that the triangle has neither little weight nor a small angle.
     """
     columns = np.arange(e.shape[1])
-    candidates = layers.xi[:, None] & np.isin(np.arange(len(e)), axes.away)[:, None]
-    one = np.where(candidates, e + 2 * np.log(axes.lengths[:, None]), -np.inf).argmax(axis=0)
-    other = np.where(layers.eta[:, None], e + 2 * np.log(np.abs(axes.across[:, one])), -np.inf).argmax(axis=0)
-    return (
-        axes.across[:, other] / axes.across[one, other],
-        axes.across[:, one] / axes.across[other, one],
-        e[one, columns],
-        e[other, columns],
-        np.sign(axes.across[other, one]),
-    )
+    one = np.where(layers.xi[:, None], e + 2 * np.log(about.lengths[:, None]), -np.inf).argmax(axis=0)
+    eta = about.across(one)
+    other = np.where(layers.eta[:, None], e + 2 * np.log(np.abs(eta)), -np.inf).argmax(axis=0)
+    xi, turn = about.across(other), np.sign(eta[other, columns])
+    return xi / xi[one, columns], eta / eta[other, columns], e[one, columns], e[other, columns], turn
 
 
 def _weighted(e: FloatArray, members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:

@@ -53,8 +53,9 @@ class Curve:
         count = len(self.knots)
         if count != len(other.knots) or np.abs(self.points - other.points).max() > tolerance:
             return False
-        # Where knots crowd, so do features of the curve.
+        # Where knots crowd, so do features of the curve; where weights vary, a knot matters far out on the torus.
         regularity = np.diff(self.knots).min() * (count - 1) if count > 1 else 1.0
+        regularity /= 1.0 + np.abs(self.log_weights).max()
         return bool(
             np.abs(self.knots - other.knots).max() <= CURVE_TOLERANCE * regularity
             and np.abs(self.log_weights - other.log_weights).max() <= CURVE_TOLERANCE
@@ -108,29 +109,25 @@ class Curve:
 
 def edge_curve(patch: Patch, edge: int) -> Curve:
     """Return the data that determine the curve of an edge."""
-    shape = patch.domain
-    members = shape.edge_knots(edge)
-    weights, points = patch.log_products[members], patch.control_points[members]
-    knots, length = np.zeros(len(members)), 1.0
-    if shape.dimension == 2:
-        knots = shape.along(edge, shape.knots[members])
-        length = float(knots[-1])
-        knots = knots / length
-    # Copies of a knot act as one (Thm 4.1).
-    first = np.flatnonzero(np.diff(knots, prepend=-1.0) > shape.tolerance / length)
-    if len(first) < len(knots):
-        copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
-        largest = np.maximum.reduceat(weights, first)
-        shares = np.exp(weights - largest[copies])
-        total = np.add.reduceat(shares, first)
-        points = np.add.reduceat((shares / total[copies])[:, None] * points, first)
-        knots, weights = knots[first], largest + np.log(total)
-    return Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points)
+    return edge_curves([patch], [(0, edge)])[0]
 
 
 def edge_curves(patches: Sequence[Patch], refs: Iterable[EdgeRef]) -> list[Curve]:
     """Return the curves of edges."""
-    return [edge_curve(patches[index], edge) for index, edge in refs]
+    curves = []
+    for index, edge in refs:
+        basis = patches[index].rational_basis
+        members, knots, first = basis.domain.edge_fractions[edge]
+        weights, points = basis.log_weights[members], patches[index].control_points[members]
+        if len(first) < len(knots):  # copies of a knot act as one (Thm 4.1)
+            copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
+            largest = np.maximum.reduceat(weights, first)
+            shares = np.exp(weights - largest[copies])
+            total = np.add.reduceat(shares, first)
+            points = np.add.reduceat((shares / total[copies])[:, None] * points, first)
+            knots, weights = knots[first], largest + np.log(total)
+        curves.append(Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points))
+    return curves
 
 
 def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:

@@ -1,10 +1,9 @@
 """Joints of a model: edges of patches that carry the same boundary curve, and their directions."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,13 +19,6 @@ FAR_ROUNDING = 16 * EPS  # of the largest coordinate: far away, points computed 
 
 
 SORTING_DIRECTION = np.array([1.0, 1.618033988749895, 2.414213562373095])  # different places hardly ever tie along it
-
-
-class _Comparison(NamedTuple):
-    """Curves beside each other, the second one in its own direction or reversed."""
-
-    match: Match
-    turned: bool
 
 
 @dataclass(frozen=True)
@@ -119,7 +111,7 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     crowded = tuple((refs[i], *(refs[j] for j, *_ in others)) for i, others in groups.items() if len(others) > 1)
     flipped, one_sided = _orientation(len(patches), shared if surfaces else ())
     single = {i for i, others in groups.items() if not others}
-    apart = sorted((*pair, match.distance) for pair, (match, _) in near.items() if not _is_within(match, weld or 0.0))
+    apart = sorted((*pair, match.distance) for pair, match in near.items() if not _is_within(match, weld or 0.0))
     return Joints(
         shared=shared,
         open=tuple(refs[i] for i in groups if i in single),
@@ -162,8 +154,8 @@ def _same_data(
 
 def _welded(
     same: Mapping[int, Sequence[tuple[int, bool]]],
-    near: Mapping[tuple[int, int], _Comparison],
-    compare: Callable[[int, int], _Comparison],
+    near: Mapping[tuple[int, int], Match],
+    compare: Callable[[int, int], Match],
     weld: float,
 ) -> dict[int, list[tuple[int, bool, Match | None]]]:
     """Put groups of edges with the same data together, first those that are equal, then the nearest.
@@ -172,20 +164,20 @@ def _welded(
     the later edges by the first one, whether they run in the opposite direction, and matches where data differ.
     """
     groups, group = {i: [i] for i in same}, {i: i for i in same}
-    for (i, j), (match, _) in sorted(near.items(), key=lambda pair: (not pair[1].match.proved, pair[1].match.distance)):
+    for (i, j), match in sorted(near.items(), key=lambda pair: (not pair[1].proved, pair[1].distance)):
         one, other = sorted((group[i], group[j]))
         if one == other or not _is_within(match, weld):
             continue
         pairs = [] if match.proved else [sorted(pair) for pair in product(groups[one], groups[other])]
-        if all(_is_within(compare(*pair).match, weld) for pair in pairs):
+        if all(_is_within(compare(*pair), weld) for pair in pairs):
             groups[one] += groups.pop(other)
             group.update(dict.fromkeys(groups[one], one))
     found: dict[int, list[tuple[int, bool, Match | None]]] = {}
     for one, members in groups.items():
         found[one] = [(j, turned, None) for j, turned in same[one]]
         for k in sorted(members)[1:]:
-            match, turned = compare(one, k)
-            found[one] += [(j, also ^ turned, match) for j, also in ((k, False), *same[k])]
+            match = compare(one, k)
+            found[one] += [(j, also ^ match.turned, match) for j, also in ((k, False), *same[k])]
         found[one].sort(key=lambda other: other[0])
     return found
 
@@ -193,9 +185,9 @@ def _welded(
 def _near(
     curves: Sequence[Curve],
     same: Mapping[int, Sequence[object]],
-    compare: Callable[[int, int], _Comparison],
+    compare: Callable[[int, int], Match],
     reach: float,
-) -> dict[tuple[int, int], _Comparison]:
+) -> dict[tuple[int, int], Match]:
     """Compare edges, one of them open, whose ends are within a distance, or within `ALMOST` of their size.
 
     Beyond that distance, each is compared until one is found that is nearer than the others' ends are.
@@ -208,25 +200,22 @@ def _near(
         i, j = firsts[one], firsts[other]
         if not (same[i] and same[j]) and (gap <= reach or gap < max(least[i], least[j])):
             found[i, j] = compare(i, j)
-            distance = found[i, j].match.distance
+            distance = found[i, j].distance
             least[i], least[j] = min(least[i], distance), min(least[j], distance)
     return found
 
 
-def _compared(one: Curve, other: Curve, tolerance: float, weld: float) -> _Comparison:
+def _compared(one: Curve, other: Curve, tolerance: float, weld: float) -> Match:
     """Compare two curves in the directions in which their ends are near."""
-    most, nearest = (
-        max(ALMOST * min(one.size, other.size), tolerance, weld),
-        _Comparison(Match(np.inf, False, True), False),
-    )
+    most, nearest = max(ALMOST * min(one.size, other.size), tolerance, weld), Match(np.inf, False, True)
     for turned, curve in ((False, other), (True, other.reversed())):
         if np.abs(one.ends - curve.ends).max() > most:
             continue
         match = equal(one, curve, tolerance)
         if match is None:
             match = beside(one, curve, max(tolerance, weld), most)
-        if match.proved or match.distance < nearest.match.distance:
-            nearest = _Comparison(match, turned)
+        if match.proved or match.distance < nearest.distance:
+            nearest = replace(match, turned=turned)
         if match.proved:
             break
     return nearest

@@ -11,7 +11,7 @@ from gtb_cli.values import frozen
 
 @frozen
 class Match:
-    """Points of one curve at those of another one, which runs in the same direction.
+    """Points of one curve at those of another one, which runs in the same direction, if need be `turned` before.
 
     If `proved`, the curves are equal, and `distance` is a bound of that between corresponding points; otherwise it is
     the largest one that was measured. `even` says that equal fractions correspond. Other matches have (2, k) `places`,
@@ -23,6 +23,7 @@ class Match:
     even: bool
     places: FloatArray | None = None
     torus: FloatArray | None = None
+    turned: bool = False
 
     def carried(self, one: Curve, other: Curve, fractions: FloatArray, *, back: bool = False) -> FloatArray:
         """(m,) fractions of the second curve at (m,) fractions of the first one; `back`, the other way round."""

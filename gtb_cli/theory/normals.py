@@ -12,8 +12,8 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, cross_of_columns, groups
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.differences import PARALLEL_SINE, Differences, cleared, coordinate_rounding
 from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.frame import PARALLEL_SINE, cleared, coordinate_rounding, frame
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
 from gtb_cli.moment.torus import covariance, exponents, shares
@@ -90,12 +90,11 @@ class NormalField:
         leader = e.argmax(axis=0)
         result = np.empty((e.shape[1], 3))
         for k, here in groups(leader):
-            axes, deltas, part = frame(self.domain, k), self._deltas(k), e[:, here]
+            about, deltas, part = Differences(self.domain, k), self._deltas(k), e[:, here]
             mean = deltas.T @ shares(part)
-            second = axes.away[part[axes.away].argmax(axis=0)]
-            result[here], _ = _unit_cross(
-                *(covariance(part, table[:, second], deltas, mean) for table in (axes.along, axes.across))
-            )
+            second = np.where(about.lengths[:, None] > 0, part, -np.inf).argmax(axis=0)
+            axes = about.along(second), about.across(second)
+            result[here], _ = _unit_cross(*(covariance(part, axis, deltas, mean) for axis in axes))
         return result
 
     def _deltas(self, k: int) -> FloatArray:

@@ -19,7 +19,7 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import CUT_OFF_SHARE, block_length, exponentials, weighted_sums
-from gtb_cli.theory.basis import Location, face_knots, torus_coordinates
+from gtb_cli.theory.basis import Location, torus_coordinates
 from gtb_cli.values import frozen
 
 Parametrization: TypeAlias = Literal["toric", "linear"]
@@ -74,9 +74,10 @@ class RationalBasis:
         The sum at a corner with one knot is exactly the value of that knot.
         """
         result = np.empty((count, values.shape[1]))
-        for rows, face, knots, s in locations:
+        for rows, face, knots, s in tuple(locations):  # all are located first: data flow down once
             sums = weighted_sums(knots, self.log_weights[face.knots], values[face.knots], s)
-            result[rows] = (sums[1:] / sums[0]).T
+            sums[1:] /= sums[0]
+            result[rows] = sums[1:].T
         return result
 
 
@@ -93,9 +94,6 @@ def blend_each(
         weights, chosen = log_weights[..., face.knots], values[:, face.knots]
         shares = exponentials(knots, weights if weights.ndim == 1 else weights[own].T, s)
         shares /= shares.sum(axis=0)
-        if len(own) < 16 * len(values):  # a few for each: all at once take less time than one after another
-            result[rows] = np.einsum("mnk,nm->mk", chosen[own], shares)
-            continue
         ends = np.searchsorted(own, np.arange(len(values) + 1)).tolist()
         sums = np.empty((values.shape[2], len(own)))
         for one, begin, end in zip(chosen, ends[:-1], ends[1:], strict=True):
@@ -111,15 +109,13 @@ def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None
     for start in range(0, len(u), length):
         known = None if faces is None else faces[start : start + length]
         heights = domain.heights_of_columns(u[start : start + length], start, known)
-        s = torus_coordinates(domain, np.where(heights == 0, 1.0, heights))
-        on_boundary = (heights == 0).any(axis=0)
-        if not on_boundary.all():
+        boundary = domain.faces.on_boundary(heights)
+        s = torus_coordinates(domain, np.where(heights == 0, 1.0, heights) if boundary else heights)
+        if sum(len(rows) for _, rows in boundary) < heights.shape[1]:
             yield Location(slice(start, start + heights.shape[1]), domain.faces[INTERIOR], centred, s)
-        boundary = np.flatnonzero(on_boundary)
-        for number, members in groups(domain.faces.at(heights[:, boundary])):
-            face, rows = domain.faces[number], boundary[members]
+        for face, rows in boundary:
             along = np.zeros((0, len(rows))) if face.is_corner else domain.direction(face.index)[None] @ s[:, rows]
-            yield Location(start + rows, face, face_knots(domain, face), along)
+            yield Location(start + rows, face, domain.face_knots(face), along)
 
 
 @frozen
@@ -161,11 +157,9 @@ class LinearParametrization:
     ) -> Iterator[Location]:
         shape = self.shape
         heights = shape.heights_of_columns(p, 0, faces)
-        on_boundary = (heights == 0).any(axis=0)
-        boundary, inside = np.flatnonzero(on_boundary), np.flatnonzero(~on_boundary)
-        for number, members in groups(shape.faces.at(heights[:, boundary])):
-            face, rows = shape.faces[number], boundary[members]
-            knots, s = face_knots(shape, face), np.zeros((0, len(rows)))
+        inside = np.flatnonzero((heights > 0).all(axis=0))
+        for face, rows in shape.faces.on_boundary(heights):
+            knots, s = shape.face_knots(face), np.zeros((0, len(rows)))
             if not face.is_corner:
                 along, own = shape.along(face.index, p[rows])[:, None], None if numbers is None else numbers[rows]
                 s = MomentMap(knots, self.log_weights[..., face.knots]).inverse(along, within, None, own)

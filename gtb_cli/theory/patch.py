@@ -154,7 +154,7 @@ class Patch:
     @property
     def dimension(self) -> int:
         """1 for a curve, 2 for a surface."""
-        return self.domain.dimension
+        return int(self.knots.shape[1])
 
     @property
     def patches(self) -> tuple[Patch]:

@@ -14,7 +14,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from tests.marks import mostly_long
+from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
 from tests.specs import load
 
@@ -119,6 +119,7 @@ def test_what_is_welded_is_said_and_far_ones_are_warned_of():
     assert any("edges were welded into points, up to 1 long" in remark for remark in remarks), remarks
 
 
+@long
 def test_commands_weld_and_say_why_edges_are_not_joined(tmp_path):
     save(pair(shift=1.5e-4), tmp_path / "x.toml")
     assert "--weld 0.0002 joins them" in gtb("mesh", tmp_path / "x.toml", "-o", tmp_path / "x.obj").err

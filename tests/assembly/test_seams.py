@@ -5,14 +5,17 @@ import math
 
 import numpy as np
 import pytest
+import trimesh
 
 from gtb_cli.assembly.requirements import requirements
 from gtb_cli.assembly.seams import bends, joints
 from gtb_cli.errors import DomainError, RequirementError
+from gtb_cli.formats.export import held
 from gtb_cli.language.writer import dump
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from tests.marks import long
 from tests.shell import PENTAGON, SPECS, gtb
 from tests.specs import load
 
@@ -123,8 +126,9 @@ def test_a_square_with_two_knots_swapped_is_no_solid(tmp_path):
     assert result.status == 0
     assert "warning: " + str(tmp_path / "bow.obj") + ": bow turns back on itself at " in result.err
     assert "the solid passes through itself: " in result.err
-    result = gtb("mesh", path, "--thickness", 2, "--require", "watertight", "-o", tmp_path / "closed.obj")
-    assert result.status == 0
+    result = gtb("mesh", path, "--thickness", 2, "--require", "watertight", "--ascii", "-o", tmp_path / "closed.ply")
+    assert result.status == 1
+    assert "bow.toml: not watertight: faces collapse, 76 of 4352 faces" in result.err  # as trimesh says of the file
     result = gtb("mesh", path, "--thickness", 2, "--require", "solid", "-o", tmp_path / "solid.obj")
     assert result.status == 1
     assert "bow.toml: not solid: bow turns back on itself at " in result.err
@@ -132,6 +136,7 @@ def test_a_square_with_two_knots_swapped_is_no_solid(tmp_path):
     assert not (tmp_path / "solid.obj").exists()
 
 
+@long
 def test_what_warnings_say_of_a_solid_fails_it(tmp_path):
     """The corner of the pentagon bends with a radius of 0.008, which a mesh of 32 segments does not show."""
     out = tmp_path / "x.stl"
@@ -158,6 +163,7 @@ def test_what_warnings_say_of_a_solid_fails_it(tmp_path):
         Recipe(10, require="solid").mesh(Model((*load(CUBE), *inner)))
 
 
+@long
 def test_what_is_required_holds_for_the_numbers_of_the_file(tmp_path):
     """32-bit numbers put the sides of a slab 0.2 thick together at 1e7, and OBJ those of one 1e-10 thick."""
     knots = [[0, 0], [4, 0], [4, 4], [0, 4]]
@@ -170,7 +176,7 @@ def test_what_is_required_holds_for_the_numbers_of_the_file(tmp_path):
             out, made = tmp_path / f"x.{suffix}", ("--thickness", 0.2, "-n", 4, "--require", word)
             error = gtb("mesh", spec, *made, "-o", out, status=1).err
             assert f"not {word}: " in error
-            assert ("faces collapse, " if word == "solid" else "sides of faces fall upon others") in error
+            assert "faces collapse, 24 of 96 faces" in error
             assert f"the numbers of {suffix.upper()} are too coarse here" in error
             assert not out.exists()
             assert gtb("mesh", middle, *made, "-o", out).status == 0
@@ -179,6 +185,44 @@ def test_what_is_required_holds_for_the_numbers_of_the_file(tmp_path):
             assert gtb("mesh", spec, *made, "-o", tmp_path / written[0], *written[1:]).status == 0
         thin = gtb("mesh", middle, "--thickness", 1e-10, "-n", 4, "--require", word, status=1).err
         assert "the numbers of OBJ are too coarse here, PLY with --ascii keeps their digits" in thin
+
+
+def test_faces_that_collapse_in_a_file_are_not_watertight_and_others_may_meet_there():
+    """As trimesh says of the vertices that an STL file holds."""
+    flat = Patch([[0, 0], [4, 0], [4, 4], [0, 4]], np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]) + 1e7)
+    beside = Model((flat, flat.replace(control_points=flat.control_points + np.array([4.2, 0, 0]), name="beside")))
+    for spec, made, fault in (
+        (flat, {"resolution": 8, "thickness": 4}, "faces collapse, "),
+        (beside, {"resolution": 1, "thickness": 4}, r"\d+ sides of faces fall upon others"),
+    ):
+        mesh = Recipe(**made, require="watertight").mesh(spec)[0]
+        stored = held(mesh, "stl")[0]
+        assert [trimesh.Trimesh(each.vertices, each.cells).is_watertight for each in (mesh, stored)] == [True, False]
+        with pytest.raises(RequirementError, match=f"not watertight: {fault}"):
+            Recipe(**made, require="watertight").mesh(spec, held=lambda mesh: held(mesh, "stl"))
+
+
+@pytest.mark.parametrize(
+    ("far", "thickness", "suffix", "is_closed"),
+    [(1e7, 0.2, "stl", False), (1e7, 0.2, "obj", True), (1e5, 3, "stl", True), (0, 1e-10, "obj", False)],
+)
+def test_a_line_that_says_closed_speaks_of_the_numbers_in_the_file(tmp_path, far, thickness, suffix, is_closed):
+    points = np.array([[0, 0, 0], [4, 0, 1], [4, 4, 0], [0, 4, 1]]) + far
+    spec, out = tmp_path / "far.toml", tmp_path / f"x.{suffix}"
+    spec.write_text(dump(Patch([[0, 0], [4, 0], [4, 4], [0, 4]], points)), encoding="utf-8")
+    line = gtb("mesh", spec, "--thickness", thickness, "-n", 4, "-o", out).err.splitlines()[-1]
+    assert (", closed, " in line) == is_closed
+    file = trimesh.load(out, force="mesh")
+    assert file.is_watertight == is_closed
+    assert not is_closed or float(line.rpartition(" ")[2]) == pytest.approx(file.volume, rel=1e-3)
+
+
+def test_a_tube_whose_faces_collapse_in_a_file_is_not_called_closed(tmp_path):
+    curve, out = tmp_path / "far.toml", tmp_path / "x.stl"
+    curve.write_text(dump(Patch([0, 1], [[1e5, 1e5, 1e5], [1e5 + 1, 1e5, 1e5]])), encoding="utf-8")
+    for radius, is_closed in ((0.004, False), (1, True)):
+        line = gtb("mesh", curve, "--radius", radius, "-n", 4, "-o", out).err.splitlines()[-1]
+        assert (", closed, " in line) == trimesh.load(out, force="mesh").is_watertight == is_closed
 
 
 @pytest.mark.parametrize("word", ["smooth", "smooth:", "smooth:x", "smooth:-1", "smooth:nan", "smooth:1_0", "tight"])

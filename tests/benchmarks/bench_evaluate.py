@@ -1,7 +1,6 @@
 """A million points of a patch, beside the exponentials and logarithms they take, and beside libraries of splines."""
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 
@@ -10,8 +9,8 @@ from gtb_cli.language.loading import load
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, compared, has_avx512, paired, segments, sized
 from tests.benchmarks.peers import by_scipy, by_splinepy, by_splipy
+from tests.shell import SPECS
 
-SPECS = Path(__file__).parent.parent.parent / "specs"
 POINTS = 1_000_000
 
 SAME = 1e-13  # largest difference, in units of a model of size 3, of results that differ by rounding

@@ -6,15 +6,16 @@ Processor time counts, of the command and what it starts, so that a busy machine
 import json
 import math
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from tests.benchmarks import Row
-from tests.benchmarks.bench_startup import REPOSITORY
+from tests.benchmarks.bench_startup import inherited
+from tests.shell import PENTAGON, command
 
 
 def rows() -> Iterator[Row]:
@@ -23,8 +24,8 @@ def rows() -> Iterator[Row]:
     patch_counts = (1, 10, 100, 1000, 5000)
     faces = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 20_000_000)
     with tempfile.TemporaryDirectory() as folder:
-        place, pentagon = Path(folder), REPOSITORY / "specs" / "pentagon.toml"
-        knots, patches, out = scattered(place), strips(place), ("-o", place / "x.obj")
+        place = Path(folder)
+        knots, patches, out = partial(scattered, place), partial(strips, place), ("-o", place / "x.obj")
         of_knots: dict[str, Callable[[int], list[object]]] = {
             "mesh -n 8": lambda n: ["mesh", knots(n), "-n", 8, *out],
             "mesh --tolerance 1%": lambda n: ["mesh", knots(n), "--tolerance", "1%", *out],
@@ -45,7 +46,7 @@ def rows() -> Iterator[Row]:
                 "faces",
                 faces,
                 lambda n, kind=kind: [  # type: ignore[misc]
-                    *("mesh", pentagon, "-n", round(math.sqrt(n / 5)), "--max-faces", 2 * n, "-o", place / f"x.{kind}")
+                    *("mesh", PENTAGON, "-n", round(math.sqrt(n / 5)), "--max-faces", 2 * n, "-o", place / f"x.{kind}")
                 ],
             )
 
@@ -72,43 +73,33 @@ def growth(what: str, unit: str, sizes: tuple[int, ...], arguments: Callable[[in
 
 def cost(arguments: list[object]) -> tuple[float, float]:
     """Seconds of processor time, and megabytes at the peak, of a whole command that must succeed."""
-    command = [sys.executable, "-m", "gtb_cli", *map(str, arguments)]
-    environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    words = command(*arguments)
     quiet = [(os.POSIX_SPAWN_OPEN, stream, os.devnull, os.O_WRONLY, 0) for stream in (1, 2)]
-    process = os.posix_spawn(sys.executable, command, environment, file_actions=quiet)
+    process = os.posix_spawn(words[0], words, inherited(), file_actions=quiet)
     _, status, used = os.wait4(process, 0)
     code = os.waitstatus_to_exitcode(status)
     if code:
-        raise RuntimeError(f"exit status {code}: {' '.join(command)}")
+        raise RuntimeError(f"exit status {code}: {' '.join(words)}")
     return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
 
 
-def scattered(folder: Path) -> Callable[[int], Path]:
-    """Specs of a wavy surface with random knots, lifted at random."""
-
-    def spec(count: int) -> Path:
-        random = np.random.default_rng(count)
-        knots = random.random((count, 2))
-        height = 0.2 * np.sin(6 * knots[:, 0]) * np.cos(5 * knots[:, 1])
-        points = np.column_stack([knots, height]).tolist()
-        lifting = random.random(count).tolist()
-        return written(folder / "knots.json", {"knots": knots.tolist(), "control_points": points, "lifting": lifting})
-
-    return spec
+def scattered(folder: Path, count: int) -> Path:
+    """Write a spec of a wavy surface with random knots, lifted at random."""
+    random = np.random.default_rng(count)
+    knots = random.random((count, 2))
+    height = 0.2 * np.sin(6 * knots[:, 0]) * np.cos(5 * knots[:, 1])
+    points = np.column_stack([knots, height]).tolist()
+    lifting = random.random(count).tolist()
+    return written(folder / "knots.json", {"knots": knots.tolist(), "control_points": points, "lifting": lifting})
 
 
-def strips(folder: Path) -> Callable[[int], Path]:
-    """Specs of a wavy strip of bilinear patches, each joined to the next one."""
-
-    def spec(count: int) -> Path:
-        patches = []
-        for k in range(count):
-            corners = [[x, y, math.sin(0.1 * x + y)] for y in (0, 1) for x in (k, k + 1)]
-            patches.append({"knots": [[0, 0], [1, 0], [0, 1], [1, 1]], "control_points": corners})
-        return written(folder / "patches.json", {"patches": patches})
-
-    return spec
+def strips(folder: Path, count: int) -> Path:
+    """Write a spec of a wavy strip of bilinear patches, each joined to the next one."""
+    patches = []
+    for k in range(count):
+        corners = [[x, y, math.sin(0.1 * x + y)] for y in (0, 1) for x in (k, k + 1)]
+        patches.append({"knots": [[0, 0], [1, 0], [0, 1], [1, 1]], "control_points": corners})
+    return written(folder / "patches.json", {"patches": patches})
 
 
 def written(path: Path, spec: object) -> Path:

@@ -13,7 +13,8 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, paired, segments, sized
-from tests.benchmarks.bench_evaluate import SPECS, scattered, spec
+from tests.benchmarks.bench_evaluate import scattered, spec
+from tests.shell import SPECS
 
 
 def rows() -> Iterator[Row]:

@@ -12,8 +12,8 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, coarser, missing, paired
-from tests.benchmarks.bench_evaluate import SPECS
 from tests.benchmarks.peers import by_open_cascade
+from tests.shell import SPECS
 
 
 def rows() -> Iterator[Row]:

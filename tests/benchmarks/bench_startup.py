@@ -1,6 +1,5 @@
 """Whole processes of the command line, beside Python importing what they cannot do without."""
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -8,19 +7,21 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from tests.benchmarks import Row, paired
+from tests.shell import PENTAGON, environment
 
-REPOSITORY = Path(__file__).parent.parent.parent
+
+def inherited(*without: str, **variables: str) -> dict[str, str]:
+    """This environment without some variables: Python finds its compiled modules where the run before has left them."""
+    left_out = {"PYTHONDONTWRITEBYTECODE", *without}
+    return {name: value for name, value in environment(**variables).items() if name not in left_out}
 
 
 def process(*arguments: object, **variables: str) -> Callable[[], None]:
-    """A process of Python that finds its compiled modules where the run before has left them."""
-    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), **variables}
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)
-    if "OPENBLAS_NUM_THREADS" not in variables:
-        environment.pop("OPENBLAS_NUM_THREADS", None)
+    """A process of Python, whose linear algebra has as many threads as it likes if their number is not given."""
+    found = inherited(*{"OPENBLAS_NUM_THREADS"} - variables.keys(), **variables)
 
     def run() -> None:
-        subprocess.run([sys.executable, *map(str, arguments)], env=environment, stdout=subprocess.DEVNULL, check=True)
+        subprocess.run([sys.executable, *map(str, arguments)], env=found, stdout=subprocess.DEVNULL, check=True)
 
     return run
 
@@ -28,8 +29,7 @@ def process(*arguments: object, **variables: str) -> Callable[[], None]:
 def rows() -> Iterator[Row]:
     runs = 21
     with tempfile.TemporaryDirectory() as folder:
-        spec = REPOSITORY / "specs" / "pentagon.toml"
-        mesh = process("-m", "gtb_cli", "mesh", "-q", "-n", 8, spec, "-o", Path(folder) / "x.obj")
+        mesh = process("-m", "gtb_cli", "mesh", "-q", "-n", 8, PENTAGON, "-o", Path(folder) / "x.obj")
         floor = ("-c", "import numpy, click")
         alone, one_thread = process(*floor), process(*floor, OPENBLAS_NUM_THREADS="1")
         what = "gtb mesh -n 8 of the pentagon to OBJ, whole, beside import numpy, click"

@@ -55,26 +55,6 @@ def test_a_polynomial_curve_is_elevated_by_the_textbook():
     np.testing.assert_allclose(elevated.control_points[:, 0], [float(x) for x in expected], rtol=1e-15)
 
 
-def test_a_triangle_is_elevated_by_the_textbook():
-    """b*_(ijk) = (i b_(i−1,j,k) + j b_(i,j−1,k) + k b_(i,j,k−1))/(n + 1)."""
-    n = 2
-    places = [(i, j) for j in range(n + 1) for i in range(n + 1 - j)]
-    values = {(i, j, n - i - j): Fraction((3 * i + 1) * (j + 2)) for i, j in places}
-    count = {key: Fraction(math.factorial(n), math.prod(map(math.factorial, key))) for key in values}
-    patch = Patch(
-        places,
-        [[float(value), 0, 0] for value in values.values()],
-        coefficients=[float(c) for c in count.values()],
-    )
-    elevated = elevate(patch)
-    assert len(elevated.knots) == 10
-    for (i, j), point in zip(elevated.knots.astype(int).tolist(), elevated.control_points, strict=True):
-        k = n + 1 - i - j
-        terms = [(i, (i - 1, j, k)), (j, (i, j - 1, k)), (k, (i, j, k - 1))]
-        expected = sum(number * values[key] for number, key in terms if number) / (n + 1)
-        assert point[0] == pytest.approx(float(expected), rel=1e-15)
-
-
 def test_a_tensor_product_patch_is_elevated_in_both_directions():
     elevated = elevate(spec("bicubic"))
     assert elevated.domain.vertices.tolist() == [[0, 0], [4, 0], [4, 4], [0, 4]]

@@ -1,11 +1,13 @@
 """Certified surfaces: nothing of a surface, or of its mesh, is beyond the tolerance, wherever samples happen to be."""
 
 import json
+import time
 
 import mpmath as mp
 import numpy as np
 import pytest
 
+from gtb_cli.certificates.deadline import Deadline
 from gtb_cli.certificates.enclosures import Coverings
 from gtb_cli.certificates.planar import PlanarCertificate
 from gtb_cli.certificates.surface import SurfaceCertificate
@@ -17,7 +19,7 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from tests.marks import mostly_long
+from tests.marks import long, mostly_long
 from tests.shell import gtb
 from tests.specs import SPECS, load
 
@@ -71,7 +73,7 @@ def diagonal(shape: Patch) -> float:
 @pytest.mark.parametrize("seed", mostly_long(range(2), 0))
 def test_random_surfaces_are_within_the_tolerance(seed):
     shape = random_surface(seed)
-    tolerance = (0.03, 0.01)[seed % 2] * diagonal(shape)
+    tolerance = (0.1, 0.01)[seed % 2] * diagonal(shape)
     try:
         mesh = tessellate(shape, tolerance=tolerance, certify=True)
     except ToleranceError as error:
@@ -170,7 +172,7 @@ def test_a_triangle_that_is_too_far_fails():
     u = np.array([[[0, 0], [2, 0], [0, 2.0]]])
     points = np.array([[[0, 0, 0], [1, 0, 1], [0, 1, 1.0]]])
     height = 0.5 / 3**0.5 * 2**0.5  # of (1/2, 1/2, 1/2) under the triangle's side
-    certificate = SurfaceCertificate(bowl)
+    certificate = SurfaceCertificate(bowl, Deadline())
     assert certificate.failing(u, points, 0.95 * 0.5).all()
     assert not certificate.failing(u, points, 1.05 * max(0.5, height)).any()
 
@@ -207,21 +209,40 @@ def test_what_cannot_be_certified_is_refused(tmp_path, options):
         Recipe(certify=True)
 
 
-def test_a_refusal_names_a_tolerance_that_is_certified(monkeypatch):
-    """Here nothing finer than 0.3 is certified."""
-    failing = SurfaceCertificate.failing
+def crowded_surface() -> Patch:
+    """A surface with 34 random knots, whose weights differ by twelve orders of magnitude."""
+    rng = np.random.default_rng(2)
+    knots = rng.normal(size=(34, 2)) * 0.5
+    points = np.column_stack([knots + 0.2 * rng.normal(size=knots.shape), rng.normal(size=34)])
+    return Patch(knots, points, 10.0 ** rng.uniform(-6, 6, 34))
 
-    def late(self, u, points, tolerance):
-        if tolerance < 0.25:
-            self.deadline = 0.0
-        return failing(self, u, points, tolerance)
 
-    monkeypatch.setattr(SurfaceCertificate, "failing", late)
-    shape = load(SPECS / "bicubic.toml")
-    message = r"0\.1 takes too long to certify: 0\.3 is certified, and without `certify`"
-    with pytest.raises(ToleranceError, match=message):
-        tessellate(shape, tolerance=0.1, certify=True, normals=False)
-    assert len(tessellate(shape, tolerance=0.3, certify=True, normals=False).cells)
+@pytest.mark.parametrize("make", [crowded_surface, lambda: load(SPECS / "teapot.toml")], ids=["crowded", "teapot"])
+@long
+def test_a_refusal_comes_in_time_and_names_a_tolerance_that_is_certified(make):
+    """While each of four first meshes, and each larger tolerance, had a time of its own, it took twice as long."""
+    shape, seconds, slack, share = make(), 1.0, 1.0, 1e-4
+    points = np.concatenate([patch.control_points for patch in shape.patches])
+    start = time.process_time()
+    with pytest.raises(ToleranceError, match=r"too long to certify: .* is certified, and without `certify`") as refusal:
+        tessellate(shape, tolerance=share * float(np.ptp(points)), certify=True, normals=False, seconds=seconds)
+    assert time.process_time() - start < seconds + slack
+    named = float(str(refusal.value).split(" certify: ")[1].split()[0])
+    assert len(tessellate(shape, tolerance=named, certify=True, normals=False, seconds=4 * seconds).cells)
+
+
+def test_what_welding_moves_is_taken_off_the_tolerance():
+    """Seams, corners at which more than two patches meet, and edges that become points."""
+    heights = (0, 0.04, 0.08, 0.12)
+    around = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)]
+    fan = [Patch(SQUARE, [(0, 0, z), (*one, 0), (one[0] + two[0], one[1] + two[1], 0.3), (*two, 0)])
+           for z, one, two in zip(heights, around, around[1:], strict=False)]  # fmt: skip
+    short = Patch(SQUARE, [(0, 0, 0), (0.09, 0, 0), (0.5, 1, 0.3), (-0.5, 1, 0)])
+    for model, moved in ((Model(tuple(fan), weld=0.05), 0.06), (Model((short,), weld=0.1), 0.045)):
+        with pytest.raises(ToleranceError, match=f"welding moves vertices by up to {moved:g}, more than"):
+            tessellate(model, tolerance=0.9 * moved, certify=True)
+        mesh = tessellate(model, tolerance=4 * moved, certify=True, seconds=4.0)
+        assert max(farthest(patch, mesh) for patch in model.patches) <= 4 * moved
 
 
 SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
@@ -252,7 +273,7 @@ def plane_patch(kind: str) -> Patch:
 def test_plane_patches_are_certified_by_their_boundaries(kind, most):
     """A point may slide within the plane: a quadrilateral took 53,974 faces."""
     shape, tolerance = plane_patch(kind), 1e-3
-    assert PlanarCertificate(shape).serves(tolerance)
+    assert PlanarCertificate(shape, Deadline()).serves(tolerance)
     mesh = tessellate(shape, tolerance=tolerance, certify=True)
     assert len(mesh.cells) <= most
     assert farthest(shape, mesh) <= tolerance
@@ -261,9 +282,9 @@ def test_plane_patches_are_certified_by_their_boundaries(kind, most):
 def test_boundaries_do_not_certify_plane_patches_that_fold():
     """Two corners are swapped, or a control point inside is beyond a side, which says nothing of the boundary."""
     points = [(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 1, 0)]
-    assert not PlanarCertificate(Patch(SQUARE, points)).serves(1.0)
+    assert not PlanarCertificate(Patch(SQUARE, points), Deadline()).serves(1.0)
     inner = Patch([*SQUARE, (0.5, 0.5)], [(x, y, 0) for x, y in [*SQUARE, (3, 0.5)]], [1, 1, 1, 1, 50])
-    assert not PlanarCertificate(inner).serves(1.0)
+    assert not PlanarCertificate(inner, Deadline()).serves(1.0)
 
 
 @pytest.mark.parametrize(("name", "status"), [("x.stl", 2), ("x.glb", 2), ("x.ply", 2), ("x.obj", 0)])

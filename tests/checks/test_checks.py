@@ -8,10 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from gtb_cli.checks import ends
 from gtb_cli.checks.check import PROPERTIES, check, check_patch
 from gtb_cli.checks.probe import Probe
 from gtb_cli.checks.report import Finding
-from gtb_cli.errors import DomainError
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.theory.degeneration import MAX_WEIGHT_LOG, degenerate, regular_control_surface
 from gtb_cli.theory.model import Model
@@ -98,10 +99,6 @@ def test_they_hold_at_any_size_and_place(index, name):
         assert sum(found.status == "holds" for found in report.findings) >= 8
 
 
-def test_the_same_patch_gives_the_same_report():
-    assert check_patch(load(SPECS / "pentagon.toml")) == check_patch(load(SPECS / "pentagon.toml"))
-
-
 def test_conditions_are_named_where_they_are_not_fulfilled():
     space = Patch([0, 1, 2.5, 3], [[0, 0, 0], [1, 2, 0], [2, 2, 1], [3, 0, 4]])
     assert "not in a plane" in finding(space, "convexity").reason
@@ -146,6 +143,31 @@ def test_conditions_are_named_where_they_are_not_fulfilled():
 def test_unusual_patches_have_the_properties(patch):
     report = check_patch(patch)
     assert [found for found in report.findings if found.status == "fails"] == []
+
+
+@pytest.mark.parametrize("knots", [[0, 1e-12, 1], [0, 1e-12, 0.5, 1], [0, 0.3, 1 - 1e-12, 1]], ids=str)
+def test_what_the_tolerance_of_knots_hides_is_not_decided(knots):
+    report = check_patch(Patch(knots, [[i, i * i] for i in range(len(knots))]))
+    assert report.holds
+    hidden = {found.name: found.reason for found in report.findings if found.status == "not decided"}
+    assert "count as on it" in hidden["definition"]
+    assert repr(report).endswith(f"{len(hidden)} not decided>")
+
+
+def test_an_end_without_a_limit_does_not_hide_the_other():
+    found = [Finding("not applicable", None, None, ""), Finding("fails", 1.0, 0.1, ""), Finding("holds", 0.0, 0.1, "")]
+    assert [ends._worst(found).status, ends._worst(found[::2]).status] == ["fails", "not applicable"]
+
+
+def test_parameters_that_are_not_found_are_not_a_failure(monkeypatch):
+    def missing(patch, u, parametrization="toric"):
+        raise ToleranceError("2 parameters were not found")
+
+    monkeypatch.setattr(Patch, "evaluate", missing)
+    found = {found.name: found for found in check_patch(spec("example-3.1")).findings}
+    for name in ("linear precision, linear parametrization", "convexity", "variation diminishing"):
+        assert found[name].status == "not decided"
+        assert found[name].reason == "could not be measured: 2 parameters were not found"
 
 
 # --- what fails

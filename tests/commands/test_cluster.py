@@ -1,8 +1,6 @@
 """`gtb mesh --cluster`: a scheduler and workers that the test starts, one of which it kills."""
 
-import importlib.metadata
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -35,12 +33,6 @@ def test_an_address_is_one(address, tmp_path):
     assert result.status == 2
     assert f"--cluster {address}: no scheduler answers: " in result.err
     assert "tcp://HOST:PORT" in result.err or "not a scheduler file" in result.err
-
-
-def test_a_cluster_says_how_many_workers_there_are(tmp_path):
-    result = gtb("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", "127.0.0.1:8786", "-j", 2)
-    assert result.status == 2
-    assert "--cluster and -j exclude each other" in result.err
 
 
 class Workers:
@@ -102,15 +94,6 @@ def test_where_no_worker_joins_a_line_says_so(joins):
     with nullcontext() if joins else pytest.raises(GtbError, match="here: no workers within 60 seconds"):
         _check_workers(Empty(), "here", said.append)
     assert said == ["--cluster here: no workers yet; waiting for one up to 60 seconds"]
-
-
-def test_nobody_listens(tmp_path):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{free.getsockname()[1]}"
-        result = gtb("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", address)
-    assert result.status == 2
-    assert result.err == f"gtb: error: --cluster {address}: no scheduler answers: Connection refused\n"
 
 
 def until(condition) -> None:
@@ -194,37 +177,6 @@ def test_the_work_of_a_worker_that_dies_is_done_by_another(cluster, specs, tmp_p
     assert expected.status == 2  # as of a broken spec
     assert contents(out) == contents(here / "out")
     assert (there / "manifest.json").read_bytes() == (here / "manifest.json").read_bytes()
-
-
-@long
-def test_workers_of_other_versions_or_with_several_threads_are_refused(cluster, tmp_path):
-    folder = tmp_path / "other" / "numpy-0.1.dist-info"
-    folder.mkdir(parents=True)
-    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
-    paths = f"{folder.parent}:{environment()['PYTHONPATH']}"
-    ours = importlib.metadata.version("numpy")
-    for variables, words in (
-        ({"PYTHONPATH": paths}, f"has numpy 0.1, and this process has {ours}"),
-        ({"OPENBLAS_NUM_THREADS": "2"}, "was started without OPENBLAS_NUM_THREADS=1"),
-    ):
-        worker = cluster.worker(**variables)
-        result = process("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", cluster.file)
-        assert result.status == 2
-        assert words in result.err
-        assert not (tmp_path / "x.obj").exists()
-        worker.terminate()
-        worker.wait()
-
-
-@long
-def test_what_another_processor_made_is_not_up_to_date_here(cluster, tmp_path):
-    cluster.worker(NPY_DISABLE_CPU_FEATURES="AVX2 FMA3 AVX512F AVX512_SKX X86_V3 X86_V4")
-    line = ["mesh", PENTAGON, CURVE, "-n", 4, "-o", tmp_path / "out", "--manifest", tmp_path / "m.json", "--resume"]
-    made = process(*line, "--cluster", cluster.file)
-    assert "has processor " in made.err
-    assert "last digits of their files may differ" in made.err
-    assert "up to date" not in process(*line).err
-    assert process(*line).err.count("up to date") == 2
 
 
 @long

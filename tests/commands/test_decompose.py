@@ -24,12 +24,6 @@ def test_the_net_runs_along_the_borders_of_the_cells(name):
     np.testing.assert_allclose(np.array(points, dtype=float), load(spec).control_points, atol=1e-8)
 
 
-def test_the_net_of_a_curve_is_the_polygon_of_the_knots_that_are_present():
-    """Property (g): with one weight to infinity, the polyline b_0 b_i b_n."""
-    curve = SPECS / "example-3.1.toml"
-    assert lines(gtb("decompose", curve, "--lifting", "0,0,1,0,0", "--net")) == [[0, 2], [2, 4]]
-
-
 def test_the_usual_net_of_a_bezier_patch_needs_no_lifting():
     assert lines(gtb("decompose", SPECS / "cubic-bezier.toml", "--net")) == [[0, 1], [1, 2], [2, 3]]
     knots = load(SPECS / "bicubic.toml").knots
@@ -39,10 +33,14 @@ def test_the_usual_net_of_a_bezier_patch_needs_no_lifting():
     assert "has no lifting" in gtb("decompose", SPECS / "trapezoid.toml", "--net", status=2).err
 
 
-def test_the_output_names_the_format(tmp_path):
-    target = tmp_path / "net.ply"
-    assert gtb("decompose", SPECS / "pentagon.toml", "--net", "-o", target).status == 0
-    assert target.read_bytes().startswith(b"ply\n")
-    for options in (("-o", tmp_path / "net.stl"), ("--json",)):
-        assert "--net" in gtb("decompose", SPECS / "pentagon.toml", "--net", *options, status=2).err
-    assert [path.name for path in tmp_path.iterdir()] == ["net.ply"]
+def test_a_degeneration_leads_to_a_decomposition_by_its_number(tmp_path):
+    spec = tmp_path / "hexagon.json"
+    corners = [[2, 0], [3, 0], [4, 2], [3, 4], [1, 5], [0, 2]]
+    spec.write_text(json.dumps({"knots": corners, "control_points": corners, "weights": [1] * 6}))
+    found = json.loads(gtb("decompose", spec, "--all", "--json", status=0).out)["decompositions"]
+    assert [row["cells"] for row in found] == sorted(row["cells"] for row in found)
+    for row in found[::7]:
+        lifting = ",".join(map(repr, row["lifting"]))
+        assert json.loads(gtb("decompose", spec, "--json", f"--lifting={lifting}").out)["cells"] == row["cells"]
+    limit = gtb("degenerate", spec, "--to", 40, "-x", "inf", "--emit-spec", status=0).text
+    assert limit.count("[[patches]]") == len(found[40]["cells"])

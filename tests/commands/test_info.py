@@ -22,14 +22,6 @@ def test_info_names_repeated_knots():
     assert first == second
 
 
-def test_a_large_model_fits_on_a_screen_and_long_says_all():
-    teapot = SPECS / "teapot.toml"
-    short = gtb("info", teapot).text
-    assert len(short.splitlines()) <= 24
-    assert "open edges        rim-1 edge 0; " in short
-    assert gtb("info", teapot, "--long").text.count("linear precision") == 32
-
-
 def test_a_large_model_is_described_in_few_words(tmp_path):
     """Only the joints with the largest angles, and the first open edges, unless all are asked for."""
     knots, corners = [[0, 0], [1, 0], [0, 1], [1, 1]], [(0, 0), (1, 0), (0, 1), (1, 1)]

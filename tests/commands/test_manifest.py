@@ -12,7 +12,7 @@ import trimesh
 
 from gtb_cli import __version__
 from tests.marks import mostly_long
-from tests.shell import CURVE, PENTAGON, REPOSITORY, SPECS, gtb, process
+from tests.shell import PENTAGON, REPOSITORY, SPECS, gtb, process
 from tests.test_architecture import loaded_by
 
 BOX = str(SPECS / "hebesphenorotunda.toml")
@@ -55,17 +55,6 @@ def test_it_says_what_they_were_made_with(tmp_path):
     found = manifest_of(PENTAGON, BOX, "-n", 3, "--normals", "-o", tmp_path / "b", path=tmp_path / "m.json")
     assert (found["options"]["resolution"], found["options"]["normals"]) == (3, True)
     assert "tolerance" not in found["files"][0]
-
-
-def test_curves_have_a_length(tmp_path):
-    entry = manifest_of(CURVE, "-n", 4, "-o", tmp_path / "c.ply", path=tmp_path / "m.json")["files"][0]
-    points = np.array(
-        [line.split()[1:] for line in gtb("mesh", CURVE, "-n", 4).text.splitlines() if line.startswith("v ")],
-        dtype=float,
-    )
-    assert entry["segments"] == 4
-    assert entry["length"] == pytest.approx(np.linalg.norm(np.diff(points, axis=0), axis=1).sum(), rel=1e-7)
-    assert not {"area", "volume"} & entry.keys()
 
 
 def test_a_pipe_takes_it(tmp_path):

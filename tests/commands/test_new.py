@@ -4,8 +4,6 @@ import os
 import re
 import shutil
 import subprocess
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,15 +11,13 @@ import pytest
 from gtb_cli.checks.check import check
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
-from gtb_cli.language import starter
 from gtb_cli.language.loading import parse
 from gtb_cli.language.starter import template
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.vocabulary import SHELLS, TEMPLATES
-from tests.shell import BICUBIC, CURVE, gtb, process, shell
-from tests.specs import load
+from tests.shell import gtb, process, shell
 
 ALL = [(name, None) for name in TEMPLATES if name != "n-gon"] + [("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100)]
 
@@ -77,15 +73,9 @@ def test_the_model_is_a_closed_body():
     joints = find_joints(model.patches)
     assert joints.closed
     assert not any(joints.flipped)
-    body = tessellate(model, 16).to_trimesh()
+    body = tessellate(model, 8).to_trimesh()
     assert body.is_watertight
     assert body.volume > 0
-    volumes = [tessellate(model, n).to_trimesh().volume for n in (8, 16, 32)]
-    assert (volumes[2] - volumes[1]) / (volumes[1] - volumes[0]) == pytest.approx(1 / 4, abs=0.02)
-
-
-def test_each_template_has_its_file():
-    assert {path.stem for path in (Path(starter.__file__).parent / "templates").glob("*.toml")} == set(TEMPLATES)
 
 
 def test_an_unknown_template_is_an_error_in_python_too():
@@ -133,17 +123,6 @@ def test_bash_completes_in_the_shell(tmp_path):
 
 
 # --- specs out
-
-
-def test_coefficients_of_a_bernstein_basis():
-    """C(n, i)/nⁿ on the knots 0 … n: mathematics.md, section 5, whatever the parameters."""
-    for options in ([], ["--at", "0.5, 1, sqrt(2), 2.5"]):
-        found = tomllib.loads(gtb("coefficients", CURVE, *options).text)
-        np.testing.assert_allclose(found["coefficients"], np.array([1, 3, 3, 1]) / 27, rtol=1e-12)
-    patch = parse(gtb("coefficients", BICUBIC).text)
-    assert patch.weights.tolist() == load(BICUBIC).weights.tolist()
-    expected = np.outer([1, 3, 3, 1], [1, 3, 3, 1]).ravel() / 27**2
-    np.testing.assert_allclose(patch.coefficients, expected, rtol=1e-10)
 
 
 def test_the_manual_page_has_every_command(tmp_path):

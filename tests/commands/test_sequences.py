@@ -1,7 +1,6 @@
 """`gtb degenerate` and `gtb knot-limit`: files, names, records, refusals."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +8,9 @@ import pytest
 
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.language.loading import parse
-from gtb_cli.theory.knot_limit import merge_knots
 from tests.marks import mostly_long
 from tests.shell import SPECS, gtb
 from tests.specs import load
-from tests.theory.test_limits import spec
 
 SURFACE = str(SPECS / "example-4.4.toml")
 MOVING = str(SPECS / "example-4.2.toml")
@@ -45,7 +42,7 @@ def test_the_sequence_of_example_44(n, tmp_path):
     files = [f"example-4.4-x{x}.obj" for x in values] + ["example-4.4-limit.obj"]
     assert listing(out) == sorted([*files, "sequence.json"])
     record = json.loads((out / "sequence.json").read_text())
-    assert list(record) == ["name", "meshes"]
+    assert list(record) == ["schema", "name", "meshes"]
     assert record["name"] == "example-4.4"
     assert [entry["file"] for entry in record["meshes"]] == files
     assert list(record["meshes"][0]) == ["file", "x", "vertices", "faces", "distance_to_limit", "distance_error"]
@@ -107,65 +104,6 @@ def test_a_sweep_has_short_numbers(tmp_path):
     assert named == values[:-1]
 
 
-def test_a_tolerance_in_percent(tmp_path):
-    assert gtb("degenerate", LINE, "-x", "3", "--tolerance", "0.1%", "-o", tmp_path).status == 0
-    record = json.loads((tmp_path / "sequence.json").read_text())
-    counts = {entry["faces"] for entry in record["meshes"]}
-    assert len(counts) == 1
-    assert 10 < counts.pop() < 100
-
-
-def test_a_sequence_appears_whole_or_not_at_all(tmp_path, monkeypatch):
-    """The disk is full at the second file: the new folder goes again, and an old one stays as it was.
-
-    By then the first file has been reported, as it was made.
-    """
-    (tmp_path / "old").mkdir()
-    (tmp_path / "old" / "sequence.json").write_text("old")
-    for name in ("new", "old"):
-        written = []
-
-        def full(descriptor: int, written: list = written) -> None:
-            written.append(descriptor)
-            if len(written) == 2:
-                raise OSError(28, "No space left on device")
-
-        monkeypatch.setattr("os.fsync", full)
-        result = gtb("degenerate", LINE, "-x2", "-n1", "-o", tmp_path / name)
-        assert result.status == 2
-        first, error = result.err.splitlines()
-        assert first.startswith(f"gtb: {tmp_path / name / 'example-3.4-x2.obj'}: ")
-        assert "No space left on device" in error
-    assert listing(tmp_path) == ["old"]
-    assert listing(tmp_path / "old") == ["sequence.json"]
-    assert (tmp_path / "old" / "sequence.json").read_text() == "old"
-
-
-def test_options_that_a_sequence_takes(tmp_path):
-    arguments = ["degenerate", SURFACE, "-x5", "-n3", "--normals", "--uv"]
-    assert gtb(*arguments, "-o", tmp_path / "obj").status == 0
-    for path in (tmp_path / "obj").glob("*.obj"):
-        assert len(lines(path, "v")) == len(lines(path, "vn")) == len(lines(path, "vt"))
-    assert gtb(*arguments, "--ascii", "-f", "ply", "-o", tmp_path / "ply").status == 0
-    for path in (tmp_path / "ply").glob("*.ply"):
-        header = path.read_text().split("end_header")[0]
-        assert "format ascii" in header
-        assert "property double nx" in header
-        assert "property double s" in header
-
-
-@pytest.mark.parametrize("name", ["../../up", "/tmp/up", "a/../../b", "..", "~/x", "-o", "a\\\\b"])
-@pytest.mark.parametrize("arguments", mostly_long([["degenerate", "-x2"], ["knot-limit", "--merge", "1:2"]]))
-def test_a_name_stays_in_the_folder(name, arguments, tmp_path):
-    text = f'name = "{name}"\nknots = [0, 1, 2]\ncontrol_points = [[0, 0], [1, 1], [2, 0]]\nlifting = [0, 1, 0]\n'
-    out = tmp_path / "deep" / "out"
-    assert gtb(*arguments, "-", "-n2", "-o", out, stdin=text.encode()).status == 0
-    files = listing(out)
-    assert [path for path in tmp_path.rglob("*") if path.is_file()] == list(out.iterdir())
-    assert "sequence.json" in files
-    assert all(re.fullmatch(r"[\w~][\w.~-]*", file) for file in files)
-
-
 # --- knot-limit
 
 
@@ -188,11 +126,3 @@ def test_the_sequence_of_example_42(tmp_path):
     warning = [line for line in result.err.splitlines() if line.startswith("gtb: warning: ")]
     assert len(warning) == 1
     assert "knot 3 comes to the corner (1, 2), where the limit is pointwise only" in warning[0]
-
-
-def test_the_merged_spec_goes_on_through_a_pipe():
-    result = gtb("knot-limit", MOVING, "--merge", "3:1", "--emit-spec")
-    merged, expected = parse(result.out), merge_knots(spec("example-4.2"), {3: 1})
-    for name in ("knots", "weights", "control_points", "coefficients"):
-        assert (getattr(merged, name) == getattr(expected, name)).all()
-    assert gtb("mesh", "-", "-n", "2", stdin=result.out).status == 0

@@ -26,6 +26,7 @@ from tests.shell import (
     command,
     environment,
     example_of,
+    gtb,
     process,
     run_process,
     script,
@@ -369,7 +370,7 @@ SEQUENCE = ["degenerate", SPECS / "example-3.4.toml", "-x", "5", "-n", "200"]
 def test_a_disk_that_fills_up_leaves_the_old_files(arguments, there, start, tmp_path):
     out = tmp_path / "deep" / "out"
     if there:
-        assert process(*arguments, "-n", "10", "-o", out).status == 0
+        gtb(*arguments, "-n", "10", "-o", out, status=0)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
     child = start(*arguments, "-o", out, stderr=subprocess.PIPE, preexec_fn=limited(resource.RLIMIT_FSIZE, 4096))
     _, error = child.communicate(timeout=TIMEOUT)
@@ -404,18 +405,6 @@ def test_a_folder_without_permission(arguments, output, start, tmp_path):
     assert names(folder) == ["old.obj"]
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    mostly_long([["-n", "99999"], ["-f", "glb", "--ascii"], ["--lifting", "1"], ["--tolerance", "1e-300"]], 2),
-)
-def test_a_failing_run_leaves_the_old_file(arguments, tmp_path):
-    path = tmp_path / "x.obj"
-    path.write_text("old", encoding="utf-8")
-    assert process("mesh", PENTAGON, "-o", path, *arguments).status == 2
-    assert names(tmp_path) == ["x.obj"]
-    assert path.read_text(encoding="utf-8") == "old"
-
-
 def run_within(start, megabytes: int, *arguments: object) -> tuple[int, str]:
     """Run a command with so much memory, and return its status and errors."""
     child = start(*arguments, stderr=subprocess.PIPE, preexec_fn=limited(resource.RLIMIT_AS, megabytes << 20))
@@ -435,7 +424,7 @@ def test_a_limit_of_memory_that_is_too_low_for_libraries_is_said_at_once(start):
 
 
 @long
-@pytest.mark.parametrize("megabytes", [320, 340, 360, 380, 400, 420])
+@pytest.mark.parametrize("megabytes", [320, 360, 400])
 def test_with_any_larger_limit_the_process_ends_by_itself(start, tmp_path, megabytes):
     status, error = run_within(start, megabytes, "mesh", PENTAGON, "-n", "1000", "-o", tmp_path / "x.obj")
     assert (status, ": not enough memory for this\n" in error) in ((0, False), (2, True))
@@ -445,48 +434,28 @@ def test_with_any_larger_limit_the_process_ends_by_itself(start, tmp_path, megab
 # --- the same bytes
 
 
+HASHES = {"LC_ALL": "C", "PYTHONHASHSEED": "2", "OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "4"}
+PLACES = {"LC_ALL": "C.UTF-8", "PYTHONUTF8": "0", "TZ": "Asia/Tokyo"}
+
+
 @pytest.mark.parametrize(
-    "variables",
+    ("arguments", "variables"),
     mostly_long(
         [
-            {"LC_ALL": "C", "PYTHONHASHSEED": "2", "OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "4"},
-            {"LC_ALL": "C.UTF-8", "PYTHONUTF8": "0", "TZ": "Asia/Tokyo"},
-        ]
-    ),
-)
-@pytest.mark.parametrize(
-    "arguments",
-    mostly_long(
-        [
-            ["mesh", PENTAGON, "--uv", "--normals"],
-            ["mesh", PENTAGON, "--uv", "--normals", "-f", "glb"],
-            ["mesh", PENTAGON, "--tolerance", "2%", "-f", "ply"],
-            ["degenerate", SPECS / "example-3.4.toml", "-x2", "-x1e30", "-n5", "-f", "glb"],
-            ["check", SPECS / "trapezoid.toml", "--json"],
-            ["diff", PENTAGON, BICUBIC, "-n", "6", "--json"],
+            (["mesh", PENTAGON, "--uv", "--normals"], HASHES),
+            (["mesh", PENTAGON, "--uv", "--normals", "-f", "glb"], PLACES),
+            (["mesh", PENTAGON, "--tolerance", "2%", "-f", "ply"], HASHES),
+            (["degenerate", SPECS / "example-3.4.toml", "-x2", "-x1e30", "-n5", "-f", "glb"], HASHES),
+            (["check", SPECS / "trapezoid.toml", "--json"], PLACES),
+            (["diff", PENTAGON, BICUBIC, "-n", "6", "--json"], HASHES),
         ]
     ),
     ids=str,
 )
 def test_the_same_bytes_in_any_environment(arguments, variables, tmp_path):
-    here, there = process(*arguments), process(*arguments, folder=tmp_path, **variables)
+    here, there = gtb(*arguments), process(*arguments, folder=tmp_path, **variables)
     assert here.out
     assert here == there
-
-
-@long
-def test_the_same_bytes_from_any_place_and_any_number_of_processes(workplace):
-    options = ["--uv", "--normals", "-q"]
-    specs = ["specs/pentagon.toml", "specs/hexagon.toml", "specs/cubic-bezier.toml"]
-    for kind in ("obj", "glb"):
-        for jobs in (1, 3):
-            result = process("mesh", *specs, *options, "-f", kind, "-o", f"{kind}{jobs}", "-j", jobs, folder=workplace)
-            assert result.status == 0
-        assert names(workplace / f"{kind}1") == names(workplace / f"{kind}3")
-        for name in names(workplace / f"{kind}1"):
-            assert (workplace / f"{kind}1" / name).read_bytes() == (workplace / f"{kind}3" / name).read_bytes()
-        alone = process("mesh", PENTAGON, *options, "-f", kind).out
-        assert (workplace / f"{kind}1" / f"pentagon.{kind}").read_bytes() == alone
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
-"""Inputs stay what they are, two outputs are two files, and names of files stay in their folder."""
+"""Inputs stay what they are, and names of files stay in their folder."""
 
-import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -15,11 +14,9 @@ from tests.shell import PENTAGON, command, environment, gtb
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """A spec under two names in the working folder."""
+    """A spec in the working folder."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(PENTAGON, "s.toml")
-    Path("linked.toml").symlink_to("s.toml")
-    Path("to-x").symlink_to("x.obj")
 
 
 def test_an_input_that_comes_by_a_redirection_is_not_overwritten():
@@ -31,24 +28,6 @@ def test_an_input_that_comes_by_a_redirection_is_not_overwritten():
     assert Path("s.toml").read_bytes() == Path(PENTAGON).read_bytes()
     shutil.copy("s.toml", "t.toml")
     assert gtb("info", "s.toml", "-o", "t.toml", status=0).out == b""  # another file is
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "mesh s.toml -o x.obj --deps x.obj",
-        "mesh s.toml -o x.obj --deps y --manifest ./y",
-        "mesh s.toml -o x.obj --deps to-x",
-        "mesh s.toml linked.toml -o out --deps out/s.obj",
-        "mesh s.toml linked.toml -f glb -o out --manifest out/linked.glb",
-    ],
-)
-def test_two_outputs_are_two_files(line):
-    before = sorted(os.listdir())
-    result = gtb(*line.split(), "-n", "1")
-    assert result.status == 2
-    assert "would be written twice" in result.err
-    assert sorted(os.listdir()) == before
 
 
 @given(st.text() | st.text("aé😀 .-", min_size=100, max_size=300))

@@ -66,8 +66,8 @@ def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
     assert len(filling.patch.domain.vertices) == len(sides)
 
 
-# Seeds of loops by their number of sides: ten, but for many sides, which take long. Some patches turn sharply.
-SEEDS = {n: range(10) for n in (5, 3, 4, 6, 7, 8, 9)} | {10: range(3), 11: (0, 1), 12: (3, 8)}
+# Seeds of loops by their number of sides: few of many sides, which take long. Some patches turn sharply.
+SEEDS = {n: range(3) for n in (5, 3, 4, 6, 7)} | {8: (0, 7), 9: (3, 7), 10: (0,), 12: (3,)}
 
 
 @pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
@@ -90,7 +90,7 @@ def test_a_fold_is_told_from_a_sharp_turn(height, folded):
     assert (_folds(patch) > 0) == folded
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", mostly_long(range(8), 2))
 def test_no_plane_patch_that_passes_is_folded(seed):
     """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
     rng = np.random.default_rng(seed)
@@ -433,6 +433,7 @@ def test_the_corner_of_a_box_is_what_fill_makes(box):
     assert filling.folds == 0
     assert filling.model.patches[:-1] == rest.patches
     assert len(filling.model.joints.shared) == 12
+    assert filling.model.patches[-1].name == "hole"
     made = filling.patch
     np.testing.assert_allclose(kept.knots, made.knots, atol=1e-12)
     np.testing.assert_allclose(kept.log_products, made.log_products, atol=1e-8)
@@ -470,6 +471,7 @@ def bent_beside(patch):
     return mean_curvature(patch, edge + 0.01 * (patch.domain.vertices.mean(axis=0) - edge))
 
 
+@long
 def test_the_command_says_which_holes_there_are(box, tmp_path):
     path = tmp_path / "open.toml"
     path.write_text(dump(Model(box.patches[1:])), encoding="utf-8")

@@ -14,7 +14,6 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.design.test_fill import CUP, HERE, TRIANGLE
 from tests.marks import mostly_long
-from tests.shell import SPECS
 from tests.specs import SECONDS
 from tests.tools.mutations import mutated
 
@@ -41,10 +40,6 @@ def test_fill_takes_files_and_models(tmp_path):
     path = tmp_path / "loop.toml"
     path.write_text(TRIANGLE, encoding="utf-8")
     assert len(gtb_cli.fill(path).sides) == 3
-    box = gtb_cli.load(SPECS / "box-corner.toml")
-    filling = gtb_cli.fill(Model(box.patches[1:]), hole="face-x edge 0")
-    assert filling.model.patches[-1].name == "hole"
-    assert len(gtb_cli.joints(filling.model)) == 12
     with pytest.raises(SpecError, match="No such file"):
         gtb_cli.fill(tmp_path / "none.toml")
     with pytest.raises(DomainError, match="hole: names an edge"):

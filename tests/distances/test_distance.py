@@ -1,6 +1,7 @@
 """`distance`: of surfaces that are known to be the same, or so far apart, and beside dense samples."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,9 @@ from scipy.spatial import cKDTree
 
 from gtb_cli import DomainError, Model, Patch, diff, distance, elevate, load, tessellate, write_mesh
 from gtb_cli.distances.shapes import RELATIVE_ERROR
-from tests.marks import mostly_long
+from gtb_cli.verdicts.comparing import Answer
+from gtb_cli.verdicts.differences import text_about
+from tests.marks import long, mostly_long
 from tests.patches import NAMES, bumps, named, pentagon
 from tests.shell import SPECS
 
@@ -21,11 +24,10 @@ def test_a_patch_is_where_its_other_descriptions_are(name):
     """Raised in degree, with weights that are e^<a, s> times the others, and in any order of the knots."""
     patch = named(name)
     tilted = patch.log_weights + (patch.knots - patch.domain.center) @ np.ones(patch.dimension) / patch.domain.size
-    others = [patch.replace(log_weights=tilted), patch.part(np.arange(len(patch.knots))[::-1])]
-    if len(patch.knots) < 60:  # raised, these are 605, between which the search takes a minute and misses points
-        others.append(elevate(patch))
-    for other in others:
-        found = distance(patch, other)
+    few = patch.part(np.arange(min(len(patch.knots), 20)))  # sixty raised ones are 605, which take most of a minute
+    same = [(patch, patch.replace(log_weights=tilted)), (patch, patch.part(np.arange(len(patch.knots))[::-1]))]
+    for one, other in (*same, (few, elevate(few))):
+        found = distance(one, other)
         assert found.distance <= found.error
         assert not found.is_proved
 
@@ -49,6 +51,7 @@ def random_patch(seed: int, sides: int) -> Patch:
 
 
 @pytest.mark.parametrize("seed", mostly_long(range(12), 2))
+@long
 def test_two_surfaces_beside_their_samples(seed):
     a, b = random_patch(seed, 3 + seed % 4), random_patch(100 + seed, 4 + seed % 3)
     found = distance(a, b)
@@ -60,6 +63,26 @@ def test_two_surfaces_beside_their_samples(seed):
         assert there.query(way.at)[0] == pytest.approx(way.distance, abs=SAMPLED * size)
 
 
+@pytest.mark.parametrize("count", mostly_long((8, 12, 10, 16)))
+@long
+def test_weights_far_apart_do_not_keep_a_nearest_point_from_being_reached(count):
+    """With weights from 1e-12 to 1e12, surfaces end in thin layers along edges, many steps away."""
+    patch = named("sixty_knots").part(np.arange(count))
+    found = diff(patch, elevate(patch), kind="surface")
+    assert found.same
+    assert found.bound <= found.tolerance
+
+
+def test_far_from_the_origin_the_same_surface_is_still_the_same():
+    patch = pentagon()
+    far = patch.replace(control_points=patch.control_points + 1e7)
+    found = diff(far, elevate(far), kind="surface")
+    assert found.same
+    assert found.bound <= 5 * found.tolerance
+    assert not diff(far, far.replace(control_points=far.control_points + np.array([0, 0, 1e-6])), kind="surface").same
+
+
+@long
 def test_models_and_curves():
     box = load(SPECS / "box-corner.toml")
     parts = Model(tuple(elevate(patch) for patch in box.patches))
@@ -71,6 +94,7 @@ def test_models_and_curves():
     assert ends.distance == pytest.approx(tessellate(curve, 4000).bounds[1, 1], rel=RELATIVE_ERROR)
 
 
+@long
 def test_meshes_files_and_patches(tmp_path):
     patch = pentagon()
     mesh = tessellate(patch, 12)
@@ -87,6 +111,15 @@ def test_meshes_files_and_patches(tmp_path):
     assert not mixed.is_proved
     with pytest.raises(DomainError, match="shape: expected"):
         distance(3, mesh)
+
+
+def test_the_same_surface_within_a_loose_bound_is_not_called_so_without_it():
+    found = diff(pentagon(), pentagon(), kind="surface")
+    assert not found.limits
+    loose = replace(found, bound=0.0101)
+    assert loose.limits == ("nothing farther apart than 0 was found, but it is not proved: it could be 0.0101",)
+    text = text_about(Answer("", ("a.toml", "b.toml"), "same", loose))
+    assert "surfaces 0 apart where they were looked at, themselves (by a search, not proved: at most 0.0101)" in text
 
 
 def test_what_diff_compares():

@@ -10,7 +10,7 @@ from gtb_cli.language.loading import parse
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from tests.marks import mostly_long
+from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 from tests.specs import load
 
@@ -66,8 +66,10 @@ def test_energy_agrees_with_differences(name, kind):
     assert value == pytest.approx(expected, rel=1e-3)
 
 
-@pytest.mark.parametrize("kind", ["thin-plate", "dirichlet"])
-@pytest.mark.parametrize("keep", ["boundary", "tangents"])
+@pytest.mark.parametrize(
+    ("kind", "keep"), mostly_long([("thin-plate", "tangents"), ("dirichlet", "tangents"), ("dirichlet", "boundary")])
+)
+@long
 def test_a_fair_patch_has_less_energy_and_the_same_boundary(kind, keep):
     filled = load(SPECS / "box-corner.toml").patches[0]
     centre = np.arange(len(filled.knots))[:, None] == len(filled.knots) - 1
@@ -113,7 +115,8 @@ def curved(patch: Patch) -> np.ndarray:
 SURFACES = ("pentagon", "hexagon", "nonagon", "example-4.4", "bicubic", "repeated-knot", "vase", "trapezoid")
 
 
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("name", mostly_long(SURFACES, 2))
+@long
 def test_a_fair_patch_bends_less_by_an_independent_integral(name):
     """It does so near edges as well, but where these hardly bend beside the inside, as those of the trapezoid."""
     found = load(SPECS / f"{name}.toml")
@@ -123,8 +126,21 @@ def test_a_fair_patch_bends_less_by_an_independent_integral(name):
     assert after[0] < (0.05 * before[1] if name == "trapezoid" else 0.8 * before[0])
 
 
-@pytest.mark.parametrize("name", [*SURFACES, "box-corner", "rounded-cube", "teapot"])
-@pytest.mark.parametrize("kind", ["thin-plate", "dirichlet"])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    mostly_long(
+        [
+            ("pentagon", "thin-plate"),
+            ("trapezoid", "dirichlet"),
+            ("hexagon", "thin-plate"),
+            ("nonagon", "dirichlet"),
+            ("repeated-knot", "thin-plate"),
+            ("vase", "thin-plate"),
+            ("teapot", "dirichlet"),
+        ],
+        2,
+    ),
+)
 def test_the_printed_energies_are_those_of_a_finer_quadrature(name, kind):
     """Over all of Δ the thin-plate energy of the pentagon and the hexagon is infinite; what is printed converges."""
     found = load(SPECS / f"{name}.toml")
@@ -146,7 +162,8 @@ def test_no_small_change_lowers_the_energy():
         assert energy(patch.replace(control_points=moved)) > least
 
 
-@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e5)])
+@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e-9, 0.0), (1e9, 0.0), (1.0, 1e5)]))
+@long
 def test_any_size_and_place_of_knots_and_points(scale, shift):
     patch = load(SPECS / "hexagon.toml")
     moved = patch.replace(knots=patch.knots * scale, control_points=patch.control_points * scale + shift)

@@ -135,6 +135,17 @@ def test_obj_references_of_every_length(columns, extras):
     ]
 
 
+@pytest.mark.parametrize("uv", [None, np.zeros((4, 2))])
+def test_obj_corners_have_normals_of_their_own(uv):
+    cells, normal_of = np.array([[0, 1, 2], [2, 1, 3]]), np.array([[0, 1, 2], [12345, 4, 9]])
+    text = b"".join(obj_blocks(np.eye(4)[:, :3], cells, np.eye(3), uv, normal_of=normal_of)).decode()
+    join = "{0}//{1}" if uv is None else "{0}/{0}/{1}"
+    assert lines(text, "f") == [
+        " ".join(["f", *(join.format(v + 1, n + 1) for v, n in zip(*rows, strict=True))])
+        for rows in zip(cells, normal_of, strict=True)
+    ]
+
+
 @pytest.mark.parametrize(
     ("size", "digits"),
     [(1.0, 8), (9.99, 8), (0.99, 9), (0.1, 9), (1e-9, 17), (1e9, 8), (5e-324, 332), (1e308, 8)],

@@ -5,7 +5,7 @@ import copy
 import pytest
 
 from tests.tools.readers import libraries
-from tests.tools.readers.kinds import KINDS, Cells, Different, Film, Kind, agreement
+from tests.tools.readers.kinds import KINDS, Different, Kind, agreement
 from tests.tools.readers.roster import LIBRARIES, PROGRAMS, WEB
 
 LIGHT = [reader for reader in LIBRARIES if reader.key in ("trimesh", "meshio", "plyfile", "numpy_stl")]
@@ -45,26 +45,6 @@ def test_light_readers_find_what_is_in_the_file(reader, kind, tmp_path, capsys):
     if asked(kind, "attributes") and reader.key != "trimesh":  # trimesh has them among what it does not interpret
         count = len(kind.options.recipe.attributes) + 1  # and the first again, as quality
         assert f"{count} of {count} attributes" in kept
-
-
-def test_every_option_is_tried_in_every_format_that_has_it():
-    tried = {
-        (kind.format, name)
-        for kind in KINDS
-        for name in ("normals", "uv", "ascii", "radius", "thickness", "attributes")
-        if asked(kind, name)
-    }
-    meshes = [kind for kind in KINDS if not isinstance(kind, Cells)]
-    tried |= {(kind.format, "curve") for kind in meshes if kind.mesh.is_curve}
-    tried |= {(kind.format, "model") for kind in meshes if kind.mesh.groups}
-    assert tried == {
-        *((format, name) for format in ("obj", "ply", "glb") for name in ("normals", "uv", "curve")),
-        *((format, "model") for format in ("obj", "ply", "glb")),
-        *(("ply", name) for name in ("ascii", "attributes")),
-        *(("stl", name) for name in ("ascii", "radius", "thickness")),
-    }
-    assert {kind.format for kind in KINDS if isinstance(kind, Film)} == {"glb"}
-    assert {kind.format for kind in KINDS if isinstance(kind, Cells)} == {"vtu"}
 
 
 def test_limits_are_of_kinds_that_there_are():

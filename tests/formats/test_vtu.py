@@ -108,7 +108,7 @@ def compare(found: list[tuple[int, np.ndarray, np.ndarray]], pieces: Model | tup
 
 @pytest.mark.parametrize("patch", [cubic_curve(), bezier_triangle(), bicubic()])
 def test_a_bezier_patch_is_one_cell(patch: Patch) -> None:
-    data, count = encode_vtu(patch)
+    data, count, _ = encode_vtu(patch)
     assert count == 1
     compare(cells(data), (patch,))
 
@@ -122,7 +122,7 @@ def test_triangles_of_other_degrees_have_vtks_order(degree: int) -> None:
 
 
 def test_a_pentagon_is_its_five_charts() -> None:
-    data, count = encode_vtu(integer_pentagon())
+    data, count, _ = encode_vtu(integer_pentagon())
     assert count == 5
     assert {kind for kind, _, _ in cells(data)} == {QUADRILATERAL}
     compare(cells(data), bezier_pieces(integer_pentagon()))
@@ -131,7 +131,7 @@ def test_a_pentagon_is_its_five_charts() -> None:
 def test_a_model_says_whose_its_cells_are() -> None:
     spec = load(SPECS / "teapot.toml")
     assert isinstance(spec, Model)
-    data, count = encode_vtu(spec)
+    data, count, _ = encode_vtu(spec)
     assert count == 32
     assert arrays(data)["patch"].ravel().tolist() == list(range(32))
     compare(cells(data), spec)
@@ -179,3 +179,12 @@ def test_neighbours_of_other_degrees_have_common_edges():
         assert len(one) == len(other)
         assert one[:, :3] == pytest.approx(other[:, :3], abs=1e-12)
         assert np.ptp(np.log(one[:, 3] / other[:, 3])) < 1e-12
+
+
+def test_a_triangle_beside_a_cell_of_another_degree_is_said():
+    """Raising makes all quadrilaterals alike, but no triangles."""
+    square = Patch([[0, 0], [3, 0], [0, 3], [3, 3]], [[0, 0, 0], [3, 0, 1], [0, 3, 0], [3, 3, 0]])
+    expected = "cells have degrees 1 and 3, and VTK cuts each by its own: it may draw slits between them"
+    assert encode_vtu(Model((square, bezier_triangle())))[2] == [expected]
+    for alike in ((bicubic(), bezier_triangle()), (square, bicubic()), (square, cubic_curve())[:1]):
+        assert encode_vtu(Model(alike))[2] == []

@@ -113,17 +113,6 @@ def test_a_triangle_and_each_sector_of_a_polygon_are_cut_into_similar_triangles(
     assert np.sort(found, axis=0) == pytest.approx(np.sort(expected, axis=0), abs=64 * n * EPS * shape.size)
 
 
-def test_a_quadrilaterals_diagonals_go_the_same_way():
-    parts = triangulation(domain([[0, 0], [3, 0], [3, 3], [0, 3]]), 3)
-    corners = parts.parameters[parts.cells]
-    for a, b, c in corners.tolist():
-        sides = [(a, b), (b, c), (c, a)]
-        diagonal = [(p, q) for p, q in sides if p[0] != q[0] and p[1] != q[1]]
-        assert len(diagonal) == 1
-        (p, q) = diagonal[0]
-        assert (p[0] - q[0]) * (p[1] - q[1]) == 1
-
-
 # Order, by hand
 
 

@@ -162,12 +162,6 @@ def test_what_is_not_there_has_the_line_of_what_is_around_it() -> None:
     assert document.lines(paths) == {("patches", 1, "knots"): 4, ("patches", 1, "a", 3): 5}
 
 
-def test_format_is_sniffed() -> None:
-    assert read('\ufeff \n{"a": 1}', "x").format == "json"
-    assert read("a = {}", "x").format == "toml"
-    assert read(b"\xef\xbb\xbfa = 1", "x").data == {"a": 1}
-
-
 LARGE_BYTES = 2_000_000  # size of a text that would take hours if the work grew with its square
 
 HOSTILE = {

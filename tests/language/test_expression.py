@@ -26,11 +26,6 @@ def test_values(text: str, value: str) -> None:
     assert evaluate_expression(text) == pytest.approx(float(value), rel=4e-16, abs=0)
 
 
-def test_integers_are_floats_from_the_start() -> None:
-    assert evaluate_expression("9007199254740993 - 9007199254740992") == 0.0
-    assert evaluate_expression("9" * MAX_CHARACTERS) == 1e256
-
-
 @st.composite
 def expressions(draw: st.DrawFn) -> tuple[str, mpmath.mpf, float]:
     """An expression, its value, and the largest size of anything on the way to it."""
@@ -75,28 +70,10 @@ def test_values_agree_with_mpmath(case: tuple[str, mpmath.mpf, float]) -> None:
 
 @pytest.mark.parametrize(("text", "reason"), REFUSED)
 def test_refused(text: str, reason: str) -> None:
+    start = time.process_time()
     with pytest.raises(SpecError, match=re.escape(reason)):
         evaluate_expression(text)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "9**9**9**9",
-        "9**9**9",
-        "2**99999999**99999999",
-        "(" * 255,
-        "-" * 255 + "1",
-        "2**" * 80 + "2",
-        "sqrt(" * 50 + "2" + ")" * 6,
-        "1" * 255 + "**" + "9" * 3,
-    ],
-)
-def test_hostile_text_is_refused_at_once(text: str) -> None:
-    start = time.process_time()
-    with pytest.raises(SpecError):
-        evaluate_expression(text)
-    assert time.process_time() - start < SECONDS  # takes microseconds; as integers, the first would never end
+    assert time.process_time() - start < SECONDS  # takes microseconds; as integers, 9**9**9**9 would never end
 
 
 @pytest.mark.parametrize(

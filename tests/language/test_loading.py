@@ -119,11 +119,6 @@ def test_partition_of_unity_coefficients() -> None:
     assert isinstance(patch, Patch)
     # (t + (2 - t))² = 4, so that C(2, i) / 4 are the coefficients; a 3 × 3 system's roundings.
     np.testing.assert_allclose(patch.coefficients, [1 / 4, 1 / 2, 1 / 4], rtol=1e-12)
-    line = "knots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]\nedge_scale = 2\ncoefficients = 'partition-of-unity'\n"
-    scaled = parse(line)
-    assert isinstance(scaled, Patch)
-    # β = c (2t)², c (2 - 2t)², whose sum at the Chebyshev points t = (1 ± 1/√2)/2 is 3 c.
-    np.testing.assert_allclose(scaled.coefficients, 1 / 3, rtol=1e-12)
 
 
 # How they are refused

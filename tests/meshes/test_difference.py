@@ -9,6 +9,7 @@ import pytest
 from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.difference import DEFAULT_TOLERANCE, difference
 from gtb_cli.meshes.mesh import KnownMesh, Mesh, known_exactly
+from tests.marks import mostly_long
 from tests.tiny_meshes import curve, encoded, model, surface
 
 RNG = np.random.default_rng(3)
@@ -192,7 +193,7 @@ SABOTAGE = {
 
 
 @pytest.mark.parametrize("name", SABOTAGE)
-@pytest.mark.parametrize("tolerance", [None, "1%"])
+@pytest.mark.parametrize("tolerance", mostly_long([None, "1%"]))
 @pytest.mark.parametrize("arranged", [lambda mesh: mesh, lambda mesh: shuffled(mesh)[0], lambda mesh: split(mesh, 2)])
 def test_what_is_in_the_same_place_and_yet_different(name, tolerance, arranged):
     """Also where vertices and faces are in another order, or other faces are cut besides; each way."""
@@ -286,14 +287,28 @@ def plane(n: int) -> Mesh:
     return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)
 
 
-def test_what_could_not_be_proved_is_said():
+def test_what_could_not_be_proved_is_said(monkeypatch):
     found = difference(known_exactly(plane(5)), known_exactly(plane(7)))
     assert (found.same, found.is_proved, found.method) == (True, True, "surface")
     assert found.bound <= 1.1 * found.tolerance
-    found = difference(known_exactly(plane(5)), known_exactly(plane(7)), effort=0)
+    monkeypatch.setattr("gtb_cli.meshes.hausdorff.MAX_CUTS", 0)
+    found = difference(known_exactly(plane(5)), known_exactly(plane(7)))
     assert (found.same, found.is_proved) == (True, False)
     assert found.bound > 0.01
-    assert difference(known_exactly(plane(5)), known_exactly(plane(7)), 1.0, effort=0).is_proved
-    assert difference(
-        known_exactly(plane(5)), known_exactly(surface(7)), effort=0
-    ).is_proved  # a distance that there is
+    assert difference(known_exactly(plane(5)), known_exactly(plane(7)), 1.0).is_proved
+    assert difference(known_exactly(plane(5)), known_exactly(surface(7))).is_proved  # a distance that there is
+
+
+def test_coinciding_bodies_are_the_same_in_any_order():
+    """Of two bodies in one place, faces of one were matched with those of the other."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    box = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]))
+    count = len(corners)
+    double = Mesh(np.tile(box.vertices, (2, 1)), np.concatenate([box.cells, box.cells + count]))
+    inside = Mesh(double.vertices, np.concatenate([box.cells, box.cells[:, ::-1] + count]))
+    for mesh in (double, inside):
+        for _ in range(5):
+            assert difference(known_exactly(mesh), known_exactly(shuffled(mesh)[0])).same
+    cells = double.cells.copy()
+    cells[0, 0] += count  # a face of one hangs on a corner of the other
+    assert not difference(known_exactly(double), known_exactly(Mesh(double.vertices, cells))).same

@@ -17,10 +17,10 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from tests.marks import mostly_long
+from tests.marks import long, mostly_long
 from tests.shell import CURVE
 from tests.specs import GOOD_SPECS, is_curve, load
-from tests.surfaces import area, assert_closed, cylinder, octant, quartic_octant, torus, volume
+from tests.surfaces import area, assert_closed, cylinder, octant, quartic_octant, volume
 
 DIGITS = 1e-12  # a few thousand roundings
 
@@ -101,20 +101,6 @@ def test_a_sphere_octant_becomes_an_eighth_of_a_shell(make, thickness):
         errors.append(abs(volume(solid) / expected - 1))
     assert errors[-1] < 2e-3
     assert (np.log2(np.divide(errors[:-1], errors[1:])) > 1.8).all()
-
-
-@pytest.mark.parametrize(
-    ("make", "expected"),
-    [
-        (lambda: cylinder(2.0), math.pi / 4 * (2.5**2 - 2**2) * 5),
-        # A quarter of a tube, an outer upper quarter of its circle: Pappus with the centre of the quarter annulus.
-        (lambda: torus(3.0, 1.0), math.pi / 2 * (math.pi / 4 * (1.5**2 - 1) * 3 + (1.5**3 - 1) / 3)),
-    ],
-)
-def test_a_cylinder_and_a_torus(make, expected):
-    solid = thicken(tessellate(make(), 48), 0.5)
-    assert_closed(solid)
-    assert volume(solid) == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_closed_body_gets_a_second_shell():
@@ -198,6 +184,7 @@ def test_a_roof_is_as_thick_as_its_sides_up_to_a_bound(angle):
 
 
 @pytest.mark.parametrize(("angle", "n"), [(20, 64), (60, 16), (60, 64), (100, 32)])
+@long
 def test_in_a_concave_edge_faces_narrower_than_the_corner_moves_are_not_turned_over(angle, n):
     """The offset of each side ends D tan(angle / 2) before the edge."""
     a, thickness = math.radians(angle), 0.1

@@ -7,7 +7,7 @@ import pytest
 
 from tests.marks import long
 from tests.pictures.images import pixels
-from tests.tools.gallery import LARGEST, PICTURES, README, pictures
+from tests.tools.gallery import LARGEST, PICTURES, README, REPORT, pictures
 
 PICTURES_OF_PAGE = pictures()
 
@@ -27,7 +27,7 @@ def test_every_figure_of_the_paper_is_there():
     rows = {int(number) for number in re.findall(r"^\| (\d+)[ |]", text, re.MULTILINE)}
     assert rows == set(range(1, 17))
     shown = re.findall(r"!\[[^\]]*\]\(pictures/([\w.-]+)\)", text)
-    assert shown == [picture.name for picture in PICTURES_OF_PAGE]
+    assert shown == [*(picture.name for picture in PICTURES_OF_PAGE), REPORT.name]
     assert set(shown) == {path.name for path in PICTURES.iterdir()}
 
 

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from gtb_cli import DomainError, Patch
 from gtb_cli.pictures.look import Camera, Look
+from tests.marks import long
 from tests.patches import bicubic, cubic_curve, pentagon
 from tests.shell import SPECS
 from tests.specs import load
@@ -44,6 +45,7 @@ def test_a_camera_may_be_a_pair():
 
 
 @pytest.mark.parametrize("patch", [bicubic(), cubic_curve()], ids=lambda patch: patch.name)
+@long
 def test_a_sequence_and_its_distances_are_drawn(patch: Patch):
     """Of the patch's own lifting: panels for three x and the limit; distances that fall."""
     patch = patch.replace(lifting=[0.0, 1.0, *[0.0] * (len(patch.knots) - 2)])
@@ -57,7 +59,7 @@ def test_a_sequence_and_its_distances_are_drawn(patch: Patch):
 
 def test_a_sequence_is_of_a_patch_with_a_lifting_and_makes_its_own_figure():
     for shape, ax, message in (
-        (load(SPECS / "teapot.toml"), None, "what: a sequence is of one patch"),
+        (load(SPECS / "teapot.toml"), None, "`what` sequence is for one"),
         (pentagon().replace(lifting=np.arange(len(pentagon().knots))), Figure().add_subplot(), "figure of its own"),
         (pentagon(), None, "lifting"),
     ):
@@ -66,11 +68,11 @@ def test_a_sequence_is_of_a_patch_with_a_lifting_and_makes_its_own_figure():
 
 
 def test_graphs_of_basis_functions_are_no_finer_than_pixels(monkeypatch):
-    from gtb_cli.pictures import solid
+    from gtb_cli.pictures import bases
 
     asked = []
-    tessellate = solid.tessellate
-    monkeypatch.setattr(solid, "tessellate", lambda *args, **how: asked.append(args[1]) or tessellate(*args, **how))
+    tessellate = bases.tessellate
+    monkeypatch.setattr(bases, "tessellate", lambda *args, **how: asked.append(args[1]) or tessellate(*args, **how))
     from gtb_cli.pictures.figures import figure_of
 
     patch = pentagon()

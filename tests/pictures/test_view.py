@@ -9,7 +9,7 @@ import pytest
 
 import gtb_cli
 from gtb_cli.pictures.content import content_of, sides
-from gtb_cli.pictures.solid import with_normals
+from gtb_cli.pictures.shapes import with_normals
 from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
 

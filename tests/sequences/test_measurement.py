@@ -67,6 +67,7 @@ def figures(patch, scale=1.0):
     return [distance / scale for distance in (*going.distances, *moving.distances, *moving.film_distances)]
 
 
+@long
 def test_units_do_not_matter():
     expected = figures(inner_knots())
     for scale in (1e-9, 1e9):
@@ -83,6 +84,7 @@ def inner_knots():
 @pytest.mark.parametrize(
     ("moves", "step"), mostly_long([({6: 3}, 0.6), ({6: 7}, 0.3), ({6: 1}, 0.95), ({6: 3, 7: 1}, 0), ({7: 5}, 0.9)])
 )
+@long
 def test_moving_knots_against_dense_samples(moves, step):
     assert_distances_of_dense_samples(inner_knots(), moves, step)
 
@@ -130,3 +132,45 @@ def test_the_film_alone_is_measured():
     patch = inner_knots()
     distances = [knot_sequence(patch, {6: 3}, steps, resolution=1).film_distances[-1] for steps in ([], [0.5])]
     assert distances[0] == pytest.approx(distances[1], rel=2 * THREE_DIGITS)
+
+
+@pytest.mark.parametrize("seed", mostly_long((3, 6, 1, 9, 11, 16, 24, 27), 2))
+@long
+def test_small_distances_are_as_exact_as_said(seed):
+    """Of knots inside that move onto others or corners, by points of meshes and the nearest ones, found from grids."""
+    rng = np.random.default_rng(seed)
+    sides = int(rng.integers(3, 7))
+    angles = 2 * np.pi * (np.arange(sides) + rng.uniform(-0.2, 0.2, sides)) / sides
+    knots = np.concatenate([np.column_stack([np.cos(angles), np.sin(angles)]), rng.uniform(-0.35, 0.35, (4, 2))])
+    heights = rng.uniform(0.1, 1) * rng.normal(size=(sides + 4, 3))
+    patch = Patch(knots, np.column_stack([knots, np.zeros(sides + 4)]) + heights, np.exp(rng.normal(size=sides + 4)))
+    knot = sides + int(rng.integers(4))
+    inside = [other for other in range(sides, sides + 4) if other != knot]
+    moves = {knot: int(rng.choice(inside) if rng.integers(3) < 2 else rng.integers(sides))}
+    step = float(rng.choice([0.5, 0.9, 0.97, 0.99, 0.997]))
+    found = knot_sequence(patch, moves, [step], resolution=2).members[0]
+    pair = move_knots(patch, moves, step), knot_limit(patch, moves).merged
+    known = max(farthest_refined(*pair), farthest_refined(*pair[::-1]))
+    assert known <= found.distance + found.distance_error
+    assert known >= 0.9 * found.distance - found.distance_error  # the farthest point may be between vertices
+
+
+def farthest_refined(patch, other):
+    """The largest distance of some vertices of a patch, those that are far, from another patch."""
+    vertices, mesh = tessellate(patch, 60, normals=False).vertices, tessellate(other, 60)
+    tree = NearestCells(mesh.vertices[mesh.cells])
+    rough = tree.search(vertices, *tree.start(vertices))[0]
+    return max(refined(vertices[k], other, mesh) for k in np.argsort(-rough)[:200:20])
+
+
+def refined(point, patch, mesh):
+    """The distance of a point from a patch, by smaller and smaller grids around the parameters of near vertices."""
+    offsets = np.stack(np.meshgrid(*[np.linspace(-1, 1, 5)] * 2), axis=-1).reshape(-1, 2)
+    near = mesh.parameters[np.argsort(np.linalg.norm(mesh.vertices - point, axis=1))[:4]]
+    for reach in 0.05 * 0.6 ** np.arange(28):
+        u = near[:, None] + reach * offsets
+        heights = np.einsum("pgvx,vx->pgv", u[:, :, None] - patch.domain.vertices, patch.domain.normals)
+        u = np.where((heights >= 0).all(axis=2)[..., None], u, near[:, None])
+        away = np.linalg.norm(patch.evaluate(u, "linear") - point, axis=-1)
+        near = u[np.arange(len(u)), away.argmin(axis=1)]
+    return away.min()

@@ -271,6 +271,18 @@ def test_models_may_be_tiny_huge_or_far_away(name, scale, shift):
         assert_closed(tessellate(other, tolerance=0.1 * scale))
 
 
+@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)]))
+def test_knots_may_be_tiny_huge_or_far_away(scale, shift):
+    model = MODELS["box-corner"]
+    other = Model(tuple(patch.replace(knots=scale * patch.knots + shift) for patch in model.patches), model.name)
+    found = find_joints(other.patches)
+    assert (len(found.shared), len(found.open), found.almost) == (12, 6, ())
+    mesh, theirs = tessellate(model, 5), tessellate(other, 5)
+    assert np.array_equal(mesh.cells, theirs.cells)
+    # Parameters far away are rounded to 2e-9 of knots 24 apart.
+    assert np.abs(mesh.vertices - theirs.vertices).max() < (1e-7 if shift else DIGITS * size(model))
+
+
 # Random closed models of two patches
 
 

@@ -1,14 +1,18 @@
 """A recipe makes for Python what `gtb mesh` makes, and refuses the same."""
 
 import math
+import re
 
+import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.formats.export import encode_mesh
+from gtb_cli.language.writer import dump
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from tests.marks import long
 from tests.shell import PENTAGON, SPECS, gtb
 from tests.specs import load
 
@@ -59,8 +63,38 @@ def test_a_solid_whose_distant_parts_meet_says_so():
         assert Recipe(12, thickness=thickness).mesh(drop)[1] == []
     (remark,) = Recipe(12, thickness=0.2).mesh(drop)[1]
     assert remark.startswith("the solid passes through itself: ")
+    assert remark.endswith("; `thickness` 0.138 was tried and is solid")  # they touch from 0.1 / cos(atan(2.9/3)) on
     with pytest.raises(RequirementError, match="not unfolded: the solid passes through itself"):
         Recipe(12, thickness=0.2, require=("unfolded",)).mesh(drop)
+
+
+@long
+def test_a_refused_thickness_names_one_that_is_solid(tmp_path):
+    """A dome of radius about 1.25 whose offset to the inside folds, and the pentagon, whose corner bends with 0.06."""
+    height = {(0, 0): 2}
+    dome = Patch(
+        [[i, j] for j in (-1, 0, 1) for i in (-1, 0, 1)],
+        [[i, j, height.get((i, j), 0)] for j in (-1, 0, 1) for i in (-1, 0, 1)],
+        coefficients=[1, 2, 1, 2, 4, 2, 1, 2, 1],
+        name="dome",
+    )
+    spec = tmp_path / "dome.toml"
+    spec.write_text(dump(dome), encoding="utf-8")
+    for path, thickness in ((spec, -2), (spec, 3), (PENTAGON, 1), (PENTAGON, -1)):
+        options = ("-n", 12, "--require", "solid", "-o", tmp_path / "x.stl")
+        refused = gtb("mesh", path, f"--thickness={thickness}", *options)
+        assert refused.status == 1
+        (named,) = re.findall(r"; --thickness (\S+) was tried and is solid\n", refused.err)
+        assert 0 < float(named) / thickness < 1
+        assert gtb("mesh", path, f"--thickness={named}", *options).status == 0
+
+
+def test_no_thickness_is_named_for_a_surface_that_passes_through_itself():
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    wall = [[x, 0.47, z - 0.46] for x, z in square]
+    cross = Model((Patch(square, [[x, y, 0] for x, y in square], name="floor"), Patch(square, wall, name="wall")))
+    with pytest.raises(RequirementError, match=r"no thickness is solid, as the surface passes through itself$"):
+        Recipe(4, thickness=0.1, require="solid").mesh(cross)
 
 
 def test_a_tolerance_in_toric_parameters_is_refused_with_the_way_out(tmp_path):

@@ -222,6 +222,27 @@ def test_few_triangles_are_thin(name):
     assert np.quantile(aspect, 0.99) < 27
 
 
+def test_an_eighth_of_example_4_4_beats_any_uniform_mesh():
+    shape = HARD["weights times 600^λ"]
+    mesh = tessellate(shape, tolerance=2e-3 * diagonal(shape))
+    # Chord errors fall with the square of the number of segments at best: 31 segments would be a third as many.
+    n = math.isqrt(3 * len(mesh.faces) // 5)
+    for parametrization in ("linear", "toric"):
+        uniform = tessellate(shape, n, parametrization=parametrization)
+        assert len(uniform.faces) > 2.8 * len(mesh.faces)
+        if parametrization == "linear":
+            assert largest_distance(shape, uniform) > largest_distance(shape, mesh)
+
+
+def test_triangles_are_well_shaped_where_the_surface_is_gentle():
+    """Shape: 4√3 area / (sum of squared sides), 1 for an equilateral triangle, √3/2 for half a square."""
+    mesh = tessellate(bicubic(), tolerance=2e-3)
+    a, b, c = (mesh.vertices[column] for column in mesh.faces.T)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    shape = 4 * math.sqrt(3) * area / sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
+    assert shape.min() > 0.5
+
+
 def test_curves_are_refined_where_they_bend():
     knots = [0, math.sqrt(2) / 4, 0.5, math.sqrt(2) / 2, 1]
     shape = Patch(knots, [[0, 0], [0.4, 1.3], [2, 2], [3.7, 1.5], [4, 0]], [1, 10, 2000, 6, 5])

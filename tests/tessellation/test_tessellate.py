@@ -214,6 +214,7 @@ def test_patches_with_equal_knots_are_sampled_with_their_own_weights(options):
         assert np.abs(there - mesh.vertices[own]).max() < 1e-12
 
 
+@long
 def test_a_domain_of_many_sides_is_located_in_few_charts():
     """With a chart for each of 1,000 edges, these 16,000 faces took a minute."""
     angles = 2 * np.pi * np.arange(1000) / 1000

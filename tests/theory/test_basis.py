@@ -15,7 +15,7 @@ from gtb_cli.knots.domain import domain
 from gtb_cli.moment.torus import BLOCK_NUMBERS
 from gtb_cli.theory.basis import gt_bernstein, partition_of_unity_coefficients
 from tests.laws import inner_parameters
-from tests.patches import NAMES, bezier_triangle, bicubic, cubic_curve, named
+from tests.patches import NAMES, bezier_triangle, bicubic, named
 
 EPS = float(np.finfo(np.float64).eps)
 
@@ -114,16 +114,6 @@ def test_equally_spaced_knots_give_the_bernstein_basis(degree, length):
     t = np.linspace(0, length, 33)
     bernstein = BPoly(np.eye(degree + 1)[:, None, :], [0, 1])(t / length)
     assert np.abs(gt_bernstein(shape, c, t) - bernstein).max() < CLASSICAL_ERROR
-
-
-def test_a_cubic_curve_is_scipys_rational_bezier_curve():
-    from scipy.interpolate import BPoly
-
-    patch = cubic_curve()
-    homogeneous = np.column_stack([patch.control_points, np.ones(4)]) * patch.weights[:, None]
-    t = np.linspace(0, 3, 50)
-    x, y, z, w = BPoly(homogeneous[:, None, :], [0, 3])(t).T
-    assert np.abs(patch.evaluate(t) - np.stack([x, y, z], axis=1) / w[:, None]).max() < 4 * CLASSICAL_ERROR
 
 
 def test_a_bicubic_patch_is_scipys_rational_tensor_product():

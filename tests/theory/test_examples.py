@@ -34,14 +34,6 @@ def test_example_2_1_basis():
     assert gt_bernstein(patch.domain, patch.coefficients, [0, 1]).tolist() == [[0.5, 0, 0, 0, 0], [0, 0, 0, 0, 0.9]]
 
 
-@pytest.mark.parametrize("c", [0.1, 0.7, 1.5, 1.9])
-def test_example_2_1_a_coefficient_scales_its_function(c):
-    shape = basis_curve().domain
-    t = np.linspace(0, 1, 11)
-    scaled = gt_bernstein(shape, [1, 1, c, 1, 1], t)[:, 2]
-    assert scaled == pytest.approx(c * np.sqrt(t * (1 - t)), rel=FORMULA_ERROR)
-
-
 @pytest.mark.parametrize("knot", [sqrt(2) / 5, 1 / 2, sqrt(5) / 3])
 def test_example_2_1_a_function_is_largest_at_its_knot(knot):
     # t^a (1 − t)^(1 − a) has its maximum at t = a.

@@ -161,14 +161,6 @@ def test_three_representations_of_one_edge_are_crowded():
     assert not any(joint.opposite for joint in joints.shared)
 
 
-@pytest.mark.parametrize("name", ["box-corner", "teapot"])
-def test_elevated_models_have_the_same_joints(name):
-    patches = load(SPECS / f"{name}.toml")
-    before = find_joints(patches)
-    after = find_joints([elevate(patch) for patch in patches])
-    assert (after.shared, after.open, after.almost) == (before.shared, before.open, ())
-
-
 @pytest.mark.parametrize("name", ["box-corner", "rounded-cube", "hebesphenorotunda"])
 def test_models_with_patches_elevated_by_different_numbers_have_the_same_joints(name):
     patches = load(SPECS / f"{name}.toml")
@@ -220,3 +212,16 @@ def test_curves_that_touch_and_meet_are_those_that_all_pairs_show(seed):
     met = [(i, j) for i, others in enumerate(meeting(curves, 0.01)) for j in others]
     assert [(i, j) for i, j in met if i < j] == [pair for pair, is_near in zip(pairs, near, strict=True) if is_near]
     assert sorted((j, i) for i, j in met) == met
+
+
+def test_knots_are_compared_more_closely_where_weights_vary():
+    """Three weights balance at a parameter of -300, at which a knot that is off by 1e-9 turns the curve by 3e-7."""
+    weights = np.exp([0, 100, 200, 0, 0, 0])
+    points = np.array([[0, 0, 0], [1, 1, 0], [0, 1, 0.5], [1, 0, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
+    beside = points * [1, 1, -1] + [0, 0, 1] * (points[:, 2:] == 0.5)
+    for off, count in ((0, 1), (1e-12, 1), (0.95e-9, 0)):
+        one, other = (
+            Patch([[0, 0], [1 / 3, 0], [2 / 3 + shift, 0], [1, 0], [0, 1], [1, 1]], own, weights)
+            for shift, own in ((0, points), (off, beside))
+        )
+        assert len(find_joints([one, other]).shared) == count

@@ -73,27 +73,12 @@ def test_vertices_of_a_sequence_are_points_of_the_degenerated_patch(x):
     np.testing.assert_allclose(mesh.vertices[inside], expected, atol=ROUNDING * 100)
 
 
-@pytest.mark.parametrize("x", [1e300, 1e-300, 5e-324])
-def test_weights_beyond_floats_are_logarithms(x):
-    patch = spec("example-4.4")
-    found = degenerate(patch, x)
-    np.testing.assert_allclose(found.log_weights, np.log(patch.weights) + patch.lifting * math.log(x), rtol=EXACT)
-
-
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_degenerations_follow_each_other(x, y):
     patch = spec("example-4.4")
     assert degenerate(patch, 1.0) == patch
     twice, once = degenerate(degenerate(patch, x), y), degenerate(patch, x * y)
     np.testing.assert_allclose(twice.log_products, once.log_products, atol=1e-13)
-
-
-def test_an_affine_lifting_moves_no_point():
-    """It is a translation of the torus coordinates."""
-    patch = spec("pentagon")
-    p = np.array([[0.5, 0.5], [1.0, 1.9], [1.9, 0.1], [1, 2], [0, 1], [1.5, 1.5]])
-    found = linear_points(degenerate(patch, 7.0, patch.knots @ [2.0, -1.0] + 3), p)
-    np.testing.assert_allclose(found, linear_points(patch, p), atol=ROUNDING)
 
 
 @pytest.mark.parametrize(
@@ -183,13 +168,6 @@ def test_logarithmic_weights_stay_so_in_the_limit():
     patch = degenerate(spec("example-4.4"), 1e300)
     model = regular_control_surface(patch)
     assert (model.patches[1].log_weights == patch.log_weights[[1, 3, 4]]).all()
-
-
-def test_one_cell_is_the_patch_itself():
-    patch = bicubic()
-    (part,) = regular_control_surface(patch, patch.knots @ [1.0, 2.0]).patches
-    u = [[0.5, 0.5], [3, 1]]
-    assert (part.evaluate(u) == patch.evaluate(u)).all()
 
 
 # --- merging

@@ -200,17 +200,6 @@ def test_a_curve_has_no_normals():
         named("cubic_curve").normals([0.5])
 
 
-def test_normals_are_refused_outside():
-    with pytest.raises(DomainError, match=r"parameters\[1\].* outside"):
-        pentagon().normals([[0, 0], [2, 2]])
-
-
-def test_a_flat_square_of_four_knots():
-    patch = Patch([[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]])
-    u = [[0, 0], [0.5, 0], [0.5, 0.5], [1e-12, 0.3]]
-    assert patch.normals(u) == pytest.approx(np.tile([1.0, 0.0, 0.0], (4, 1)))
-
-
 def test_memory_for_an_edge_that_is_a_point_grows_with_pairs_of_knots_not_with_triples():
     """300 knots, 30 of them on it: 300 MB were taken for all triples; ten million numbers are 80 MB."""
     rng = np.random.default_rng(1)

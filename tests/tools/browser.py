@@ -12,9 +12,8 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -48,24 +47,8 @@ FIREFOX = {
 TIMEOUT = 60
 
 
-class Browser:
-    """One browser with one page, a context manager."""
-
-    def _ask(self, command: str, **parameters: Any) -> Any:
-        """Send a command of WebDriver, by the name that Marionette has for it."""
-        raise NotImplementedError
-
-    def complaints(self) -> list[str]:
-        """What the page has said of errors since it was asked last."""
-        raise NotImplementedError
-
-    def prefer(self, colours: str) -> None:
-        """Tell pages that the system is "dark" or "light"."""
-        raise NotImplementedError
-
-    def close(self) -> None:
-        """End it."""
-        raise NotImplementedError
+class Browser(AbstractContextManager["Browser"]):
+    """One browser with one page. Each kind sends commands of WebDriver, by the names that Marionette has for them."""
 
     def open(self, address: str) -> None:
         """Load a page anew, whatever stood after the # before."""
@@ -118,12 +101,7 @@ class Browser:
         """Make the window larger or smaller."""
         self._ask("SetWindowRect", width=width, height=height)
 
-    def __enter__(self) -> Browser:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 
@@ -184,10 +162,12 @@ class Chromium(Browser):
         return self._request("POST", f"/{PATHS[command]}", parameters)
 
     def complaints(self) -> list[str]:
+        """What the page has said of errors since it was asked last."""
         log = self._request("POST", "/se/log", {"type": "browser"})
         return [entry["message"] for entry in log if entry["level"] == "SEVERE"]
 
     def prefer(self, colours: str) -> None:
+        """Tell pages that the system is "dark" or "light"."""
         features = [{"name": "prefers-color-scheme", "value": colours}]
         command = {"cmd": "Emulation.setEmulatedMedia", "params": {"features": features}}
         self._request("POST", "/goog/cdp/execute", command)
@@ -257,6 +237,7 @@ class Firefox(Browser):
             self._ask("Marionette:SetContext", value="content")
 
     def complaints(self) -> list[str]:
+        """What pages have said of errors since it was asked last."""
         return self._own(
             "const all = Services.console.getMessageArray(); Services.console.reset(); return all"
             ".filter(m => m instanceof Ci.nsIScriptError && !(m.flags & m.warningFlag))"

@@ -21,14 +21,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gtb_cli.design.loops import SUFFIXES, loop_from_text
-from gtb_cli.errors import GtbError, SpecError
-from gtb_cli.formats.meshfiles import read_mesh
+from gtb_cli.errors import SpecError
 from gtb_cli.imports.readers import import_file
 from gtb_cli.language.writer import dump
 from gtb_cli.vocabulary import SEQUENCE_RECORD
 from tests import foreign
 from tests.shell import REPOSITORY, SPECS, command, environment, gtb
-from tests.tools.generators import mesh_file, model, overwriting_line
+from tests.tools.generators import model, overwriting_line
 from tests.tools.mutations import mutated, mutation
 
 SECONDS = 1.0  # longest that a spec may take, in processor time
@@ -142,24 +141,6 @@ def read_foreign(name: str, data: bytes) -> None:
 def memory() -> float:
     """The most megabytes that this process, or one that it started, has needed so far."""
     return max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024
-
-
-def polygons(count: int, seed: int) -> str | None:
-    """Read mesh files of any polygons; the first that has other triangles than it should, or is not refused."""
-    with tempfile.TemporaryDirectory() as name:
-        for number in range(count):
-            data, suffix, faces = mesh_file(random.Random(f"{seed}-{number}"))
-            path = Path(name) / f"mesh.{suffix}"
-            path.write_bytes(data)
-            found, words = None, "expected vertices"
-            try:
-                found = len(read_mesh(path).faces)
-            except GtbError as error:
-                words = str(error)
-            if found != faces or "expected vertices" not in words:
-                return f"mesh {number} of seed {seed}: {found} faces, not {faces}; {words}\n{data[:2000]!r}"
-    print(f"{count} mesh files of polygons: each has its triangles, or is refused")
-    return None
 
 
 def overwriting(count: int, seed: int) -> str | None:
@@ -299,7 +280,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     complaint = mutate(options.specs, options.seed)
-    for judged in (models, polygons, overwriting):
+    for judged in (models, overwriting):
         complaint = complaint or judged(options.made, options.seed)
     complaint = complaint or imports(options.files, options.seed)
     complaint = complaint or kill(options.kills, options.seed)

@@ -1,10 +1,7 @@
-"""Inputs made by rules, with what they should give: models with degenerate patches, mesh files of any polygons, command
-lines whose output is an input."""
+"""Inputs made by rules: models with degenerate patches, command lines whose output is an input."""
 
 import json
 import random
-import struct
-from typing import NamedTuple
 
 # --- models
 
@@ -65,70 +62,6 @@ def _repeated(rng: random.Random, patch: dict[str, object]) -> dict[str, object]
     if rng.random() < 0.5:
         return dict(patch)
     return patch | {"knots": [[v, u] for u, v in patch["knots"]]}
-
-
-# --- mesh files
-
-
-class MeshFile(NamedTuple):
-    """A file, and how many triangles it has when polygons are cut; None where it should be refused."""
-
-    data: bytes
-    suffix: str
-    faces: int | None
-
-
-def mesh_file(rng: random.Random) -> MeshFile:
-    """A mesh of polygons with any numbers of corners, in any order: all alike, alternating, mixed, a large one."""
-    count = rng.randint(3, 40)
-    vertices = [[rng.uniform(-1, 1) for _ in range(3)] for _ in range(count)]
-    most = rng.choice([3, 4, 5, 12, count])
-    faces = [_polygon(rng, count, rng.randint(3, max(3, min(most, count)))) for _ in range(rng.randint(1, 30))]
-    if rng.random() < 0.3:
-        faces = [_polygon(rng, count, 3 + i % 2 * (count > 3)) for i in range(rng.randint(2, 60))]
-    damaged = rng.random() < 0.2
-    if damaged:
-        face = rng.choice(faces)
-        face[rng.randrange(len(face))] = count + rng.randint(0, 5)
-    suffix, data = rng.choice([("obj", _obj), ("ply", _ply_text), ("ply", _ply_binary)])
-    triangles = sum(len(face) - 2 for face in faces)
-    return MeshFile(data(rng, vertices, faces), suffix, None if damaged else triangles)
-
-
-def _polygon(rng: random.Random, count: int, corners: int) -> list[int]:
-    return rng.sample(range(count), corners)
-
-
-def _obj(rng: random.Random, vertices: list[list[float]], faces: list[list[int]]) -> bytes:
-    """With absolute or relative numbers, and texture coordinates and normals in some corners."""
-    count = len(vertices)
-    lines = ["v " + " ".join(map(repr, vertex)) for vertex in vertices]
-    relative = rng.random() < 0.3 and all(max(face) < count for face in faces)
-    more = rng.choice(["", "", "/1", "//1", "/1/1"])
-    lines += ["vt 0 0", "vn 0 0 1"] if more else []
-    for face in faces:
-        lines.append("f " + " ".join(f"{i - count if relative else i + 1}{more}" for i in face))
-    return ("\r\n" if rng.random() < 0.2 else "\n").join([*lines, ""]).encode()
-
-
-def _header(kind: str, vertices: list[list[float]], faces: list[list[int]]) -> bytes:
-    lines = ["ply", f"format {kind} 1.0", f"element vertex {len(vertices)}"]
-    lines += [f"property float {name}" for name in "xyz"]
-    lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
-    return "\n".join(lines).encode()
-
-
-def _ply_text(rng: random.Random, vertices: list[list[float]], faces: list[list[int]]) -> bytes:
-    rows = [" ".join(map(repr, vertex)) for vertex in vertices]
-    rows += [" ".join(map(str, [len(face), *face])) for face in faces]
-    return _header("ascii", vertices, faces) + "\n".join([*rows, ""]).encode()
-
-
-def _ply_binary(rng: random.Random, vertices: list[list[float]], faces: list[list[int]]) -> bytes:
-    order, name = rng.choice([("<", "binary_little_endian"), (">", "binary_big_endian")])
-    data = b"".join(struct.pack(f"{order}3f", *vertex) for vertex in vertices)
-    data += b"".join(struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in faces)
-    return _header(name, vertices, faces) + data
 
 
 # --- command lines

@@ -183,24 +183,6 @@ def read_open3d(path: str) -> Found:
     return joined([{"points": mesh.vertices, "cells": mesh.triangles, "normals": normals}])
 
 
-def read_gmsh(path: str) -> Found:
-    import gmsh
-
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.merge(path)
-        tags, points, _ = gmsh.model.mesh.getNodes()
-        place = {int(tag): number for number, tag in enumerate(tags)}
-        cells: list[list[int]] = []
-        for kind, corners in ((1, 2), (2, 3)):
-            nodes = gmsh.model.mesh.getElementsByType(kind)[1]
-            cells += [[place[int(node)] for node in cell] for cell in nodes.reshape(-1, corners)]
-        return joined([{"points": points, "cells": cells}])
-    finally:
-        gmsh.finalize()
-
-
 def read_bpy(path: str) -> Found:
     import bpy
 

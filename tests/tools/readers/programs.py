@@ -62,26 +62,6 @@ def read_prusa_slicer(path: str) -> Found:
     return {"cells": int(number("number_of_facets =", text)), "bounds": [low, high]}
 
 
-def read_openscad(path: str) -> Found:
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "import.scad").write_text(f"import({json.dumps(path)});", encoding="utf-8")
-        output("openscad", "-o", f"{folder}/mesh.off", f"{folder}/import.scad")
-        words = iter(Path(folder, "mesh.off").read_text(encoding="utf-8").split()[1:])
-    vertices, faces, _ = (int(next(words)) for _ in range(3))
-    points = [float(next(words)) for _ in range(3 * vertices)]
-    return joined(
-        [{"points": points, "cells": [[int(next(words)) for _ in range(int(next(words)))] for _ in range(faces)]}]
-    )
-
-
-def read_f3d(path: str) -> Found:
-    text = output("f3d", "--verbose", "--no-render", "--dry-run", "--geometry-only", path)
-    counts = {
-        key: sum(map(int, re.findall(rf"Number of {key}: (\d+)", text))) for key in ("points", "polygons", "lines")
-    }
-    return {"cells": counts["polygons"] + counts["lines"], "vertices": counts["points"]}
-
-
 def version(name: str) -> str:
     """Return the first number with a point in it that a program says of itself."""
     asked = {"assimp": "version", "prusa_slicer": "--help"}.get(name, "--version")

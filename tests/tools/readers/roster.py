@@ -31,21 +31,6 @@ LIBRARIES = (
     Reader("PyMeshLab", "pymeshlab", "pymeshlab", "obj ply stl glb", limits={"GLB curve": "crashes"}),
     Reader("VTK", "vtk", "vtk", "obj ply stl glb vtu", limits=NO_EDGES),
     Reader("Open3D", "open3d", "open3d", "obj ply stl glb", limits=NO_LINES | NO_GLB_LINES),
-    Reader(
-        "Gmsh",
-        "gmsh",
-        "gmsh numpy",
-        "obj ply stl",
-        limits={
-            **NO_LINES,
-            **REFUSES_EDGES,
-            "PLY normals uv": "binary of positions only",
-            "PLY attributes": "binary of positions only",
-            "PLY model": "binary of positions only",
-            "PLY uv and u": "binary of positions only",
-            "STL 2 facets": "refuses so few",
-        },
-    ),
     Reader("Blender", "bpy", "bpy", "obj ply stl glb"),
 )
 
@@ -59,8 +44,6 @@ PROGRAMS = (
         SIX_DIGITS,
         limits=NO_LINES | {"STL 2 facets": "refuses so few"},
     ),
-    Reader("OpenSCAD", "openscad", "openscad", "stl", SIX_DIGITS),
-    Reader("F3D", "f3d", "f3d", "obj ply stl glb", limits=NO_EDGES),
 )
 
 WEB = (

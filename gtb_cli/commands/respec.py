@@ -1,0 +1,250 @@
+"""`gtb expand`, `elevate`, `boundary`, `isocurve`, `bezier`, `coefficients` and `fair`: a spec in, another one out."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+from gtb_cli.errors import SpecError
+from gtb_cli.shell.meshing import format_of_lines, write_lines
+from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, spec_from_spec, streams_options
+from gtb_cli.shell.streams import Spec, Streams, single
+
+if TYPE_CHECKING:
+    from gtb_cli.fairing.energy import Energy
+    from gtb_cli.fairing.fair import Keep
+
+DEFAULT_DEGREE = 25  # default of --max-degree, the same as in `gtb_cli.bezier.pieces`
+
+
+@click.command
+@spec_argument
+@spec_from_spec
+def expand(spec: Spec) -> Spec:
+    """\b
+    Example: gtb expand specs/teapot.toml -o flat.toml
+
+    Print a spec with everything carried out: numbers instead of names and expressions, patches instead of copies and
+    included files. It describes the same patch or model, bit for bit.
+    """
+    return spec
+
+
+@click.command
+@spec_argument
+@click.option(
+    "--by",
+    type=WholeNumber(0, 1000),
+    metavar="D",
+    default=1,
+    help="Number of elevations, which for a Bézier patch is the number of degrees; 1 without this option.",
+)
+@spec_from_spec
+def elevate(spec: Spec, by: int) -> Spec:
+    """\b
+    Example: gtb elevate specs/cubic-bezier.toml | gtb info -
+
+    Print the spec of the same curve or surface with more knots, weights and control points to work with.
+
+    For Bézier curves, triangles and tensor product patches this is classical degree elevation. A lifting is left out.
+    Each patch of a model is elevated.
+    """
+    from gtb_cli.bezier.elevation import elevate as elevated
+    from gtb_cli.theory.model import Model
+
+    if isinstance(spec, Model):
+        return spec.replace(patches=tuple(elevated(patch, by) for patch in spec))
+    return elevated(spec, by)
+
+
+@click.command
+@spec_argument
+@click.argument("edge", metavar="[EDGE]", type=WholeNumber(), required=False)
+@spec_from_spec
+def boundary(spec: Spec, edge: int | None) -> Spec:
+    """\b
+    Example: gtb boundary specs/pentagon.toml 0
+
+    Print the spec of the curve along an edge of a surface, or a model of all these curves.
+
+    Edges are counted from 0, counter-clockwise from the lowest, then leftmost, corner of the domain; gtb info lists
+    their knots. The curve's knots are measured along the edge, from its first corner.
+    """
+    from gtb_cli.theory.model import Model
+
+    patch = single(spec)
+    if patch.dimension == 1:
+        raise SpecError("is a curve, and has no boundary curves")
+    if edge is not None:
+        return patch.boundary(edge)
+    return Model(tuple(map(patch.boundary, range(len(patch.domain.vertices)))), patch.name)
+
+
+@click.command
+@spec_argument
+@click.option("--u", "u", callback=numbers_of, metavar="V", help="Keep the first parameter at this value.")
+@click.option("--v", "v", callback=numbers_of, metavar="V", help="Keep the second parameter at this value.")
+@click.option(
+    "--polyline",
+    type=WholeNumber(1, 1_000_000),
+    metavar="N",
+    help="Write N segments instead of a spec, on any surface, as OBJ, PLY or GLB by the suffix of the output; their "
+    "parameters are evenly spread.",
+)
+@streams_options
+def isocurve(
+    spec: str, u: tuple[float, ...] | None, v: tuple[float, ...] | None, polyline: int | None, streams: Streams
+) -> None:
+    """\b
+    Example: gtb isocurve specs/bicubic.toml --u 3/2
+
+    Print the spec of the curve on a surface along which one (toric) parameter keeps its value.
+
+    If the domain is a rectangle along the axes, it is exactly a GT-Bézier curve. On other domains it is not, in
+    general: the error says so, and --polyline prints points on it.
+    """
+    import numpy as np
+
+    from gtb_cli.design.isocurve import isocurve as curve_of
+    from gtb_cli.design.isocurve import isoparametric_points
+    from gtb_cli.language.writer import dump
+    from gtb_cli.meshes.mesh import Mesh
+
+    given = [(axis, value) for axis, value in enumerate((u, v)) if value is not None]
+    if len(given) != 1 or len(given[0][1]) != 1:
+        raise click.UsageError("expected one of --u V and --v V")
+    axis, (value,) = given[0]
+    kind = format_of_lines(streams.output, "--polyline") if polyline is not None else ""
+    with streams.spec_of(spec) as loaded:
+        patch = single(loaded)
+        if polyline is None:
+            return streams.write(dump(curve_of(patch, axis, value)))
+        points = isoparametric_points(patch, axis, value, polyline + 1)[1]
+        segments = np.stack([np.arange(polyline), np.arange(1, polyline + 1)], axis=1)
+        write_lines(streams, kind, Mesh(points, segments, name=patch.name or "patch"))
+
+
+@click.command
+@spec_argument
+@click.option(
+    "--split",
+    callback=numbers_of,
+    metavar="T",
+    help="Split a curve at this parameter. By default where each T_i is the share of c_i ω_i in their sum.",
+)
+@click.option(
+    "--max-degree",
+    type=WholeNumber(1, 1000),  # binomial coefficients of higher degrees exceed the range of floats
+    metavar="D",
+    default=DEFAULT_DEGREE,
+    help=f"Highest degree of a piece; {DEFAULT_DEGREE} without this option.",
+)
+@streams_options
+def bezier(spec: str, split: tuple[float, ...] | None, max_degree: int, streams: Streams) -> None:
+    """\b
+    Example: gtb bezier specs/example-4.1-integer.toml | gtb info -
+
+    Print the exact rational Bézier pieces as a model: a rectangle for each corner of a surface, two curves for a curve.
+
+    Such pieces exist if the distances of the knots from each edge are multiples of a common step, as they are for
+    integers; otherwise the error says why not. The image is the same, all weights are positive, and if two patches
+    share an edge, their pieces share it too.
+    """
+    from gtb_cli.bezier.pieces import bezier_pieces, split_curve
+    from gtb_cli.language.writer import dump
+    from gtb_cli.theory.model import Model
+
+    if split is not None and len(split) != 1:
+        raise click.UsageError(f"--split: expected one parameter, got {len(split)}")
+    with streams.spec_of(spec) as loaded:
+        if split is None:
+            pieces = bezier_pieces(loaded, max_degree)
+        elif isinstance(loaded, Model):
+            raise SpecError(f"is a model of {len(loaded.patches)} patches, and --split is for one curve")
+        else:
+            pieces = split_curve(loaded, split[0], max_degree)
+        text = dump(pieces)
+    streams.write(text)
+    if isinstance(loaded, Model) and loaded.dimension == 2:
+        opened = len(pieces.joints.open) - 2 * len(loaded.joints.open)
+        if opened > 0:
+            streams.console.warn(
+                f"{opened} edges of pieces are open where patches are joined: they are divided elsewhere"
+            )
+
+
+@click.command
+@spec_argument
+@click.option(
+    "--at",
+    callback=numbers_of,
+    metavar="T,…",
+    help="As many parameters as knots; for a surface u,v,u,v,… By default they are spread over the domain.",
+)
+@spec_from_spec
+def coefficients(spec: Spec, at: tuple[float, ...] | None) -> Spec:
+    """\b
+    Example: gtb coefficients specs/bicubic.toml
+
+    Print the spec with coefficients for which the GT-Bernstein basis adds up to 1 at some parameters.
+
+    Such coefficients exist for distinct knots, but they need not be positive. If one is not, there is no such basis,
+    and the error gives the values. For Bézier curves, triangles and tensor product patches they are those of the
+    Bernstein basis, up to a factor, and the sum is 1 everywhere.
+    """
+    import numpy as np
+
+    from gtb_cli.theory.basis import partition_of_unity_coefficients
+
+    patch = single(spec)
+    if at is not None and len(at) != patch.knots.size:
+        raise SpecError(f"--at: expected {patch.knots.size} numbers, {len(patch.knots)} parameters, got {len(at)}")
+    places = None if at is None else np.array(at).reshape(patch.knots.shape)
+    with np.errstate(over="ignore", invalid="ignore"):  # the solution is judged afterwards
+        return patch.replace(coefficients=partition_of_unity_coefficients(patch.domain, places))
+
+
+@click.command
+@spec_argument
+@click.option(
+    "--energy",
+    type=click.Choice(["thin-plate", "dirichlet"]),
+    default="thin-plate",
+    help="What is made small: bending, the default, or stretching.",
+)
+@click.option(
+    "--keep",
+    type=click.Choice(["boundary", "tangents"]),
+    default="boundary",
+    help="What stays: the boundary, the default, or also the tangent planes along it.",
+)
+@streams_options
+def fair(spec: str, energy: Energy, keep: Keep, streams: Streams) -> None:
+    """\b
+    Example: gtb fair specs/hexagon.toml --keep tangents | gtb mesh - -o fair.obj
+
+    Print the spec of the same patch with inner control points that make it fair.
+
+    Knots and weights stay. The energy is an integral in the linear parametrization over the domain without its
+    outermost thousandth, where bending may be infinite. Each patch of a model is made fair separately.
+    """
+    from gtb_cli.fairing.fair import fair as made_fair
+    from gtb_cli.language.writer import dump
+    from gtb_cli.theory.model import Model
+
+    with streams.spec_of(spec) as loaded:
+        found = [made_fair(patch, energy, keep) for patch in loaded.patches]
+        model = isinstance(loaded, Model)
+        text = dump(Model(tuple(part.patch for part in found), loaded.name) if model else found[0].patch)
+    streams.write(text)
+    for index, part in enumerate(found):
+        name = f"{part.patch.name or f'patches[{index}]'}: " if model else ""
+        if not part.free:
+            streams.console.warn(f"{name}no control point is free: all stay")
+        if part.folds:
+            streams.console.warn(f"{name}the patch folds at {part.folds} of some thousand places")
+        digits = 6 if part.error <= 1e-6 else max(1, int(-math.log10(part.error)))
+        before, after = (f"{value:.{digits}g}" for value in (part.before, part.after))
+        streams.console.note(f"{name}{part.free} free control points, energy {before} before, {after} now")

@@ -1,0 +1,195 @@
+"""`gtb degenerate` and `gtb knot-limit`: meshes on the way to a limit, and of the limit."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+from gtb_cli.shell.limits import all_decompositions, heights_of, lifting_of, moves_of, x_of
+from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument
+from gtb_cli.shell.sequences import NAME_DIGITS, SequenceOutput, sequence_options
+from gtb_cli.shell.streams import single
+
+if TYPE_CHECKING:
+    from gtb_cli.arrays import FloatArray
+    from gtb_cli.theory.knot_limit import KnotLimit
+    from gtb_cli.theory.patch import Patch
+
+
+@click.command
+@spec_argument
+@click.option(
+    "-x",
+    "--x",
+    "values",
+    callback=x_of,
+    multiple=True,
+    metavar="X",
+    help="Write the mesh of the patch with the weights x^λ ω. May be given several times; inf is the limit.",
+)
+@click.option("--from", "first", callback=x_of, metavar="X", help="Sweep: the first x.")
+@click.option(
+    "--to",
+    "last",
+    callback=x_of,
+    metavar="X|N",
+    help="Sweep: the last x. Alone: the number of a regular decomposition in gtb decompose --all, to which it leads.",
+)
+@click.option(
+    "--count",
+    type=WholeNumber(2, 10_000),
+    metavar="N",
+    help="Sweep: the number of x from --from to --to, in equal ratios, rounded to six digits.",
+)
+@click.option(
+    "--lifting",
+    callback=lifting_of,
+    metavar="L,…",
+    help="A lifting value λ for each knot, instead of the spec's; or knot:K: only the weight of knot K grows.",
+)
+@sequence_options("Print the spec with the weights of one -x; -o may then be left out.")
+def degenerate(
+    spec: str,
+    values: tuple[float, ...],
+    first: float | None,
+    last: float | None,
+    count: int | None,
+    lifting: tuple[float, ...] | int | None,
+    out: SequenceOutput,
+) -> None:
+    """\b
+    Example: gtb degenerate specs/example-4.4.toml -x 5 -x 100 -x 600 -o out/
+
+    Let the weights x^λ ω grow: write a mesh for each x, and the limit, which is the regular control curve or surface.
+
+    All meshes have the same faces, so that they can be compared or morphed vertex by vertex; edges of the cells of the
+    regular decomposition are edges of the meshes. If x falls from 1 to 0, the limit is that of -λ. sequence.json lists
+    the files with their distances from the limit.
+
+    -o FILE.glb writes one file instead, which Blender and other programs can play: its mesh is the first one, the
+    others are morph targets, and an animation shows them one after the other, a second each.
+    """
+    number = last if first is None and count is None else None
+    if number is not None and (not number.is_integer() or lifting is not None):
+        raise click.UsageError(
+            "--to alone is the number of a decomposition, without --lifting; a sweep needs --from, --to and --count"
+        )
+    xs = (*values, *_sweep(first, last if number is None else None, count))
+    if out.emits_spec and len(set(xs)) != 1:
+        raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
+    out.check_length(xs)
+    from gtb_cli.sequences.sequence import degeneration_sequence
+
+    with out.streams.spec_of(spec) as loaded:
+        patch = single(loaded)
+        heights = heights_of(patch, lifting) if number is None else _heights_to(patch, int(number), out)
+        sequence = out.made(degeneration_sequence, patch, xs, heights)
+        text = _spec(patch, xs[0], heights) if out.emits_spec else ""
+    # A file that cannot be written is not the spec's fault.
+    out.write(sequence, "x", spec, text)
+
+
+def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
+    """Return the spec of the patch with the weights x^λ ω, or of its limit."""
+    from gtb_cli.language.writer import dump
+    from gtb_cli.theory.degeneration import degenerate, regular_control_surface
+
+    if 0 < x < math.inf:
+        return dump(degenerate(patch, x, heights))
+    return dump(regular_control_surface(patch, heights if x else -heights))
+
+
+def _heights_to(patch: Patch, number: int, out: SequenceOutput) -> FloatArray:
+    """Return a lifting that induces a regular decomposition with a number."""
+    cones = all_decompositions(patch, out.streams.console)
+    if number >= len(cones):
+        raise click.UsageError(
+            f"--to {number}: expected a number from 0 to {len(cones) - 1}, one for each decomposition"
+        )
+    return cones[number].lifting
+
+
+def _sweep(first: float | None, last: float | None, count: int | None) -> list[float]:
+    """Return x in equal ratios, rounded so that file names can hold every digit; the two ends are not rounded."""
+    if first is None and last is None and count is None:
+        return []
+    if first is None or last is None or count is None:
+        raise click.UsageError("a sweep needs all of --from, --to and --count")
+    if not (0 < first < math.inf and 0 < last < math.inf):
+        raise click.UsageError("--from and --to must be positive and finite")
+    low, high = math.log(first), math.log(last)
+    inner = [math.exp(low + (high - low) * (k / (count - 1))) for k in range(1, count - 1)]
+    xs = [first, *(float(f"{x:.{NAME_DIGITS}g}") for x in inner), last]
+    if len(set(xs)) < count:
+        raise click.UsageError(
+            f"--from {first:g} and --to {last:g} are too near each other for {count} values of six digits"
+        )
+    return xs
+
+
+@click.command("knot-limit")
+@spec_argument
+@click.option(
+    "--merge",
+    "moves",
+    callback=moves_of,
+    multiple=True,
+    required=True,
+    metavar="K:Q",
+    help="Move knot K to the place of knot Q. May be given several times; chains such as 1:2 and 2:3 end at 3.",
+)
+@click.option(
+    "--steps",
+    callback=numbers_of,
+    default="0,0.4,0.8",  # those of Example 4.2 of the paper
+    show_default=True,
+    metavar="S,…",
+    help="Write a mesh for each of these fractions of the way.",
+)
+@sequence_options("Print the spec of the merged patch; -o may then be left out.")
+def knot_limit(spec: str, moves: dict[int, int], steps: tuple[float, ...], out: SequenceOutput) -> None:
+    """\b
+    Example: gtb knot-limit specs/example-4.2.toml --merge 3:1 -o out/
+
+    Move knots to the places of others: write a mesh for each step of the way, and the limit, which is the merged patch.
+
+    Knots are numbered from 0. All meshes have the same faces. sequence.json lists the files with their distances from
+    the limit. If a knot moves to an end, an edge or a corner, the limit holds only inside, and as a set it also
+    includes a film: a message says so, and sequence.json has the distances from both.
+
+    -o FILE.glb writes one file instead, an animation; see gtb degenerate --help.
+    """
+    out.check_length(steps)
+    from gtb_cli.language.writer import dump
+    from gtb_cli.sequences.sequence import knot_sequence
+    from gtb_cli.theory.knot_limit import knot_limit as limit_of
+
+    with out.streams.spec_of(spec) as loaded:
+        patch = single(loaded)
+        limit = limit_of(patch, moves)
+        sequence = out.made(knot_sequence, patch, moves, steps)
+        text = dump(limit.merged) if out.emits_spec else ""
+    # A file that cannot be written is not the spec's fault.
+    for message in _pointwise(limit):
+        out.streams.console.warn(message)
+    out.write(sequence, "step", spec, text)
+
+
+def _pointwise(limit: KnotLimit) -> list[str]:
+    """Return the messages that explain where the limit holds only at inner points."""
+    shape = limit.patch.domain
+    r = len(shape.vertices)
+    messages = []
+    for k, face in limit.arrivals.items():
+        if shape.dimension == 1 or face > r:
+            corner = shape.vertices[(face - 1) % r]
+            place = f"the {'end' if shape.dimension == 1 else 'corner'} ({', '.join(f'{x:.6g}' for x in corner)})"
+        else:
+            place = f"edge {face - 1}"
+        messages.append(
+            f"knot {k} comes to {place}, where the limit is pointwise only: the boundary there stays what it was, and "
+            "as a set the limit is the merged patch with a film between the two"
+        )
+    return messages

@@ -1,0 +1,93 @@
+"""Pointed cones {x: <row, x> >= 0}: their extreme rays by double description, and their faces."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TypeAlias
+
+Vector: TypeAlias = list[int] | list[float]  # whole numbers are computed with exactly
+
+Bits: TypeAlias = int  # a set of small numbers: of the rows that are 0 on a ray, or of the rays of a face
+
+
+def extreme_rays(rows: Sequence[Vector], size: int, rounding: float) -> list[Vector]:
+    """The extreme rays of the cone of vectors of a size on which no row is negative, once each, largest entry 1.
+
+    The rows span the space, so that the cone holds no line. Whole rows have rays that are whole and have no common
+    divisor; a product of others, with largest entries 1, is 0 within `rounding`.
+    """
+
+    def on(row: Vector, x: Vector) -> float:
+        return product_of(row, x, rounding)
+
+    lines: list[Vector] = [[int(i == k) for i in range(size)] for k in range(size)]
+    rays: list[tuple[Vector, Bits]] = []  # with the rows so far that are 0 on it
+    for number, row in enumerate(rows):
+        here = 1 << number
+        line = max(lines, key=lambda x: abs(on(row, x)), default=None)
+        rise = on(row, line) if line else 0
+        if line and rise:
+            # All of the cone so far is moved along a line into the plane of the row, which bounds one half of the line.
+            others = [x for x in lines if x is not line]
+            lines = [_combined(rise, x, -on(row, x), line) for x in others]
+            rays = [(_signed(rise, _combined(rise, x, -on(row, x), line)), zeros | here) for x, zeros in rays]
+            rays.append((_signed(rise, line), here - 1))
+            continue
+        drops = [on(row, x) for x, _ in rays]
+        kept = [(x, zeros | here if not drop else zeros) for (x, zeros), drop in zip(rays, drops, strict=True)]
+        above = [(*ray, drop) for ray, drop in zip(rays, drops, strict=True) if drop > 0]
+        below = [(*ray, drop) for ray, drop in zip(rays, drops, strict=True) if drop < 0]
+        made = []
+        for x, x_zeros, up in above:
+            for y, y_zeros, down in below:
+                common = x_zeros & y_zeros
+                if common.bit_count() < size - len(lines) - 2:
+                    continue
+                if sum(zeros & common == common for _, zeros in rays) == 2:  # neighbours
+                    made.append((_combined(up, y, -down, x), common | here))
+        rays = [ray for ray, drop in zip(kept, drops, strict=True) if drop >= 0] + made
+    return [x for x, _ in rays]
+
+
+def product_of(a: Vector, b: Vector, rounding: float) -> float:
+    """The scalar product, and 0 if it is rounding."""
+    total = sum(x * y for x, y in zip(a, b, strict=True))
+    return 0 if abs(total) <= rounding and isinstance(total, float) else total
+
+
+def without_divisor(vector: Vector) -> Vector:
+    """A positive multiple of a vector that is not 0: whole without a common divisor, or with the largest entry 1."""
+    if all(isinstance(x, int) for x in vector):
+        divisor = math.gcd(*vector)
+        return [x // divisor for x in vector]
+    largest = max(map(abs, vector))
+    return [x / largest for x in vector]
+
+
+def _combined(a: float, x: Vector, b: float, y: Vector) -> Vector:
+    return without_divisor([a * s + b * t for s, t in zip(x, y, strict=True)])
+
+
+def _signed(sign: float, x: Vector) -> Vector:
+    return x if sign > 0 else [-s for s in x]
+
+
+def faces_below(face: Bits, facets: Sequence[Bits]) -> list[Bits]:
+    """The facets of a face of a cone, all as sets of rays."""
+    return maximal({face & facet for facet in facets} - {face})
+
+
+def maximal(sets: Iterable[Bits]) -> list[Bits]:
+    """Those sets that are not part of others, once each."""
+    found: list[Bits] = []
+    for candidate in sorted(set(sets), key=lambda x: (-x.bit_count(), x)):
+        if not any(candidate & larger == candidate for larger in found):
+            found.append(candidate)
+    return found
+
+
+def members(bits: Bits) -> Iterator[int]:
+    """Yield the numbers in a set, ascending."""
+    while bits:
+        lowest = bits & -bits
+        yield lowest.bit_length() - 1
+        bits ^= lowest

@@ -1,0 +1,115 @@
+"""Pictures of basis functions: over t, or as graphs over Δ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.pictures.colours import FAINT, INK, line_style
+from gtb_cli.pictures.look import Look, panels, subscript
+from gtb_cli.pictures.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, View, note, space_views
+from gtb_cli.pictures.shapes import surface_of, with_normals
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.basis import gt_bernstein
+from gtb_cli.theory.patch import Patch
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def basis_values(patch: Patch, u: FloatArray, unnormalised: bool) -> FloatArray:
+    """Return (m, n) values of T_i, or β_i, at parameters."""
+    return gt_bernstein(patch.domain, patch.coefficients, u) if unnormalised else patch.basis(u)
+
+
+def chosen(look: Look, patch: Patch) -> tuple[int, ...]:
+    """Return the indices of the basis functions to draw."""
+    count = len(patch.knots)
+    for index in look.indices:
+        if not 0 <= index < count:
+            raise DomainError(f"index: expected 0 … {count - 1}, got {index}")
+    return look.indices or tuple(range(count))
+
+
+def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
+    """Draw basis functions of curves over t; several curves are variants of one curve, each with a name."""
+    basis_points = 480  # number of points at which a basis is evaluated; knots and their neighbours are among them
+    indices = chosen(look, curves[0])
+    symbol = "β" if look.unnormalised else "T"
+    number = 0
+    for variant, curve in enumerate(curves):
+        low, high = (float(x) for x in curve.domain.vertices[:, 0])
+        even = (1 - np.cos(np.linspace(0, np.pi, basis_points + 1))) / 2
+        t = np.union1d(low + (high - low) * even, curve.knots[:, 0]).clip(low, high)
+        values = basis_values(curve, t, look.unnormalised)
+        for index in indices:
+            colour, dashes = line_style(number)
+            number += 1
+            ax.plot(t, values[:, index], dashes, color=colour, lw=1.6, zorder=3, clip_on=False)
+            top = int(np.argmax(values[:, index]))
+            text = names[variant] if names else subscript(symbol, index)
+            edge, offset = {0: ("left", 5), len(t) - 1: ("right", -3)}.get(top, ("center", 0))
+            place = t[top], values[top, index]
+            note(ax, text, place, (offset, 3), ha=edge, va="bottom", color=colour, fontsize=9, bbox=HALO)
+    low, high = (float(x) for x in curves[0].domain.vertices[:, 0])
+    ax.set_xlim(low, high)
+    ax.set_ylim(bottom=0)
+    ax.set_xlabel("t")
+    ax.set_ylabel(f"{symbol}(t)" if len(indices) != 1 else f"{subscript(symbol, indices[0])}(t)")
+    ax.grid(True, color="#EEEEEE", lw=0.6)
+    shown = np.concatenate([curve.knots for curve in curves])
+    View(ax).points(np.column_stack([shown, np.zeros(len(shown))]), size=5)
+    if look.numbers(len(curves[0].knots)) and not names:
+        heights: dict[float, int] = {}
+        for i, place in enumerate(curves[0].knots[:, 0].tolist()):
+            again = heights[place] = heights.get(place, -1) + 1
+            beside = (9 * ((place == low) - (place == high)), 8 + 9 * again)
+            note(ax, subscript("a", i), (place, 0.0), beside, color="#555555")
+
+
+def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
+    """Draw basis functions of a surface as graphs over Δ, each with a scale of its own, from 0 to its maximum."""
+    indices = chosen(look, patch)
+    symbol = "β" if look.unnormalised else "T"
+    flat = Patch(patch.knots, patch.knots, patch.weights, patch.coefficients, log_weights=patch.log_weights)
+    fine = look.resolution or (64 if len(indices) <= 4 else 48)
+    fine = min(fine, math.ceil(max(look.size) * look.dpi / math.sqrt(len(indices))))  # a pixel is enough for a segment
+    mesh = tessellate(flat, fine, parametrization="toric", normals=False)
+    assert mesh.parameters is not None
+    rim = _rim(patch)
+    places = (mesh.parameters, patch.domain.vertices, patch.knots, rim)
+    plane, corners, knots, edge = ((place - patch.domain.center) / patch.domain.size for place in places)
+    values = basis_values(patch, mesh.parameters, look.unnormalised)[:, list(indices)]
+    colour_map = look.colour_map or "viridis"
+    highest = np.where(values.max(axis=0) > 0, values.max(axis=0), 1.0)
+    surfaces = []
+    for column in (values / highest).T:
+        graph = with_normals(Mesh(np.column_stack([plane, GRAPH_HEIGHT * column]), mesh.faces), smooth=True)
+        surfaces.append(replace(surface_of(graph), scalars=column.clip(0, 1), colour_map=colour_map))
+    floor = np.column_stack([corners, np.zeros(len(corners))])
+    box = np.concatenate([floor, floor + np.array([0, 0, GRAPH_HEIGHT])])
+    names = [f"{subscript(symbol, i)}, up to {top:.3g}" for i, top in zip(indices, values.max(axis=0), strict=True)]
+    rim_heights = GRAPH_HEIGHT * basis_values(patch, rim, look.unnormalised)[:, list(indices)] / highest
+    drawn = space_views(panels(figure, names), look.camera, surfaces, [box])
+    for view, index, above in zip(drawn, indices, rim_heights.T, strict=True):
+        view.lines([np.vstack([floor, floor[:1]])], colour=FAINT, width=0.7, hidden=0.6)
+        view.lines([np.column_stack([edge, above])], width=0.8, hidden=HIDDEN_STRENGTH)
+        spots = np.column_stack([knots, np.zeros(len(knots))])
+        view.points(np.delete(spots, index, axis=0), edge=FAINT, size=2.6)
+        view.points(spots[[index]], colour=INK, edge="white", size=4.2)
+
+
+def _rim(patch: Patch) -> FloatArray:
+    """(m, 2) parameters around Δ."""
+    corners = patch.domain.vertices
+    share = (1 - np.cos(np.linspace(0, np.pi, 65)[:-1, None])) / 2
+    ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    return np.concatenate([*(a + (b - a) * share for a, b in ends), corners[:1]])

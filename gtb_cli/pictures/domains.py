@@ -1,0 +1,163 @@
+"""Pictures of domains, of decompositions, and of lifted knots with their upper hull."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, bounds_of
+from gtb_cli.knots.decomposition import RegularDecomposition
+from gtb_cli.knots.domain import domain
+from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, patch_colour, rgb
+from gtb_cli.pictures.look import Look, subscript
+from gtb_cli.pictures.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, Surface, View, note, plane_view, space_views
+from gtb_cli.theory.patch import Patch
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
+    """Draw Δ with numbered knots and edges, and weights."""
+    knots, corners = patch.knots, patch.domain.vertices
+    numbered = look.numbers(len(knots))
+    texts = [f"{subscript('a', i)}\nω={weight:.4g}" for i, weight in enumerate(patch.weights)] if numbered else []
+    if patch.dimension == 1:
+        ax.plot(corners[:, 0], [0, 0], "-", color=LINE_COLOURS[0], lw=2, zorder=2, solid_capstyle="butt")
+        ax.set_yticks([])
+        ax.spines["left"].set_visible(False)
+        ax.set_xlabel("t")
+        ax.set_ylim(-1, 1)
+        _draw_knots(View(ax), np.column_stack([knots, np.zeros(len(knots))]))
+        _label_line(ax, knots[:, 0], texts)
+        return
+    ax.fill(*corners.T, facecolor="#EAF2F8", edgecolor=LINE_COLOURS[0], lw=1.6, zorder=1)
+    _draw_plane(ax, knots, texts, corners)
+    for edge, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)) if numbered else ():
+        along = (b - a) / np.hypot(*(b - a))
+        upright = 90 - (90 - np.degrees(np.arctan2(along[1], along[0]))) % 180  # so that it is not upside down
+        style = {"va": "center", "fontsize": 7.5, "color": LINE_COLOURS[0], "rotation": upright, "zorder": 6}
+        note(ax, f"edge {edge}", (a + b) / 2, (9 * along[1], -9 * along[0]), **style)
+
+
+def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> None:
+    """Draw the cells of a decomposition filled, knots outside all cells hollow, and λ at the knots."""
+    numbered = look.numbers(len(found.knots))
+    if found.dimension == 1:
+        _draw_lifted_line(ax, found, numbered)
+        return
+    for cell, polygon in enumerate(found.polygons):
+        corners = found.knots[list(polygon)]
+        ax.fill(*corners.T, facecolor=patch_colour(cell), edgecolor=INK, lw=1.3, joinstyle="round", zorder=1)
+    texts = [f"{subscript('a', i)}\nλ={height:.4g}" for i, height in enumerate(found.lifting)] if numbered else []
+    _draw_plane(ax, found.knots, texts, domain(found.knots).vertices, found.absent)
+
+
+def _draw_plane(
+    ax: Axes, knots: FloatArray, texts: Sequence[str], corners: FloatArray, absent: Sequence[int] = ()
+) -> None:
+    """Draw knots over Δ with texts on the inside, as edges have their numbers outside."""
+    view = plane_view(ax, corners)
+    ax.set_xlabel("u")
+    ax.set_ylabel("v")
+    _draw_knots(view, knots, absent)
+    for place, text in _gathered(knots, texts):
+        x, y = _inward(np.array(place), corners)
+        across = 0 if abs(x) < 0.3 else int(np.sign(x))
+        sharp = bool((corners == place).all(axis=1).any())  # edges run above and below
+        up = int(not sharp) if abs(y) < 0.3 else int(np.sign(y))
+        ha, va = ("center", "left", "right")[across], ("center", "bottom", "top")[up]
+        note(ax, text, place, (5 * across, 6 * up), ha=ha, va=va, bbox=HALO)
+
+
+def _inward(place: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return the direction into a polygon from a place on its boundary; from one inside, to its middle."""
+    along = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    low, high = bounds_of(corners)
+    size = float((high - low).max())
+    here = ((place - corners) * normals).sum(axis=1) < 1e-6 * size
+    if not here.any():
+        return np.asarray(((low + high) / 2 - place) / (size / 2))
+    direction = normals[here].sum(axis=0)
+    return np.asarray(direction / np.hypot(*direction))
+
+
+def _label_line(ax: Axes, knots: FloatArray, texts: Sequence[str]) -> None:
+    """Write texts above knots of a curve, in two rows: what is nearer to the last than a label is wide goes up."""
+    near = 0.13 * float(np.ptp(knots))
+    last = [-np.inf, -np.inf]
+    for (place,), text in sorted(_gathered(knots[:, None], texts)):
+        row = 0 if place - last[0] >= near or last[0] < last[1] else 1
+        last[row] = place
+        note(ax, text, (place, 0), (0, 7 + 24 * row), va="bottom")
+
+
+def _gathered(knots: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float, ...], str]]:
+    """Return the place of each knot, and the texts of all that are there."""
+    lines: dict[tuple[float, ...], list[str]] = {}
+    for knot, text in zip(knots.tolist(), texts, strict=False):
+        lines.setdefault(tuple(knot), []).append(text)
+    return [(place, "\n".join(several)) for place, several in lines.items()]
+
+
+def _draw_knots(view: View, places: FloatArray, absent: Sequence[int] = ()) -> None:
+    """Draw knots as dots, those in no cell hollow."""
+    view.points(np.delete(places, list(absent), axis=0), colour=INK, edge="white", size=5.5)
+    view.points(places[list(absent)], size=6)
+
+
+def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> None:
+    """Draw lifted knots of a curve, their upper hull, and its projection."""
+    t, heights = found.knots[:, 0], found.lifting
+    floor = float(heights.min()) - 0.28 * (float(np.ptp(heights)) or 1.0)
+    for cell, (a, b) in enumerate(found.polygons):
+        ax.fill_between(t[[a, b]], heights[[a, b]], floor, color=patch_colour(cell), alpha=0.35, lw=0, zorder=1)
+        ax.plot(t[[a, b]], heights[[a, b]], "-", color=INK, lw=1.5, zorder=3)
+        ax.plot(t[[a, b]], [floor, floor], "-", color=patch_colour(cell), lw=5, zorder=2, solid_capstyle="butt")
+    for x, height in zip(t.tolist(), heights.tolist(), strict=True):
+        ax.plot([x, x], [floor, height], ":", color=FAINT, lw=0.9, zorder=2)
+    for level in (heights, np.full(len(t), floor)):
+        _draw_knots(View(ax), np.column_stack([t, level]), found.absent)
+    if numbered:
+        for i, (x, height) in enumerate(zip(t.tolist(), heights.tolist(), strict=True)):
+            rising = i not in found.absent and any(
+                t[a] <= x < t[b] and heights[b] > heights[a] for a, b in found.polygons
+            )
+            note(ax, f"{height:.4g}", (x, height), (-5 if rising else 5, 4), ha="right" if rising else "left")
+            note(ax, subscript("a", i), (x, floor), (0, -15), annotation_clip=False)
+    ax.margins(x=0.07)
+    ax.set_ylim(floor, float(heights.max()) + 0.14 * (float(np.ptp(heights)) or 1.0))
+    ax.set_xticks([])
+    ax.spines["bottom"].set_visible(False)
+    ax.set_ylabel("λ")
+
+
+def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
+    """Draw the upper hull of the lifted knots above the cells, which are its projection."""
+    low, high = bounds_of(found.knots)
+    flat = (found.knots - (low + high) / 2) / float((high - low).max())
+    rise = float(np.ptp(found.lifting)) or 1.0
+    domain_gap = 0.4  # distance of Δ below the lowest lifted knot, relative to the width of Δ
+    heights = domain_gap + GRAPH_HEIGHT * (found.lifting - found.lifting.min()) / rise
+    lifted, ground = np.column_stack([flat, heights]), np.column_stack([flat, np.zeros(len(flat))])
+    fans = [[(p[0], p[k], p[k + 1]) for k in range(1, len(p) - 1)] for p in found.polygons]
+    upper = np.array([face for fan in fans for face in fan])
+    cell = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
+    colours = np.array([rgb(patch_colour(k)) for k in cell.tolist()])
+    vertices = np.concatenate([lifted, ground])
+    faces = np.concatenate([upper, upper + len(lifted)])
+    (view,) = space_views([ax], look.camera, [Surface(vertices, faces, None, np.concatenate([colours, colours]))])
+    heights_above = [f"λ={value:.4g}" for value in found.lifting]
+    names_below = [subscript("a", i) for i in range(len(flat))]
+    for level, width, texts, up, colour in (
+        (lifted, 1.2, heights_above, 6, INK),
+        (ground, 0.9, names_below, -6, LINE_COLOURS[0]),
+    ):
+        view.lines([level[[*polygon, polygon[0]]] for polygon in found.polygons], width=width, hidden=HIDDEN_STRENGTH)
+        _draw_knots(view, level, found.absent)
+        for place, text in zip(view.seen(level)[:, :2], texts if look.numbers(len(flat)) else (), strict=False):
+            note(ax, text, place, (0, up), bbox=HALO, va="bottom" if up > 0 else "top", color=colour)
+    view.lines(list(np.stack([ground, lifted], axis=1)), colour=FAINT, width=0.8, hidden=0.7)

@@ -1,0 +1,197 @@
+"""The pytest plugin: its fixture `mesh_regression` compares meshes with golden files beside the test.
+
+Every run of pytest imports this module where gtb is installed: what computes is imported by the first check.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Generator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from gtb_cli.distances.comparison import Comparable
+    from gtb_cli.meshes.difference import Aspect, Kind
+    from gtb_cli.verdicts.comparing import Comparing
+
+_WRITTEN = pytest.StashKey[list[str]]()  # messages about the golden files that a test wrote
+
+
+@pytest.hookimpl(trylast=True)  # other plugins have the same option, and fail if they are not the first to add it
+def pytest_load_initial_conftests(early_config: pytest.Config, parser: pytest.Parser) -> None:
+    """Add the option that renews golden files, if no plugin has added it."""
+    if not hasattr(early_config.option, "force_regen"):
+        text = "renew the golden files that differ, and fail their tests once"
+        parser.getgroup("gtb").addoption("--force-regen", action="store_true", help=text)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """Fail a test that wrote golden files, at its end, so that one run writes those of all its checks."""
+    result = yield
+    if written := item.stash.get(_WRITTEN, None):
+        pytest.fail("\n".join(written), pytrace=False)
+    return result
+
+
+@pytest.fixture
+def mesh_regression(request: pytest.FixtureRequest) -> MeshRegression:
+    """Compare meshes with golden files beside the test: ``mesh_regression.check("lamp.toml", tolerance="1e-6", n=8)``.
+
+    A golden file that is missing is written, and the test fails once; --force-regen renews those that differ likewise.
+    """
+    return MeshRegression(request)
+
+
+class MeshRegression:
+    """The golden files of one test."""
+
+    def __init__(self, request: pytest.FixtureRequest) -> None:
+        self._test, self._file, self._config = request.node, request.path, request.config
+        self._written: list[str] = []
+        self._test.stash[_WRITTEN] = self._written
+        self._named_after_test = False  # whether a golden file has the name of the test already
+
+    def check(
+        self,
+        what: Comparable,
+        tolerance: float | str | None = None,
+        *,
+        n: int | None = None,
+        mesh_tolerance: float | str | None = None,
+        kind: Kind = "auto",
+        ignore: Aspect | Collection[Aspect] = (),
+        format: str | None = None,
+        basename: str | None = None,
+        fullpath: str | os.PathLike[str] | None = None,
+        **options: Any,
+    ) -> None:
+        """Compare a mesh with its golden file, as ``gtb diff`` does.
+
+        Parameters
+        ----------
+        what : Patch, Model, several patches, Mesh, or path of a spec or of a mesh file
+            A path is relative to the folder of the test.
+        tolerance : float or str, optional
+            Largest distance that is no difference, in model units or as ``"1%"`` of the size. Default: 1e-9 of the
+            size, but never less than the digits of the file.
+        n, mesh_tolerance, **options
+            How a spec, patch or model is meshed: ``-n`` or ``--tolerance`` of ``gtb mesh``, and other arguments of
+            `gtb_cli.Recipe`.
+        kind, ignore
+            As in `gtb_cli.diff`.
+        format : {"obj", "ply", "stl", "glb"}, optional
+            Format of the golden file. Default: that of the suffix of `fullpath`, else OBJ, whose changes read as text.
+        basename : str, optional
+            Name of the golden file, without suffix, in the folder with the name of the test module. Default: the name
+            of the test, which holds for one check.
+        fullpath : path, optional
+            Path of the golden file, relative to the folder of the test.
+
+        Raises
+        ------
+        AssertionError
+            The mesh differs from the golden file; beside that one it is left as ``NAME.obtained.obj``, with a report,
+            ``NAME.obtained.html``, until it differs no more.
+        GtbError
+            A file cannot be read or written, or the arguments make no sense.
+
+        Notes
+        -----
+        If the golden file is missing, or differs and pytest was called with ``--force-regen``, then it is written, and
+        the test fails at its end.
+        """
+        __tracebackhide__ = True
+        from gtb_cli.distances.comparison import operand
+        from gtb_cli.errors import GtbError
+        from gtb_cli.formats.export import encode_mesh
+        from gtb_cli.tessellation.recipe import Recipe
+        from gtb_cli.verdicts.comparing import Comparing
+        from gtb_cli.vocabulary import suffix_of
+
+        with suppress(TypeError, ValueError):  # None and percentages
+            tolerance = float(tolerance)  # type: ignore[arg-type]
+        ignored = (ignore,) if isinstance(ignore, str) else tuple(ignore)
+        if n is not None:
+            options["resolution"] = n
+        try:
+            recipe = Recipe(tolerance=mesh_tolerance, **options)
+            format = format or (suffix_of(os.fspath(fullpath)) if fullpath is not None else "obj")
+            golden = self._golden(format, basename, fullpath)
+            path = self._file.parent / what if isinstance(what, str | os.PathLike) else what
+            data = b"".join(encode_mesh(operand(path, recipe).known.mesh, format))
+            self._compare(golden, data, Comparing(recipe, tolerance, kind, ignored))
+        except GtbError as error:
+            raise error.with_traceback(None) from None
+
+    def _golden(self, format: str, basename: str | None, fullpath: str | os.PathLike[str] | None) -> Path:
+        """Return the path of a golden file."""
+        from gtb_cli.errors import DomainError
+
+        if fullpath is not None:
+            if basename is not None:
+                raise DomainError("fullpath: excludes basename, give one of them")
+            return self._file.parent / fullpath
+        if basename is None:
+            if self._named_after_test:
+                raise DomainError("basename: expected one, as another golden file has the name of this test already")
+            self._named_after_test = True
+            nodes = [node for node in self._test.listchain() if isinstance(node, pytest.Class | pytest.Item)]
+            basename = re.sub(r"[^\w.-]+", "_", "_".join(node.name for node in nodes)).rstrip("_")
+        return self._file.with_suffix("") / f"{basename}.{format}"
+
+    def _compare(self, golden: Path, data: bytes, comparing: Comparing) -> None:
+        """Compare a golden file with the new bytes, and write what has to be written."""
+        __tracebackhide__ = True
+        from gtb_cli.errors import GtbError
+        from gtb_cli.files import replace_file
+        from gtb_cli.verdicts.comparing import Answer
+        from gtb_cli.verdicts.differences import text_about
+        from gtb_cli.verdicts.reporting import reviewed, write_reports
+
+        if not os.path.exists(golden):  # `Path.exists` raises an error for names that are too long
+            self._renew(golden, data, "did not exist")
+            return
+        renews = self._config.getoption("force_regen", False)
+        obtained, page = (golden.with_name(f"{golden.stem}.obtained{end}") for end in (golden.suffix, ".html"))
+        with TemporaryDirectory() as folder:  # another run may be comparing with the same golden file
+            new = os.path.join(folder, obtained.name)
+            Path(new).write_bytes(data)
+            try:
+                answer = comparing.files(str(golden), new)
+            except GtbError as error:
+                if not renews:
+                    raise
+                answer = Answer(golden.name, (str(golden), new), "unreadable", errors=tuple(error.faults))
+        if answer.same or renews:
+            if not answer.same:
+                problem = f"could not be compared ({answer.errors[0]})" if answer.errors else "differed"
+                self._renew(golden, data, problem)
+            obtained.unlink(missing_ok=True)
+            page.unlink(missing_ok=True)
+            return
+        answer = replace(answer, paths=(self._shown(golden), self._shown(obtained)))
+        replace_file(obtained, [data])
+        write_reports([str(page)], reviewed(answer.paths, [answer], comparing))
+        ways_out = f"{self._shown(page)} shows it, and pytest --force-regen takes it as golden"
+        raise AssertionError("\n".join([text_about(answer).rstrip("\n"), *answer.warnings, ways_out]))
+
+    def _renew(self, golden: Path, data: bytes, reason: str) -> None:
+        """Write a golden file, and note why."""
+        from gtb_cli.files import StagedFiles
+
+        with StagedFiles(golden.parent) as files:
+            files.add(str(golden), [data])
+        self._written.append(f"golden file {reason}, written: {self._shown(golden)}; look at it, and run again")
+
+    def _shown(self, path: Path) -> str:
+        """Return a path as commands take it in the folder in which pytest was called."""
+        folder = self._config.invocation_params.dir
+        return str(path.relative_to(folder) if path.is_relative_to(folder) else path)

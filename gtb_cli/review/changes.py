@@ -1,0 +1,177 @@
+"""What changed between two versions of meshes: measures of both, and meshes small enough to be shown."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.difference import Difference, Point
+from gtb_cli.meshes.frame import Frame
+from gtb_cli.meshes.measures import Measures, measure
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.review.colours import distances, moved, turned
+from gtb_cli.review.simplification import simplified
+
+MAX_SHOWN_FACES = 20_000  # of one mesh: finer ones look the same in a third of a window
+MAX_ALL_FACES = 2_000_000  # of all meshes of a page, with which a browser still opens it
+
+Verdict: TypeAlias = Literal["different", "missing", "extra", "unreadable"]
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of two versions of a mesh: its measures, None if it has none, and what is shown of it."""
+
+    measures: Measures | None
+    mesh: Mesh | None  # None if nothing can be shown
+    faces: int  # of the mesh that `mesh` simplifies; the same number if it does not
+    distances: FloatArray | None = None  # (m,) from the other side, on the side where they are larger
+    turned: BoolArray | None = None  # (m,) true at the corners of faces that are turned over, on the new side
+
+
+@dataclass(frozen=True)
+class Change:
+    """A file that is not the same in both folders; a side is None if there is no mesh on it."""
+
+    name: str
+    verdict: Verdict
+    reasons: tuple[str, ...] = ()  # in words: errors, or what differs in faces at the same place
+    found: Difference | None = None
+    old: Side | None = None
+    new: Side | None = None
+    frames: tuple[Frame, Frame] | None = None  # in which each is drawn, mostly the same one; None without meshes
+
+    @property
+    def coloured(self) -> Literal["old", "new", ""]:
+        """The side that has the point farthest from the other, and distances; empty if there are none."""
+        if self.old is not None and self.old.distances is not None:
+            return "old"
+        return "new" if self.new is not None and self.new.distances is not None else ""
+
+    @property
+    def amount(self) -> float:
+        """How much differs, in tolerances; infinite if no number says it."""
+        if self.found is None or not self.found.same_kind or self.found.faults:
+            return np.inf
+        return self.found.distance / self.found.tolerance if self.found.tolerance else np.inf
+
+    @property
+    def largest(self) -> Point | None:
+        """Where the coloured side is farthest from the other."""
+        if self.found is None or not self.coloured:
+            return None
+        return (self.found.forward if self.coloured == "old" else self.found.backward).at
+
+
+@dataclass(frozen=True)
+class Review:
+    """All changes between two folders, or files; the first ones have changed most."""
+
+    names: tuple[str, str]
+    changes: tuple[Change, ...]
+    same: int  # how many files are the same
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many files have each verdict."""
+        verdicts: tuple[Verdict, ...] = ("different", "missing", "extra", "unreadable")
+        return {"same": self.same} | {each: sum(change.verdict == each for change in self.changes) for each in verdicts}
+
+
+def change(
+    name: str,
+    verdict: Verdict,
+    old: Mesh | None = None,
+    new: Mesh | None = None,
+    found: Difference | None = None,
+    reasons: Sequence[str] = (),
+) -> Change:
+    """Return what is shown of a file that is not the same: meshes of at most `MAX_SHOWN_FACES`, and what colours them.
+
+    These are the distances of two curves, or surfaces, or the turned faces of those within the tolerance.
+    """
+    first, second = old, new
+    if found is None or not found.same_kind or not (found.distance > found.tolerance or found.turned):
+        first = second = None
+    elif found.distance > found.tolerance and found.forward.distance > found.backward.distance:
+        first = None
+    else:
+        second = None
+    return _framed(Change(name, verdict, tuple(reasons), found, _side(old, second, found), _side(new, first, found)))
+
+
+def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
+    """Gather changes, None for a file that is the same; all of them together have at most `MAX_ALL_FACES` shown."""
+    same, kept, most = 0, list[Change](), MAX_SHOWN_FACES
+    for each in changes:
+        if each is None:
+            same += 1
+            continue
+        kept.append(_at_most(each, most) if most < MAX_SHOWN_FACES else each)  # cells that were divided stay so
+        while sum(map(_shown_faces, kept)) > MAX_ALL_FACES and most > 1:
+            most //= 2
+            kept = [_at_most(one, most) for one in kept]
+    order = {"unreadable": 0, "different": 1, "missing": 2, "extra": 3}
+    kept.sort(key=lambda each: (order[each.verdict], -each.amount, each.name))
+    return Review(names, tuple(kept), same)
+
+
+def _side(mesh: Mesh | None, other: Mesh | None, found: Difference | None) -> Side | None:
+    """Return what is shown of a mesh, coloured by its distances from another if there is one."""
+    if mesh is None:
+        return None
+    try:
+        measures = measure(mesh)
+    except DomainError:  # no cells, or vertices that are not finite: nothing to measure, nor to look at
+        return Side(None, None, len(mesh.cells))
+    shown, kept = simplified(mesh, MAX_SHOWN_FACES)
+    if other is None or found is None:
+        return Side(measures, shown, len(mesh.cells))
+    if found.distance <= found.tolerance:
+        return Side(measures, shown, len(mesh.cells), turned=turned(shown, other))
+    if found.method == "vertices" and np.array_equal(mesh.cells, other.cells):
+        return Side(measures, shown, len(mesh.cells), moved(shown.vertices, other.vertices[kept]))
+    shown, apart = distances(shown, other, found.distance)
+    return Side(measures, shown, len(mesh.cells), apart)
+
+
+def _framed(change: Change) -> Change:
+    """Return a change with the frames in which it is drawn: two where a mesh would be a dot beside the other."""
+    dot = 0.05  # extent of a mesh in a frame that holds both
+    points = [side.mesh.vertices for side in (change.old, change.new) if side is not None and side.mesh is not None]
+    if not points:
+        return change
+    common = Frame.around(*points)
+    extents = [float(np.ptp(common.inside(each), axis=0).max()) for each in points]
+    if len(points) == 1 or min(extents) > dot:
+        return replace(change, frames=(common, common))
+    small, large = ("old", "new") if extents[0] < extents[1] else ("new", "old")
+    ratio = max(extents) / min(extents) if min(extents) else np.inf
+    if ratio < 1 / dot:
+        reason = "old and new are far apart"
+    elif ratio < np.inf:
+        reason = f"{large} is {ratio:.4g} times as large as {small}"
+    else:
+        reason = f"{small} is a dot beside {large}"
+    return replace(change, frames=(Frame.around(points[0]), Frame.around(points[1])), reasons=(*change.reasons, reason))
+
+
+def _shown_faces(change: Change) -> int:
+    return sum(len(side.mesh.cells) for side in (change.old, change.new) if side is not None and side.mesh is not None)
+
+
+def _at_most(change: Change, most: int) -> Change:
+    """Return a change whose meshes have at most so many faces."""
+
+    def coarser(side: Side | None) -> Side | None:
+        if side is None or side.mesh is None or len(side.mesh.cells) <= most:
+            return side
+        mesh, kept = simplified(side.mesh, most)
+        apart = None if side.distances is None else side.distances[kept]
+        corners = None if side.turned is None else side.turned[kept]
+        return Side(side.measures, mesh, side.faces, apart, corners)
+
+    return replace(change, old=coarser(change.old), new=coarser(change.new))

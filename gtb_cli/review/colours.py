@@ -1,0 +1,65 @@
+"""What colours show of a mesh: its distances from another one, and its faces that are turned over."""
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot
+from gtb_cli.meshes.frame import Frame
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells, middles
+
+
+def moved(vertices: FloatArray, others: FloatArray) -> FloatArray:
+    """(m,) distances between (m, 3) vertices and those that belong to them."""
+    frame = Frame.around(vertices, others)
+    return frame.length(np.linalg.norm(frame.inside(vertices) - frame.inside(others), axis=1))
+
+
+def distances(mesh: Mesh, other: Mesh, largest: float) -> tuple[Mesh, FloatArray]:
+    """Return a mesh and the distances of its vertices from another one.
+
+    Cells whose middles are farther away than their corners, by a part of the largest distance, are divided: so a hole
+    of the other mesh is seen also if no vertex is in it.
+    """
+    rounds, most, part = 3, 500, 0.05  # at most so many cells are divided in each round
+    frame = Frame.around(mesh.vertices, other.used)
+    tree = NearestCells(frame.inside(other.vertices)[other.cells])
+
+    def apart(points: FloatArray) -> FloatArray:
+        return tree.search(points, *tree.start(points))[0]
+
+    vertices, cells = frame.inside(mesh.vertices), mesh.cells
+    found = apart(vertices)
+    for _ in range(rounds):
+        more = apart(middles(vertices[cells])) - found[cells].max(axis=1)
+        chosen = np.argsort(-more, kind="stable")[:most]
+        chosen = chosen[more[chosen] > part * float(frame.length(largest, -1))]
+        if not len(chosen):
+            break
+        corners = cells[chosen]
+        points = (vertices[corners] + vertices[np.roll(corners, -1, axis=1)]) / 2
+        between = len(vertices) + np.arange(corners.size).reshape(corners.shape)
+        cells = np.concatenate([np.delete(cells, chosen, axis=0), *_parts(corners, between)])
+        vertices = np.concatenate([vertices, points.reshape(-1, 3)])
+        found = np.concatenate([found, apart(points.reshape(-1, 3))])
+    added = frame.outside(vertices[len(mesh.vertices) :])
+    return Mesh(np.concatenate([mesh.vertices, added]), cells, name=mesh.name), frame.length(found)
+
+
+def _parts(corners: IntArray, between: IntArray) -> list[IntArray]:
+    """Cells in place of (k, c) others, which are divided by vertices (k, c) between each corner and the next one."""
+    if corners.shape[1] == 2:
+        return [np.stack([corners[:, k], between[:, k]], axis=1) for k in (0, 1)]
+    around = [np.stack([between[:, k - 1], corners[:, k], between[:, k]], axis=1) for k in range(3)]
+    return [between, *around]
+
+
+def turned(mesh: Mesh, other: Mesh) -> BoolArray:
+    """(m,) true at the corners of faces that look to the other side than the nearest faces of another mesh."""
+    frame = Frame.around(mesh.vertices, other.used)
+    here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
+    tree, points = NearestCells(there), middles(here)
+    nearest = there[tree.search(points, *tree.start(points))[1]]
+    one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, nearest))
+    marked = np.zeros(len(mesh.vertices), dtype=bool)
+    marked[mesh.cells[dot(one, second) < 0]] = True
+    return marked

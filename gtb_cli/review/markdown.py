@@ -1,0 +1,59 @@
+"""The numbers of a review as Markdown, for a job's summary or a comment."""
+
+import re
+from collections.abc import Mapping
+
+from gtb_cli.review.changes import Change, Review
+from gtb_cli.review.table import amount, rows, visible
+
+MAX_BYTES = 60_000  # which GitHub takes as a comment, at most 65,536 characters
+COLUMNS = ("faces", "segments", "area", "length", "volume", "lowest", "highest", "open edges")
+
+
+def markdown(review: Review, page: str = "", pictures: Mapping[str, str] | None = None) -> str:
+    """Return a table of what changed, in at most `MAX_BYTES`: the largest changes, and how many more there are.
+
+    `page` is the name of the page about the same, and `pictures` has the address of one for some of the changes.
+    """
+    counts = ", ".join(f"{count} {name}" for name, count in review.counts.items() if count or name == "same")
+    text = f"### {_code(review.names[0])} → {_code(review.names[1])}\n\n{counts}.\n"
+    if page and review.changes:
+        text += f"Old and new side by side: {_code(page)}.\n"
+    tables = [{row.label: row for row in rows(change) if row.old or row.new} for change in review.changes]
+    labels = [label for label in COLUMNS if any(label in table for table in tables)]
+    head = ["name", "verdict", "distance", "tolerance", *labels]
+    more = "\nAnd {} more.\n"
+    table = f"\n| {' | '.join(head)} |\n|{'---|' * len(head)}\n" if tables else ""
+    below = ""
+    for k, (change, numbers) in enumerate(zip(review.changes, tables, strict=True)):
+        cells = [_code(change.name).replace("|", "\\|"), change.verdict, amount(change)]
+        cells.append("" if change.found is None else f"{change.found.tolerance:.3g}")
+        for label in labels:
+            row = numbers.get(label)
+            changed = row is not None and row.is_changed
+            cells.append("" if row is None else f"{row.old or '–'} → **{row.new or '–'}**" if changed else row.old)
+        line = f"| {' | '.join(cells)} |\n"
+        about = _about(change, (pictures or {}).get(change.name, ""))
+        left = len(review.changes) - k
+        if len((text + table + line + below + about + more.format(left)).encode()) > MAX_BYTES:
+            return text + table + more.format(left) + below
+        table += line
+        below += about
+    return text + table + below
+
+
+def _about(change: Change, picture: str) -> str:
+    """Return what the table does not hold of a change: reasons, where it is largest, and a picture."""
+    lines = [_code(reason) for reason in change.reasons]
+    if change.largest is not None:
+        lines.append(f"most at ({' '.join(f'{x:.6g}' for x in change.largest)})")
+    text = f"\n{_code(change.name)}: {'; '.join(lines)}\n" if lines else ""
+    return f"{text}\n![Old, new, and coloured by distance](<{picture}>)\n" if picture else text
+
+
+def _code(text: str) -> str:
+    """Return a text as code, in which nothing is markup, on one line."""
+    text = visible(text)
+    fence = "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
+    space = " " if text.startswith(("`", " ")) or text.endswith(("`", " ")) or not text else ""
+    return f"{fence}{space}{text}{space}{fence}"

@@ -1,0 +1,1 @@
+"""Verdicts on files of meshes and specs: what `gtb diff` compares, tells and reports."""

@@ -1,0 +1,102 @@
+"""Reports on the difference of two meshes: as text, as plain data, and as warnings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gtb_cli.shell.console import printable
+
+if TYPE_CHECKING:
+    from gtb_cli.meshes.difference import Difference, Point
+    from gtb_cli.verdicts.comparing import Answer
+
+
+def record(answer: Answer) -> dict[str, Any]:
+    """Return an answer as plain data, ready for ``json.dumps``."""
+    found = answer.found
+    if found is None:
+        files = {key: {"file": path} for key, path in zip("ab", answer.paths, strict=True)}
+        return {"same": answer.same, "distance": 0.0 if answer.same else None, "method": "bytes", **files}
+    report: dict[str, Any] = {
+        "same": found.same,
+        "distance": found.distance,
+        "tolerance": found.tolerance,
+        "method": found.method,
+        "bound": found.bound,
+        "proved": found.is_proved,
+        "turned_faces": found.turned,
+        "remarks": list(found.remarks),
+        "ignored": list(found.ignored),
+        "warnings": [*answer.warnings, *answer.notes],
+        "mean": found.mean,
+        "asked_tolerance": found.asked,
+        "resolution": found.resolution,
+        "diagonal": found.diagonal,
+        "vertices": None if found.vertex is None else [found.vertex, found.other_vertex],
+        "group": found.group or None,
+        "a_to_b": {"distance": found.forward.distance, "at": list(found.forward.at)},
+        "b_to_a": {"distance": found.backward.distance, "at": list(found.backward.at)},
+    }
+    for key, path, measures in zip("ab", answer.paths, (found.first, found.second), strict=True):
+        report[key] = {"file": path, **(measures.record() if measures else {})}
+    return report
+
+
+def text_about(answer: Answer) -> str:
+    """Return a line with the verdict and, if the meshes are not the same, a table of what differs."""
+    first, second = map(printable, answer.paths)
+    found = answer.found
+    text = f"{'same' if answer.same else 'different'}: {first} and {second}: "
+    if found is None:
+        return f"{text}{'equal' if answer.same else 'other'} bytes\n"
+    what = "surfaces" if found.same_kind else "a curve and a surface,"
+    tolerance = f"tolerance {found.tolerance:.3g}\n"
+    faults = "".join(f"  {fault}\n" for fault in found.faults)
+    if found.method == "vertices":
+        text += f"the same faces, vertices up to {found.distance:.3g} apart (mean {found.mean:.3g}), {tolerance}"
+        if found.same:
+            return text
+        where = f" of {found.group}" if found.group else ""
+        places = f"{_at(found.forward.at)} and {_at(found.backward.at)}"
+        return f"{text}{faults}  most at vertex {found.vertex}{where}: {places}\n"
+    if found.method == "patches":
+        apart = f"{found.distance:.3g} apart{' where they were looked at' if found.is_loose else ''}"
+        proof = f"not proved{f': at most {found.bound:.3g}' if found.is_loose else ''}"
+        text += f"{what} {apart}, themselves (by a search, {proof}), {tolerance}{faults}"
+        return text if found.same else text + _farthest(found)
+    at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
+    if not found.is_proved:
+        at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
+    text += f"other faces, {what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
+    from gtb_cli.meshes.measures import labelled
+
+    rows = [labelled(measures.record()) for measures in (found.first, found.second) if measures is not None]
+    for label in dict.fromkeys(label for row in rows for label in row if label not in ("lowest", "highest")):
+        text += _row(label, [row.get(label) for row in rows])
+    return text
+
+
+def _farthest(found: Difference) -> str:
+    """Return a line for each way."""
+    ways = ("A from B", found.forward), ("B from A", found.backward)
+    return "".join(f"  {way:24}{farthest.distance:.3g} at {_at(farthest.at)}\n" for way, farthest in ways)
+
+
+def _row(label: str, values: list[float | int | None]) -> str:
+    """Return a line of a table; if its two numbers differ, it has a star and enough digits to show that."""
+    digits = 9  # unless two different numbers would look the same
+    first, second = (_number(value, digits) for value in values)
+    if values[0] == values[1]:
+        return f"  {label:24}{first:>16}{second:>16}\n"
+    if first == second:
+        first, second = (_number(value, 17) for value in values)
+    width = 16 if max(len(first), len(second)) < 16 else 24
+    return f"  {label:24}{first:>{width}}{second:>{width}}  *\n"
+
+
+def _number(value: float | int | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}g}"
+
+
+def _at(point: Point) -> str:
+    return f"({' '.join(f'{x:.9g}' for x in point)})"

@@ -1,0 +1,93 @@
+"""Reports on mesh files: as plain data, as lines whose order and digits are stable, and as one line."""
+
+from __future__ import annotations
+
+import math
+import operator
+from typing import TYPE_CHECKING, Any
+
+from gtb_cli.errors import MeshError
+from gtb_cli.shell.console import printable
+from gtb_cli.shell.streams import Spec, shown_input
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.verdicts.comparing import mesh_or_spec
+
+if TYPE_CHECKING:
+    from gtb_cli.meshes.mesh import KnownMesh
+
+
+def spec_or_report(path: str) -> Spec | dict[str, Any]:
+    """Return the spec in a file, or a report on the mesh in it, as the content says.
+
+    The report on a mesh with nothing to measure has its fault, and a hash, by which versions of it differ.
+    """
+    import hashlib
+
+    from gtb_cli.distances.comparison import decoded
+
+    data = mesh_or_spec(path)
+    try:
+        found = decoded(data, shown_input(path), Recipe())
+    except MeshError as error:
+        fault = str(error).removeprefix(f"{shown_input(path)}: ")
+        return {"kind": "mesh", "fault": fault, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+    if found.spec is not None:
+        return found.spec
+    return _report(found.known)
+
+
+def _report(known: KnownMesh) -> dict[str, Any]:
+    from gtb_cli.meshes.measures import measure
+
+    mesh, measures = known.mesh, measure(known.mesh)
+    cells = "segments" if mesh.is_curve else "faces"
+    groups = [{"name": name, cells: stop - start} for name, start, stop in mesh.groups]
+    report = {"kind": "mesh", "format": known.format, **measures.record()}
+    if not mesh.is_curve:
+        report["turned_edges"] = measures.turned_edges
+    return {**report, f"collapsed_{cells}": measures.collapsed, "groups": groups}
+
+
+def mesh_line(name: str, report: dict[str, Any]) -> str:
+    """Describe a mesh in a few words."""
+    if "fault" in report:
+        return f"{name}: {report['fault']}"
+    cells = "segments" if "segments" in report else "faces"
+    faults = ("open_ends", "open_edges", "crowded_edges", "turned_edges")
+    state = ", ".join(f"{report[key]} {key.replace('_', ' ')}" for key in faults if report.get(key)) or "closed"
+    return f"{name}: mesh of {report[cells]} {cells}, {state}"
+
+
+def mesh_text(report: dict[str, Any]) -> str:
+    """Write a report on a mesh, with as many digits as other processors find, too."""
+    from gtb_cli.meshes.measures import labelled
+
+    max_groups_shown = 20
+    shown = dict(report)
+    groups = shown.pop("groups", [])
+    if box := shown.get("bounds"):
+        size = max(map(operator.sub, *reversed(box)))
+        shown["bounds"] = corners(box)
+        if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
+            shown["volume"] = 0.0  # digits of what cancels are those of rounding
+    lines = [*labelled(shown).items()]
+    for name, count in [group.values() for group in groups[:max_groups_shown]]:
+        lines.append(("group", f"{name}: {count}"))
+    if groups[max_groups_shown:]:
+        lines.append(("and more", f"{len(groups) - max_groups_shown} groups"))
+    return "".join(f"{label:21} {_text(value)}\n" for label, value in lines)
+
+
+def _text(value: str | float | None) -> str:
+    return "–" if value is None else f"{value:.6g}" if isinstance(value, float) else printable(str(value))
+
+
+def corners(box: list[list[float]]) -> list[str]:
+    """Write the lowest and highest coordinates of a box to eight digits of its size."""
+    digits = 8 - math.ceil(math.log10(max(map(operator.sub, *reversed(box))) or 1.0))
+    return [row([round(x, digits) + 0.0 for x in corner]) for corner in box]
+
+
+def row(values: list[float]) -> str:
+    """Write numbers with the shortest digits that read back exactly, whole ones without a point."""
+    return " ".join(repr(int(x)) if float(x).is_integer() and abs(x) < 1e15 else repr(x) for x in values)

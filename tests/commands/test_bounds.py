@@ -1,0 +1,128 @@
+"""--max-seconds and --max-memory: a command that costs more ends in one line, and leaves nothing behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import pytest
+
+from tests.marks import long
+from tests.shell import BICUBIC, PENTAGON, SPECS, command, environment, gtb, process
+
+HUGE = ("mesh", PENTAGON, "-n", "4000", "--max-faces", "1000000000")  # 80 million faces: a minute, and 10 GB
+LATE = "gtb: error: stopped after 0.6 s: --max-seconds allows no more\n"
+
+
+def refused(folder, *arguments):
+    """The error of a command, which must leave the folder as it was."""
+    (folder / "old.obj").write_bytes(b"old")
+    begun = time.monotonic()
+    result = process(*arguments, folder=folder)
+    assert time.monotonic() - begun < 10
+    assert (result.status, result.out) == (2, b"")
+    assert os.listdir(folder) == ["old.obj"]
+    assert (folder / "old.obj").read_bytes() == b"old"
+    return result.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (*HUGE, "-o", "old.obj"),
+        ("mesh", SPECS / "teapot.toml", "--tolerance", "0.001%", "--certify", "-o", "old.obj"),
+        ("mesh", "-j", "2", PENTAGON, BICUBIC, *HUGE[2:], "-o", "new/"),
+    ],
+    ids=["numpy", "certify", "processes"],
+)
+@long
+def test_what_takes_longer_is_stopped(words, tmp_path):
+    assert refused(tmp_path, "--max-seconds", "0.6", *words) == LATE
+
+
+def stuck(folder, code):
+    """Run a command whose reading of specs is replaced by some code, which begins when a folder is being made."""
+    start = (
+        "import os, sys, signal, time, ctypes; from gtb_cli import files; from gtb_cli.__main__ import main\n"
+        f"def stuck(self, path, blocks):\n    {code}\n"
+        "files.StagedFiles.add = stuck\n"
+        "sys.argv[1:] = ['--max-seconds', '0.6', 'mesh', *sys.argv[1:], '-n', '2', '-o', 'new/deep/']; main()"
+    )
+    words = [sys.executable, "-c", start, PENTAGON, BICUBIC]
+    done = subprocess.run(words, cwd=folder, env=environment(), capture_output=True, timeout=20, check=False)
+    assert os.listdir(folder) == []
+    return done.returncode, done.stderr.decode()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the C library is found by its name on Linux")
+def test_code_that_lets_no_other_thread_run_is_killed_and_cleaned_up_after(tmp_path):
+    """Open CASCADE holds the interpreter's lock for as long as it works."""
+    assert stuck(tmp_path, "ctypes.PyDLL('libc.so.6').sleep(15)") == (2, LATE)
+    assert stuck(tmp_path, "signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(15)") == (2, LATE)
+
+
+def test_a_process_that_crashes_is_one_line_and_leaves_nothing(tmp_path):
+    message = "gtb: error: the process was killed by SIGSEGV: is there too little memory?\n"
+    assert stuck(tmp_path, "os.kill(os.getpid(), signal.SIGSEGV)") == (2, message)
+
+
+@pytest.mark.parametrize("words", [(*HUGE, "-o", "old.obj"), (*HUGE, "-f", "stl", "-o", "old.obj")], ids=["obj", "stl"])
+def test_what_needs_more_memory_is_refused(words, tmp_path):
+    assert refused(tmp_path, "--max-memory", "400M", *words).endswith(
+        ": not enough memory for this within --max-memory 400M\n"
+    )
+
+
+@long
+@pytest.mark.parametrize("megabytes", [360, 500])
+def test_libraries_that_do_not_fit_are_said_to_need_memory_and_not_to_be_missing(megabytes, tmp_path):
+    words = ("--max-memory", f"{megabytes}M", "mesh", BICUBIC, "-f", "step", "-o", tmp_path / "x.step")
+    result = process(*words)
+    message = f"gtb: error: not enough memory for this within --max-memory {megabytes}M\n"
+    if result.status:
+        assert (result.status, result.err, os.listdir(tmp_path)) == (2, message, [])
+
+
+def test_within_its_bounds_a_command_does_what_it_does_without(tmp_path):
+    bounds = ("--max-seconds", "50", "--max-memory", "3G")
+    with open(PENTAGON, "rb") as spec:
+        text = spec.read()
+    for words in (("mesh", "-", "-n", "2"), ("mesh", "-", "--require", "watertight"), ("info", "nothing.toml")):
+        assert gtb(*words, stdin=text) == process(*bounds, *words, stdin=text)
+    plain, within = tmp_path / "plain", tmp_path / "within"
+    words = ("mesh", PENTAGON, BICUBIC, "-n", "2", "-o")
+    gtb(*words, f"{plain}/", status=0)
+    assert process(*bounds, *words, f"{within}/", "-j", "2").status == 0
+    assert [path.read_bytes() for path in sorted(plain.iterdir())] == [
+        path.read_bytes() for path in sorted(within.iterdir())
+    ]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@long
+def test_a_signal_stops_the_command(number, tmp_path):
+    words = command("--max-seconds", "50", *HUGE, "-o", tmp_path / "x.obj")
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # which a job in the background ignores
+    with subprocess.Popen(words, env=environment(), stderr=subprocess.PIPE, preexec_fn=heard) as running:
+        time.sleep(1)
+        running.send_signal(number)
+        assert running.wait(10) == 128 + number
+        assert running.stderr.read() == b""  # whose end is there only when no process has it any more
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--max-seconds", "0"), "expected a number of seconds above 0, got '0'"),
+        (("--max-seconds", "nan"), "expected a number of seconds above 0, got 'nan'"),
+        (("--max-memory", "much"), "expected a size such as 500M or 2G, got 'much'"),
+        (("--max-memory", "100M"), "gtb needs at least 320M, got 100M"),
+        (("--max-seconds", "5"), "need a process of their own"),
+    ],
+)
+def test_bounds_that_are_none_are_refused(words, message):
+    result = gtb(*words, "info", PENTAGON)
+    assert (result.status, message in result.err) == (2, True)

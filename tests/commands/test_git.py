@@ -1,0 +1,54 @@
+"""Git shows changes of meshes, with the configuration that the README gives."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.shell import PENTAGON, REPOSITORY, shell
+
+IDENTITY = "git -c user.name=a -c user.email=a@b.c -c commit.gpgsign=false"
+
+CONFIGURATION = "\n".join(re.findall(r"^    (git config .*)$", (REPOSITORY / "README.md").read_text(), re.MULTILINE))
+
+
+@pytest.fixture
+def repository(tmp_path: Path) -> Path:
+    """A repository with a mesh of which there is a newer version."""
+    lines = f"""
+    export GIT_CONFIG_GLOBAL=/dev/null
+    git init -q . && echo '*.obj diff=gtb' > .gitattributes
+    {CONFIGURATION}
+    cp {PENTAGON} p.toml && gtb mesh -q p.toml -n 4 -o 'a mesh.obj'
+    git add '*.obj' .gitattributes && {IDENTITY} commit -qm one
+    sed -i 's/"8\\/7", 5/"8\\/7", 7/' p.toml && gtb mesh -q p.toml -n 4 -o 'a mesh.obj'
+    """
+    assert shell(lines, tmp_path).status == 0
+    return tmp_path
+
+
+def test_git_diff_shows_a_change_as_text(repository):
+    changed = shell("git diff", repository)
+    assert changed.status == 0
+    lines = [line for line in changed.text.splitlines() if line[0] in "+-"]
+    assert [line.split()[0] for line in lines[2:]] == ["-area", "+area"]
+
+
+def test_git_diff_shows_a_mesh_that_breaks(repository):
+    (repository / "a mesh.obj").write_text("v 0 0 nan\n")
+    changed = shell("git diff", repository)
+    assert (changed.status, "+fault                 line 1: a vertex is not finite" in changed.text) == (0, True)
+
+
+def test_git_difftool_writes_a_page_of_all_files(repository):
+    done = shell("git difftool -d", repository)
+    assert (done.status, "0 same, 1 different, 0 missing, 0 extra" in done.text) == (0, True)
+    assert "a mesh.obj" in (repository / "changes.html").read_text()
+
+
+def test_git_difftool_opens_a_page_of_each_file_also_without_a_browser(repository):
+    line = """git config difftool.gtb.cmd 'gtb view --compare "$LOCAL" "$REMOTE"'; git difftool -y"""
+    shown = shell(line, repository, BROWSER="false", TMPDIR=str(repository), DISPLAY="")
+    assert shown.status == 0
+    (place,) = re.findall(r"the page is (.*)", shown.err)
+    assert '"different"' in Path(place).read_text()

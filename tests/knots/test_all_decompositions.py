@@ -1,0 +1,197 @@
+"""All regular decompositions: known numbers, laws of the secondary fan, brute force, and TOPCOM if installed."""
+
+import shutil
+import subprocess
+from fractions import Fraction
+from itertools import combinations, islice
+from math import comb, cos, pi, sin
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError
+from gtb_cli.knots.all_decompositions import regular_decompositions
+from gtb_cli.knots.decomposition import regular_decomposition
+from tests.knots.test_decomposition import GRID, brute_force
+from tests.marks import long, mostly_long
+
+TOPCOM = "topcom-points2ntriangs"
+CUBIC = np.array([[x, y] for x in range(4) for y in range(4 - x)])
+TURN = np.array([[cos(0.3), sin(0.3)], [-sin(0.3), cos(0.3)]])
+
+
+def polygon(n, radius=1.0, turn=0.0):
+    angles = 2 * pi * np.arange(n) / n + turn
+    return radius * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def numbers(knots):
+    """How many triangulations and decompositions there are; each is checked with its lifting."""
+    found = list(regular_decompositions(knots))
+    n, d = len(knots), np.asarray(knots).ndim
+    for cone in found:
+        decomposition = regular_decomposition(knots, cone.lifting)
+        assert (decomposition.cells, decomposition.absent) == (cone.cells, cone.absent)
+        assert cone.used == n - len(cone.absent)
+        assert bool(cone.flips) == (cone.dimension == n > d + 1)
+    by_cells = {cone.cells: cone for cone in found}
+    assert len(by_cells) == len(found)
+    finest = {cone.cells for cone in found if cone.dimension == n}
+    assert {cone.cells for cone in regular_decompositions(knots, triangulations=True)} == finest
+    for cells in finest:
+        assert all(cells in by_cells[other].flips for other in by_cells[cells].flips)
+    # The cones are the faces of a polytope turned over, the secondary polytope, for which Euler's relation holds.
+    assert sum((-1) ** (n - cone.dimension) for cone in found) == 1
+    assert min(cone.dimension for cone in found) == d + 1
+    return len(finest), len(found)
+
+
+@pytest.mark.parametrize(("n", "count", "all_count"), [(3, 1, 1), (4, 2, 3), (5, 5, 11), (6, 14, 45), (7, 42, 197)])
+@pytest.mark.parametrize("scale", [1, 1e-9, 1e9])
+def test_convex_polygons_have_catalan_and_schroeder_numbers(n, count, all_count, scale):
+    assert numbers(scale * polygon(n)) == (count, all_count)
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 7])
+def test_a_curve_bends_at_each_inner_knot_or_is_straight_there_or_leaves_it_out(n):
+    assert numbers(np.sqrt(np.arange(n))[::-1]) == (2 ** (n - 2), 3 ** (n - 2))
+    assert numbers(np.arange(n) * 3) == (2 ** (n - 2), 3 ** (n - 2))
+
+
+@pytest.mark.parametrize(
+    ("knots", "count"),
+    [
+        ([[0, 0], [1, 0], [0, 1], [1, 0]], (2, 3)),  # one copy, the other, or both
+        ([0, 0, 0, 1], (3, 7)),  # the faces of a triangle
+        ([[0, 0], [1, 0], [2, 0], [0, 1]], (2, 3)),  # the knot inside an edge: bent, flat, left out
+        ([[0, 0], [0.1, 0.3], [0.2, 0.6], [0.3, 0.9], [0, 1]], (4, 9)),  # collinear to rounding
+        ([*polygon(6), [0, 0]], (32, 155)),
+    ],
+)
+def test_repeated_and_collinear_knots(knots, count):
+    assert numbers(knots) == count
+
+
+@pytest.mark.parametrize("small", [[[2, 1, 1], [1, 2, 1], [1, 1, 2]]])
+def test_two_concentric_triangles_have_two_triangulations_that_are_not_regular(small):
+    """Both turn around the middle; in rounded coordinates one of them is regular by 1e-16."""
+    whole = np.array([[4, 0, 0], [0, 4, 0], [0, 0, 4], *small])[:, :2]
+    assert numbers(whole) == numbers(np.concatenate([polygon(3, 1, 0.1), polygon(3, 0.25, 0.1)])) == (16, 51)
+
+
+@pytest.mark.parametrize("shift", mostly_long([1e4, 0]))
+@pytest.mark.parametrize(
+    "map_of", mostly_long([np.eye(2), 1e9 * np.eye(2), 0.1 * TURN, np.array([[1, 0.3], [0, 1 / 3]])], 1)
+)
+def test_lattices_scaled_turned_and_shifted(map_of, shift):
+    assert sum(1 for _ in islice(regular_decompositions(GRID @ map_of + shift, triangulations=True), 400)) == 387
+
+
+@long
+def test_triangulations_of_the_cubic_triangle():
+    assert sum(1 for _ in regular_decompositions(CUBIC, triangulations=True)) == 1166
+    assert sum(1 for _ in regular_decompositions(1e-9 * CUBIC, triangulations=True)) == 1166
+
+
+def test_drops_at_all_facets_are_equal_if_the_cone_is_simplicial():
+    for cone in regular_decompositions(polygon(6), triangulations=True):
+        gaps = [regular_decomposition(polygon(6), cone.lifting).gaps(k) for k in range(4)]
+        drops = []
+        for k, j in combinations(range(4), 2):
+            there, here = ({*cone.cells[a]} - {*cone.cells[b]} for a, b in ((k, j), (j, k)))
+            if len(here) == 1:
+                drops.append(min(gaps[k][here.pop()], gaps[j][there.pop()]))
+        assert len(drops) == 3
+        assert max(drops) <= min(drops) * (1 + 1e-9)
+
+
+def area(a, b, c):
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def triangulations_by_brute_force(knots):
+    """Sets of triangles that meet in common faces and fill the hull, if a linear program finds a lifting."""
+    from scipy.optimize import linprog
+    from scipy.spatial import ConvexHull
+
+    n, exact = len(knots), [tuple(map(Fraction, knot)) for knot in knots.tolist()]
+    signs = {t: np.sign(float(area(*(exact[i] for i in t)))) for t in combinations(range(n), 3)}
+    circuits = []
+    for size in (3, 4):
+        for chosen in combinations(range(n), size):
+            if size == 3 and signs[chosen] == 0:
+                axis = max((0, 1), key=lambda axis: abs(float(exact[chosen[0]][axis] - exact[chosen[1]][axis])))
+                a, b, c = sorted(chosen, key=lambda i: exact[i][axis])
+                circuits.append(({a, c}, {b}))
+            elif size == 4 and all(signs[t] for t in combinations(chosen, 3)):
+                sign = {i: (-1) ** k * signs[tuple(j for j in chosen if j != i)] for k, i in enumerate(chosen)}
+                circuits.append(({i for i in chosen if sign[i] > 0}, {i for i in chosen if sign[i] < 0}))
+    circuits += [(negative, positive) for positive, negative in circuits]
+    triangles = [t for t in combinations(range(n), 3) if signs[t]]
+
+    def fit(s, t):
+        return not any(positive <= {*s} and negative <= {*t} for positive, negative in circuits)
+
+    sizes = {t: abs(area(*(knots[i] for i in t))) / 2 for t in triangles}
+    whole = ConvexHull(knots).volume
+    found = []
+
+    def extend(chosen, candidates, missing):
+        if missing < 1e-9 * whole:
+            found.append(tuple(chosen))
+        for k, t in enumerate(candidates):
+            extend([*chosen, t], [s for s in candidates[k + 1 :] if fit(s, t)], missing - sizes[t])
+
+    extend([], triangles, whole)
+    regular = set()
+    for cells in found:
+        rows = []
+        for t in cells:
+            inverse = np.linalg.inv(np.column_stack([np.ones(3), knots[list(t)]]))
+            for i in {*range(n)} - {*t}:
+                row = np.zeros(n + 1)
+                row[list(t)] = -np.array([1, *knots[i]]) @ inverse
+                row[[i, n]] = 1
+                rows.append(row)
+        bounds = [(-1, 1)] * n + [(None, 1)]
+        best = linprog(-np.eye(n + 1)[n], A_ub=rows, b_ub=np.zeros(len(rows)), bounds=bounds) if rows else None
+        if best is None or best.x[n] > 1e-8:
+            regular.add(cells)
+    return regular
+
+
+@pytest.mark.parametrize(("n", "seed"), [(5, 0), (6, 1), *mostly_long([(7, 2), (7, 3), (6, 4)], 0)])
+@pytest.mark.parametrize("whole", [False, True])
+def test_brute_force(n, seed, whole):
+    rng = np.random.default_rng(seed)
+    places = rng.permutation(16)[:n]
+    knots = np.column_stack([places // 4, places % 4]).astype(float) if whole else rng.random((n, 2))
+    numbers(knots)
+    finest = {cone.cells for cone in regular_decompositions(knots, triangulations=True)}
+    assert finest == triangulations_by_brute_force(knots)
+    cells = {cone.cells for cone in regular_decompositions(knots)}
+    exact = [tuple(map(Fraction, knot)) for knot in knots.tolist()]
+    for _ in range(60):
+        lifting = [Fraction(int(x)) for x in rng.integers(0, 4, n)]
+        assert brute_force(exact, lifting)[0] in cells
+
+
+@pytest.mark.skipif(shutil.which(TOPCOM) is None, reason="TOPCOM is not installed")
+@pytest.mark.parametrize("seed", range(6))
+def test_topcom(seed):
+    knots = np.random.default_rng(seed).permutation(comb(7, 2))[:8]
+    points = [[int(k) // 5, int(k) % 5, 1] for k in knots]
+    text = str(points).replace(" ", "")
+    done = subprocess.run([TOPCOM, "--regular"], input=text, capture_output=True, text=True, check=True)
+    found = regular_decompositions(np.array(points)[:, :2], triangulations=True)
+    assert sum(1 for _ in found) == int(done.stdout.split()[-1])
+
+
+def test_a_walk_can_be_left_at_any_time():
+    knots = [[x, y] for x in range(4) for y in range(4)]
+    assert len(list(islice(regular_decompositions(knots), 20))) == 20
+
+
+def test_flat_knots_are_refused():
+    with pytest.raises(DomainError, match="one line"):
+        next(regular_decompositions([[0, 0], [1, 1], [2, 2], [3, 3]]))
