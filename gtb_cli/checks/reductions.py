@@ -9,7 +9,7 @@ from gtb_cli.checks.probe import Probe, choice, largest, points_at_torus
 from gtb_cli.checks.report import Finding, not_applicable, within_rounding
 from gtb_cli.design.isocurve import isocurve
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
+from gtb_cli.knots.lattice import binomial_coefficients, lattice_fault, lattice_of
 from gtb_cli.theory.basis import torus_coordinates
 
 
@@ -49,11 +49,13 @@ def classical_bezier(probe: Probe) -> Finding:
     Its Bernstein polynomials are computed by powers of barycentric coordinates.
     """
     patch, domain = probe.patch, probe.patch.domain
+    lattice = lattice_of(domain)
+    if lattice is None:
+        return not_applicable(f"it needs {lattice_fault(domain)}")
     try:
         binomials = binomial_coefficients(domain)
     except DomainError as error:
-        return not_applicable(str(error).removeprefix("coefficients: binomial ").replace("needs", "it needs", 1))
-    lattice = lattice_of(domain) or ()
+        return not_applicable(str(error).removeprefix("coefficients: "))
     some = slice(None, None, -(-len(probe.inside) // 200))
     s = probe.torus[:, some]
     bernstein = np.tile(binomials, (s.shape[1], 1))

@@ -58,13 +58,16 @@ def help_(command: str | None) -> None:
     """\b
     Example: gtb help mesh
 
-    Say what a command does, as its --help does, or list the commands.
+    Say what a command does, as its --help does, or list the commands. gtb help spec explains every key of a spec.
     """
+    if command == "spec":
+        from gtb_cli.language.schema import page
+
+        return click.echo(page(), nl=False)
     above = click.get_current_context().parent
     assert above is not None
     if command is None:
-        click.echo(above.get_help())
-        return
+        return click.echo(above.get_help())
     assert isinstance(above.command, click.Group)
     name, found, _ = above.command.resolve_command(above, [command])
     assert found is not None

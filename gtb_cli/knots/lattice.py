@@ -45,8 +45,7 @@ def lattice_of(domain: Domain) -> tuple[Direction, ...] | None:
     None if the knots are not all points of such a lattice, each once, within `LATTICE_TOLERANCE`. See the remarks after
     Def. 2.1 and Def. 2.2.
     """
-    directions = _directions(domain)
-    return None if _fault(domain, directions) else directions
+    return None if lattice_fault(domain) else _directions(domain)
 
 
 def binomial_coefficients(domain: Domain) -> FloatArray:
@@ -54,15 +53,16 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
 
     ``k!/∏ i_j!`` if the knots are all ``(i_0, …, i_d)/k`` in barycentric coordinates of a segment or triangle; ``C(k,
     i) C(l, j)`` if they are all ``(i/k, j/l)`` of a parallelogram, in any order (the remarks after Def. 2.1 and Def.
-    2.2). Raises `DomainError` for other knots (see `lattice_of`), and for coefficients beyond the range of floats.
+    2.2). On any other polygon C(k, i) along each edge, so that this is a Bézier curve, and 1 inside, as in ``.trp``
+    files. Raises `DomainError` for a curve, triangle or parallelogram without a lattice (see `lattice_of`), for edges
+    whose knots are not equally spaced, and for coefficients beyond the range of floats.
     """
     directions = _directions(domain)
-    fault = _fault(domain, directions)
-    if fault:
+    if not directions:
+        return _edge_binomials(domain)
+    if fault := lattice_fault(domain):
         raise DomainError(f"coefficients: binomial needs {fault}")
-    degree = max(direction.degree for direction in directions)
-    if degree > MAX_BINOMIAL_DEGREE:
-        raise DomainError(f"coefficients: binomial goes up to degree {MAX_BINOMIAL_DEGREE}, got {degree}")
+    degree = _representable(max(direction.degree for direction in directions))
     values = [1] * len(domain.knots)
     for direction in directions:
         values = [value * _multinomial(row) for value, row in zip(values, direction.places.tolist(), strict=True)]
@@ -70,6 +70,26 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
         return read_only([float(value) for value in values])
     except OverflowError:
         raise DomainError(f"coefficients: binomial of degree {degree} is beyond the range of floats") from None
+
+
+def _edge_binomials(domain: Domain) -> FloatArray:
+    coefficients = np.ones(len(domain.knots))
+    for edge, (members, fractions, _) in enumerate(domain.edge_fractions):
+        degree = _representable(len(members) - 1)
+        if np.abs(degree * fractions - np.arange(degree + 1)).max() > LATTICE_TOLERANCE:
+            places = " ".join(f"{fraction:.4g}" for fraction in fractions[:8])
+            raise DomainError(
+                f"coefficients: binomial needs equally spaced knots along each edge, those of edge {edge} are at "
+                f"{places}{' ...' * (len(members) > 8)} of it"
+            )
+        coefficients[members] = [math.comb(degree, k) for k in range(degree + 1)]
+    return read_only(coefficients)
+
+
+def _representable(degree: int) -> int:
+    if degree > MAX_BINOMIAL_DEGREE:
+        raise DomainError(f"coefficients: binomial goes up to degree {MAX_BINOMIAL_DEGREE}, got {degree}")
+    return degree
 
 
 def _directions(domain: Domain) -> tuple[Direction, ...]:
@@ -91,9 +111,9 @@ def _directions(domain: Domain) -> tuple[Direction, ...]:
     )
 
 
-def _fault(domain: Domain, directions: tuple[Direction, ...]) -> str:
+def lattice_fault(domain: Domain) -> str:
     """Say what is missing for a lattice; empty if nothing is."""
-    n = len(domain.knots)
+    n, directions = len(domain.knots), _directions(domain)
     if not directions:
         return f"a curve, triangle or parallelogram, got {len(domain.vertices)} edges"
     for direction in directions:

@@ -1,7 +1,7 @@
-"""``copy``: patches of a model made from others, mirrored, scaled, rotated and moved, once or several times."""
+"""``copy`` and ``include``: patches made from others, mirrored, scaled, rotated and moved, once or several times."""
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,9 @@ from gtb_cli.language.reader import COPY_KEYS
 from gtb_cli.language.scanner import Path
 from gtb_cli.language.values import (
     COORDINATE,
+    MAX_POINTS,
     MAX_SIZE,
     SCALE,
-    Check,
     Table,
     Values,
     likely_word,
@@ -29,14 +29,35 @@ AXES = ("x", "y", "z")
 
 
 @frozen
+class Moves:
+    """Moves of (n, 3) points, one for each copy that is made; none if one of them is wrong."""
+
+    moves: tuple[Callable[[FloatArray], FloatArray], ...]
+    is_mirrored: bool
+    is_repeated: bool
+
+    def made(self, patch: Patch, names: Sequence[str | None], values: Values, path: Path) -> list[Patch]:
+        """Make the copies of a patch, with these names; none, and a fault, if they are too many or too large."""
+        if not values.has_points_left(len(self.moves) * len(patch.knots)):
+            values.faults.add(path, f"makes more than {MAX_POINTS} control points, together with the copies before")
+            return []
+        with np.errstate(over="ignore"):
+            points = [move(patch.control_points) for move in self.moves]
+        if not max((np.abs(moved).max() for moved in points), default=0.0) <= MAX_SIZE:
+            values.faults.add(path, f"has control points beyond {MAX_SIZE:g} in size")
+            return []
+        start = reflected(patch) if self.is_mirrored else patch
+        return [start.replace(control_points=moved, name=name) for moved, name in zip(points, names, strict=True)]
+
+
+@frozen
 class Copy:
-    """Copies of a patch of a model: each has a name and a move of (n, 3) points; none has if one of them is wrong."""
+    """Copies of a patch of a model, each with a name."""
 
     path: Path
     original: str
     names: tuple[str, ...]
-    moves: tuple[Callable[[FloatArray], FloatArray], ...]
-    is_mirrored: bool
+    moves: Moves
 
 
 def reflected(patch: Patch) -> Patch:
@@ -67,31 +88,55 @@ def _edge_ends(patch: Patch) -> list[tuple[int, int]]:
 def read_copy(entries: dict[str, Any], path: Path, values: Values, allowed: int) -> Copy | None:
     """Read a table with the key ``copy``; the model may have `allowed` more patches."""
     table = Table(entries, path, values)
-    before = values.faults.count
     table.unknown_keys(COPY_KEYS)
     original = entries["copy"]
     if not isinstance(original, str):
         table.fault("copy", f"must be the name of a patch, got {shown(original)}")
         return None
-    most = max(allowed, 1)
-    whole: Check = (f"must be a whole number from 1 to {most}", lambda x: 1 <= x <= most and x == int(x))
-    count = int(table.number("repeat", whole) or 1)
-    if values.faults.count > before and "repeat" in entries:  # others may copy a copy that is not among these
+    count = table.count("repeat", max(allowed, 1))
+    if count is None:  # others may copy a copy that is not among these
         return None
     name = table.name(None)
     names = (name,) if name and "repeat" not in entries else tuple(f"{name or original}-{k + 1}" for k in range(count))
     if fault := name_fault(names[-1]):
         table.fault("name", fault)
+    return Copy(path, original, names, read_moves(table, count))
+
+
+def included_copies(patches: Sequence[Patch], table: Table, allowed: int) -> list[Patch]:
+    """Make the copies of all patches of an included file that its table asks for, at most `allowed`."""
+    count = table.count("repeat", max(allowed // max(len(patches), 1), 1))
+    prefix = f"{name}-" if (name := table.name(None)) else ""
+    if count is None:
+        return []
+    moves = read_moves(table, count)
+    made: list[list[Patch]] = []
+    for patch in patches:
+        endings = [f"-{k + 1}" if moves.is_repeated else "" for k in range(len(moves.moves))]
+        names = [None if patch.name is None else f"{prefix}{patch.name}{ending}" for ending in endings]
+        if fault := next(filter(None, (name_fault(name) for name in names[-1:] if name)), None):
+            table.fault("name", fault)
+            break
+        copies = moves.made(patch, names, table.values, table.path)
+        if not copies:
+            break
+        made.append(copies)
+    return [patch for several in zip(*made, strict=True) for patch in several]
+
+
+def read_moves(table: Table, count: int) -> Moves:
+    """Read the moves of so many copies."""
+    entries, values, before = table.entries, table.values, table.values.faults.count
     mirror = table.choice("mirror", AXES)
     moves = []
     for k in range(1, count + 1):
         if "repeat" in entries:
-            table = Table(entries, path, values.of_copy(COUNTER, k))
+            table = Table(entries, table.path, values.of_copy(COUNTER, k))
         moves.append(_move(table, mirror))
         if values.faults.count > before:  # the others have them, too
             moves = []
             break
-    return Copy(path, original, names, tuple(moves), mirror is not None)
+    return Moves(tuple(moves), mirror is not None, "repeat" in entries)
 
 
 def _move(table: Table, mirror: str | None) -> Callable[[FloatArray], FloatArray]:
@@ -165,7 +210,6 @@ def carried_out(
     """
     from graphlib import CycleError, TopologicalSorter
 
-    most = 2_000_000  # control points of all copies together: about 200 MB by the time they are meshed
     faults = values.faults
     source: dict[str, int] = {}
     for number, copy in copies.items():
@@ -193,19 +237,10 @@ def carried_out(
     made: dict[int, list[Patch]] = {}
     for number in order:
         copy, original = copies[number], found.get(copies[number].original)
-        if original is None or not copy.moves:
+        if original is None or not copy.moves.moves:
             continue
-        most -= len(copy.names) * len(original.knots)
-        if most < 0:
-            faults.add(copy.path, "makes more than 2000000 control points, together with the copies before")
-            break
-        with np.errstate(over="ignore"):
-            points = [move(original.control_points) for move in copy.moves]
-        if not max(np.abs(moved).max() for moved in points) <= MAX_SIZE:
-            faults.add(copy.path, f"has control points beyond {MAX_SIZE:g} in size")
+        made[number] = copy.moves.made(original, copy.names, values, copy.path)
+        if not made[number]:
             continue
-        start = reflected(original) if copy.is_mirrored else original
-        pairs = zip(points, copy.names, strict=True)
-        made[number] = [start.replace(control_points=moved, name=name) for moved, name in pairs]
         found |= zip(copy.names, made[number], strict=True)
     return made

@@ -11,17 +11,16 @@ MAX_FILES = 100  # files that a spec includes, directly or through others
 
 
 class Library:
-    """The files that a spec includes, directly or through others, each once."""
+    """The files that a spec includes, directly or through others, counted as often as they are taken."""
 
     def __init__(self) -> None:
-        self._taken_by: dict[str, str] = {}
-        self._bytes = 0
+        self._count = self._bytes = 0
 
     def taken(self, name: str, readers: tuple[str, ...]) -> tuple[str, bytes]:
         """Return path and content of a file included by the last of `readers`, each of which includes the next.
 
-        Raises `SpecError`, without the including file: the file is outside the spec's folder, is included already,
-        cannot be read or is too large.
+        Raises `SpecError`, without the including file: the file is outside the spec's folder, includes itself, cannot
+        be read or is too large.
         """
         if readers[0] == "-" or readers[0].startswith("<"):
             raise SpecError(f"{readers[0]} has no folder from which files could be taken")
@@ -38,15 +37,13 @@ class Library:
         if real in chain:
             circle = [*readers[chain.index(real) :], path]
             raise SpecError(f"{name}: includes itself: {' -> '.join(map(os.path.basename, circle))}")
-        if real in self._taken_by:
-            raise SpecError(f"{name}: is included already, by {self._taken_by[real]}")
-        if len(self._taken_by) == MAX_FILES:
+        if self._count == MAX_FILES:
             raise SpecError(f"{name}: at most {MAX_FILES} files can be included")
         data = _content(name, real)
         self._bytes += len(data)
         if self._bytes > MAX_BYTES:
             raise SpecError(f"{name}: is too large, files of a spec have at most {MAX_BYTES // 10**6} MB together")
-        self._taken_by[real] = readers[-1]
+        self._count += 1
         return path, data
 
 
@@ -93,4 +90,6 @@ def _included(path: str, format: Format | None) -> list[str]:
     except (OSError, ValueError, SpecError):
         return []
     names = data.get("include") if isinstance(data, dict) else None
-    return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    entries = names if isinstance(names, list) else []
+    named = [entry.get("file") if isinstance(entry, dict) else entry for entry in entries]
+    return [name for name in named if isinstance(name, str)]

@@ -6,7 +6,7 @@ from typing import Any
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import shown
 from gtb_cli.language.names import named_numbers
-from gtb_cli.language.reader import MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
+from gtb_cli.language.reader import INCLUDE_KEYS, MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.scanner import Path
 from gtb_cli.language.values import POSITIVE, Table, Values
 from gtb_cli.theory.model import Model, diagonal_of
@@ -77,18 +77,33 @@ class ModelReader:
         if not isinstance(names, list):
             self.faults.add(("include",), f"must be a list of file names, got {shown(names)}")
             return patches, owners
-        for i, name in enumerate(names):
+        for i, entry in enumerate(names):
             path: Path = ("include", i)
+            table = Table(entry, path, self.values) if isinstance(entry, dict) else None
+            name = entry if table is None else table.entries.get("file")
+            if table is not None:
+                table.unknown_keys(INCLUDE_KEYS)
             if not isinstance(name, str) or not name:
-                self.faults.add(path, f"must be the name of a file, got {shown(name)}")
+                if table is not None and name is None:
+                    table.fault("file", "is missing")
+                else:
+                    expected = "the name of a file" + (" or a table" if table is None else "")
+                    self.faults.add(
+                        path if table is None else (*path, "file"), f"must be {expected}, got {shown(name)}"
+                    )
                 continue
             try:
                 found = self._include(name)
             except SpecError as error:
                 self.faults.add(path, str(error))
                 continue
+            if table is not None:
+                from gtb_cli.language.copies import included_copies
+
+                found = tuple(included_copies(found, table, MAX_PATCHES - len(patches)))
             if taken := [patch.name for patch in found if patch.name in owners]:
-                self.faults.add(path, f"{name} has a patch {shown(taken[0])}, as has {owners[taken[0]]}")
+                way_out = f'{{file = "{name}", name = "other"}} would call it {shown(f"other-{taken[0]}")}'
+                self.faults.add(path, f"{name} has a patch {shown(taken[0])}, as has {owners[taken[0]]}: {way_out}")
             owners.update({patch.name: name for patch in found if patch.name is not None})
             patches += found
         return patches, owners

@@ -19,7 +19,8 @@ PATCH_KEYS = frozenset(
     | {"lifting", "edge_normals", "edge_scale"}
 )
 RIBBON = "ribbon"  # key of the second row of control points, for gtb fill, in the curves of a loop
-COPY_KEYS = frozenset(("name", "copy", "mirror", "scale", "rotate", "translate", "repeat"))
+MOVE_KEYS = frozenset(("name", "mirror", "scale", "rotate", "translate", "repeat"))
+COPY_KEYS, INCLUDE_KEYS = MOVE_KEYS | {"copy"}, MOVE_KEYS | {"file"}
 MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
 MAX_KNOTS = 5000  # knots of a patch: a tensor product patch of degree 69 × 69
 MAX_UNITY = 300  # knots for "partition-of-unity", which solves a dense linear system

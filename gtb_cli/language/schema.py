@@ -1,5 +1,7 @@
 """The JSON Schema of a spec, for editors and for programs that write specs."""
 
+import os
+import re
 from keyword import kwlist
 from typing import Any, TypeAlias, get_args
 
@@ -13,6 +15,12 @@ from gtb_cli.language.values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
 from gtb_cli.theory.patch import COEFFICIENTS
 
 Schema: TypeAlias = dict[str, Any]
+
+
+def page() -> str:
+    """Return the text of every key with an example, as Markdown."""
+    with open(os.path.join(os.path.dirname(__file__), "spec.md"), encoding="utf-8") as file:
+        return file.read()
 
 
 def schema() -> Schema:
@@ -30,14 +38,12 @@ def schema() -> Schema:
     names = {"pattern": f"^{NAME_PATTERN}$", "maxLength": MAX_NUMBER_NAME}
     definitions = {
         "let": {
-            "description": "Named numbers, for all expressions; each may use those before it.",
             "type": "object",
             "propertyNames": names | {"not": {"enum": [*FUNCTIONS, *CONSTANTS, COUNTER, *kwlist]}},
             "additionalProperties": _number(),
             "maxProperties": MAX_NAMES,
         },
         "name": {
-            "description": "Default: the name of the file without its suffix.",
             "type": "string",
             "maxLength": MAX_NAME,
             "pattern": r"\S",
@@ -54,6 +60,7 @@ def schema() -> Schema:
             "not": {"pattern": r"[^-+*/()0-9A-Za-z_. \t]|(^|[^A-Za-z0-9_])[0-9.]*_"},
         },
     }
+    definitions["let"], definitions["name"] = (_told({key: definitions[key]})[key] for key in ("let", "name"))
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "GT-Bézier patch, or model of several patches",
@@ -107,71 +114,64 @@ def _either(others: Schema, condition: Schema, shared: tuple[str, ...]) -> Schem
     }
 
 
-def _told(**keys: tuple[str, Schema]) -> Schema:
-    """Return schemas, each with its description."""
-    return {key: {"description": text, **schema} for key, (text, schema) in keys.items()}
+def _told(keys: Schema) -> Schema:
+    """Return the schemas of keys, each with what the page says first of it."""
+    texts = dict(re.findall(r"^### (\w+)\n\n((?:\S.*\n)+)", page(), re.MULTILINE))
+    return {key: {"description": " ".join(texts[key].split()), **schema} for key, schema in keys.items()}
 
 
 def _model() -> Schema:
     """Return the keys of a model, and of patches what they have in common with it."""
-    files = {"type": "array", "items": {"type": "string", "minLength": 1}, "maxItems": MAX_FILES}
+    file = _told({"file": {"type": "string", "minLength": 1}})
+    moved = {"properties": {"name": _ref("name"), **_moves(), **file}, "required": ["file"]}
+    entry = _any(file["file"], {"type": "object", **moved, "additionalProperties": False})
     percentage = {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"}
-    joined = "Edges within this distance are joined: model units, or a percentage of the model's size."
-    return {
-        "let": _ref("let"),
-        **_told(
-            include=("Files of this file's folder, or below it, whose patches come before these.", files),
-            weld=(joined, _any(_ref("positive"), percentage)),
-        ),
+    keys = {
+        "include": _array(entry, 0, MAX_FILES),
+        "weld": _any(_ref("positive"), percentage),
         "patches": _array(_either(_copy(), {"required": ["copy"]}, shared=()), 1, MAX_PATCHES),
     }
+    return {"let": _ref("let"), **_told(keys)}
 
 
 def _copy() -> Schema:
-    """Return the keys of a copy: mirrored, scaled, rotated and translated, in this order."""
-    about = {"description": "The fixed point; default: the origin.", **_list("coordinate", 2, 3)}
+    return _told({"copy": {"type": "string"}}) | _moves()
+
+
+def _moves() -> Schema:
+    """Return the keys by which copies are mirrored, scaled, rotated, translated and repeated."""
     axis = _any({"enum": list(AXES)}, _list("coordinate", 3, 3))
-    count = "How many copies are made: k = 1, 2, ... in their expressions, and after their names."
-    return {
-        **_told(
-            copy=("Name of the patch that is copied.", {"type": "string"}),
-            mirror=("The coordinate that changes sign; normals stay outward.", {"enum": list(AXES)}),
-            scale=("Factor, or one for each coordinate.", _any(_ref("scale"), _list("scale", 3, 3))),
-        ),
-        "rotate": {
-            "type": "object",
-            "properties": {"axis": axis, "degrees": _ref("coordinate"), "about": about},
-            "required": ["axis", "degrees"],
-            "additionalProperties": False,
-        },
-        "translate": _list("coordinate", 2, 3),
-        **_told(repeat=(count, _number(minimum=1, maximum=MAX_PATCHES))),
-    }
+    rotation = {"axis": axis, "degrees": _ref("coordinate"), "about": _list("coordinate", 2, 3)}
+    return _told(
+        {
+            "mirror": {"enum": list(AXES)},
+            "scale": _any(_ref("scale"), _list("scale", 3, 3)),
+            "rotate": {
+                "type": "object",
+                "properties": rotation,
+                "required": ["axis", "degrees"],
+                "additionalProperties": False,
+            },
+            "translate": _list("coordinate", 2, 3),
+            "repeat": _number(minimum=1, maximum=MAX_PATCHES),
+        }
+    )
 
 
 def _patch() -> Schema:
     """Return the keys of a patch, but for its name."""
     numbers = _list("coordinate")
     points = _any(_tuples(2), _tuples(3))
-    logarithms = "Natural logarithms of the weights, in place of these, where they are beyond floats."
-    places = "Control points b_i, one for each knot, all with two coordinates (z = 0) or all with three."
-    rule = "Coefficients c_i of the basis, one for each knot, or the name of a rule; default: all 1."
-    factor = "Factor of the edge functions, or one for each edge, counter-clockwise from the lowest, then leftmost, "
-    normals = {"enum": list(get_args(EdgeNormals)), "default": "auto"}
     return _told(
-        knots=(
-            "Knots a_i in any order: numbers for a curve, pairs for a surface.",
-            _any(_list("coordinate", 2), _tuples(2, 3)),
-        ),
-        weights=("Weights, one for each knot; default: all 1.", _list("positive")),
-        log_weights=(logarithms, numbers),
-        control_points=(places, points),
-        ribbon=("For gtb fill, a curve's second row of control points, which goes into the hole.", points),
-        coefficients=(rule, _any({"enum": list(COEFFICIENTS)}, _list("positive"))),
-        lifting=("Lifting values λ_i, one for each knot.", numbers),
-        edge_normals=("Length of the edge functions' normals.", normals),
-        edge_scale=(
-            f"{factor}corner; for a curve [k0, k1].",
-            _any(_ref("scale"), _list("scale", 2)) | {"default": 1},
-        ),
+        {
+            "knots": _any(_list("coordinate", 2), _tuples(2, 3)),
+            "weights": _list("positive"),
+            "log_weights": numbers,
+            "control_points": points,
+            "ribbon": points,
+            "coefficients": _any({"enum": list(COEFFICIENTS)}, _list("positive")),
+            "lifting": numbers,
+            "edge_normals": {"enum": list(get_args(EdgeNormals)), "default": "auto"},
+            "edge_scale": _any(_ref("scale"), _list("scale", 2)) | {"default": 1},
+        }
     )

@@ -25,6 +25,8 @@ CONTROL_CHARACTERS = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029]"
 # characters in all expressions of a spec together, repeated ones counted once: a second of evaluation
 MAX_EXPRESSIONS = 200_000
 
+MAX_POINTS = 2_000_000  # control points of all copies together: about 200 MB by the time they are meshed
+
 Check: TypeAlias = tuple[str, Callable[[float], bool]]
 
 FINITE: Check = ("must be finite", math.isfinite)
@@ -35,9 +37,10 @@ SCALE: Check = (f"must be between {1 / MAX_SIZE:g} and {MAX_SIZE:g}", lambda x: 
 
 @dataclass
 class Budget:
-    """The number of characters that further expressions of a spec may have, in all its files."""
+    """What further expressions and copies of a spec may take, in all its files."""
 
     characters: int = MAX_EXPRESSIONS
+    points: int = MAX_POINTS
 
 
 class Values:
@@ -56,6 +59,11 @@ class Values:
         values.names = ChainMap({name: float(number)}, self.names)
         values._note = f" ({name} = {number})"
         return values
+
+    def has_points_left(self, count: int) -> bool:
+        """Tell whether copies may have so many more control points, and count them."""
+        self._budget.points -= count
+        return self._budget.points >= 0
 
     def tuples(self, entries: list[object], path: Path, sizes: tuple[int, ...]) -> FloatArray | None:
         """Read pairs or triples of coordinates, all of the same size."""
@@ -155,6 +163,14 @@ class Table:
         if key not in self.entries:
             return None
         return self.values.number(self.entries[key], (*self.path, key), check)
+
+    def count(self, key: str, most: int) -> int | None:
+        """Read a whole number, 1 if it is absent; None if it is wrong."""
+        if key not in self.entries:
+            return 1
+        whole: Check = (f"must be a whole number from 1 to {most}", lambda x: 1 <= x <= most and x == int(x))
+        number = self.number(key, whole)
+        return None if number is None else int(number)
 
     def numbers(self, key: str, check: Check) -> FloatArray | None:
         """Read a list of numbers, which must be there."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
+from gtb_cli.imports.trp import edge_coefficients
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.lattice import MAX_BINOMIAL_DEGREE, binomial_coefficients
 from gtb_cli.knots.layers import layers
@@ -70,6 +71,17 @@ def test_parallelograms(degrees: tuple[int, int], matrix: np.ndarray, shift: np.
     np.testing.assert_allclose(binomial_coefficients(domain(knots)), expected, rtol=ROUNDING)
 
 
+@pytest.mark.parametrize(("matrix", "shift"), AFFINE)
+def test_other_polygons_have_the_binomials_of_their_edges_and_1_inside(matrix: np.ndarray, shift: np.ndarray) -> None:
+    """The convention of .trp files, and also where the polygon is not one of whole numbers."""
+    trapezoid = [[0, 0], [1, 0], [2, 0], [3, 0], [2, 1], [0, 1], [1, 0.5]]
+    pentagon = [[2, 1], [0, 0], [1, 0], [2, 0], [2, 2], [0, 2], [0, 1], [1, 1], [1, 3], [1, 1]]
+    for knots, expected in ((trapezoid, [1, 3, 3, 1, 1, 1, 1]), (pentagon, [2, 1, 2, 1, 1, 1, 2, 1, 1, 1])):
+        shape = domain(np.array(knots) @ matrix.T + shift)
+        assert binomial_coefficients(shape).tolist() == expected
+    assert edge_coefficients(domain(np.array(pentagon))).tolist() == expected
+
+
 def test_largest_degree() -> None:
     middle = Fraction(1)
     for k in range(MAX_BINOMIAL_DEGREE // 2):
@@ -90,8 +102,8 @@ def test_largest_degree() -> None:
         ([[0, 0], [1, 0], [2, 0], [0, 1], [0, 2], [0, 1]], "each of 6 lattice knots once"),
         ([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]], r"equally spaced knots, knots\[4\] is off"),
         ([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0]], "each of 6 lattice knots once, got 5"),
-        ([[0, 0], [3, 0], [2, 1], [0, 1]], "parallelogram, got 4 edges"),
-        ([[0, 0], [2, 0], [3, 1], [1, 2], [0, 1]], "parallelogram, got 5 edges"),
+        ([[0, 0], [3, 0], [2, 1], [0, 1], [1.1, 0]], "along each edge, those of edge 0 are at 0 0.3667 1 of it"),
+        ([[0, 0], [2, 0], [3, 1], [1, 2], [0, 1], [0, 1]], "along each edge, those of edge 3 are at 0 1 1 of it"),
     ],
 )
 def test_other_knots_are_refused(knots: list, message: str) -> None:

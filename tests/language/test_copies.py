@@ -206,7 +206,8 @@ def test_included_patches_come_first_and_can_be_copied(tmp_path):
         (
             {"main": f'include = ["a.toml", "b.toml"]\n{PATCH}', "a": PATCH, "b": PATCH},
             [
-                "main.toml:1: include[1]: b.toml has a patch 'wall', as has a.toml",
+                "main.toml:1: include[1]: b.toml has a patch 'wall', as has a.toml: "
+                '{file = "b.toml", name = "other"} would call it \'other-wall\'',
                 "main.toml:3: patches[0].name: 'wall' is the name of a patch of b.toml, too",
             ],
         ),
@@ -221,7 +222,8 @@ def test_included_patches_come_first_and_can_be_copied(tmp_path):
         ),
         (
             {"main": 'include = ["a.toml", "b.toml"]\n', "a": 'include = ["b.toml"]\n', "b": PATCH},
-            ["main.toml:1: include[1]: b.toml: is included already, by a.toml"],
+            ["main.toml:1: include[1]: b.toml has a patch 'wall', as has a.toml: "
+             '{file = "b.toml", name = "other"} would call it \'other-wall\''],
         ),
         (
             {"main": 'include = ["a.toml"]\n', "a": "knots = [\n"},
@@ -257,6 +259,59 @@ def test_nothing_outside_of_the_folder_is_read(tmp_path):
         path = folder(inner, main=f'include = ["{name}"]\n')
         with pytest.raises(SpecError, match=message):
             load(path)
+
+
+def test_whole_files_are_copied(tmp_path):
+    """All patches of a file are moved as those of a copy, k by k, and have the number in their names."""
+    leg = PATCH + PATCH.replace("wall", "foot").replace("[0, 0, 0]", "[0, 0, 5]")
+    moves = [
+        'mirror = "x"',
+        "scale = 2",
+        'rotate = {axis = "z", degrees = "90*k"}',
+        'translate = [0, 0, "k"]',
+        "repeat = 2",
+    ]
+    path = folder(tmp_path, main=f'include = [{{file = "leg.toml", {", ".join(moves)}}}, "leg.toml"]\n', leg=leg)
+    found = load(path)
+    assert isinstance(found, Model)
+    assert [patch.name for patch in found] == ["wall-1", "foot-1", "wall-2", "foot-2", "wall", "foot"]
+    lines = "\n".join(moves)
+    copies = model(f'{leg}[[patches]]\ncopy = "wall"\n{lines}\n[[patches]]\ncopy = "foot"\n{lines}\n')
+    assert [arrays(found.patches[i]) for i in (0, 2, 1, 3)] == [arrays(copy) for copy in copies.patches[2:]]
+    # Once more under other names, without numbers
+    path = folder(tmp_path, main='include = ["leg.toml", {file = "leg.toml", name = "left", translate = [1, 0]}]\n')
+    found = load(path)
+    assert [patch.name for patch in found] == ["wall", "foot", "left-wall", "left-foot"]
+    assert found.patches[3].control_points[0].tolist() == [1, 0, 5]
+    assert arrays(parse(dump(found))) == arrays(found)
+
+
+@pytest.mark.parametrize(
+    ("table", "fault"),
+    [
+        ('file = "leg.toml", repeat = 10001', ".repeat: must be a whole number from 1 to 10000, got 10001"),
+        ('file = "leg.toml", rotat = 3', ".rotat: is not a key of a spec, did you mean rotate?"),
+        ('file = "leg.toml", translate = ["k", 0]', ".translate[0]: expression 'k': unknown name 'k'"),
+        ("repeat = 2", ".file: is missing"),
+        ('file = "leg.toml", scale = 1e99, repeat = 2', ": has control points beyond 1e+100 in size"),
+        (f'file = "leg.toml", name = "{"a" * 198}", repeat = 2', ".name: must have at most 200 characters, got 205"),
+    ],
+)  # fmt: skip
+def test_what_copies_of_files_cannot_be(tmp_path, table, fault):
+    leg = (PATCH + PATCH.replace("wall", "foot")).replace("1", "1e2")
+    line = refusal(folder(tmp_path, main=f"include = [{{{table}}}]\n", leg=leg))[0]
+    assert line.startswith(f"main.toml:1: include[0]{fault}")
+
+
+def test_copies_of_copied_files_are_bounded(tmp_path):
+    """A file that doubles another, a hundred times over, is refused at once."""
+    doubles = {f"f{i}": f'include = [{{file = "f{i + 1}.toml", repeat = 2}}]\n' for i in range(98)}
+    twice = {f"f{i}": f'include = ["f{i + 1}.toml", {{file = "f{i + 1}.toml", name = "b"}}]\n' for i in range(98)}
+    for files, words in ((doubles, "repeat: must be a whole number from 1 to 1,"), (twice, "at most 100 files")):
+        start = time.process_time()
+        lines = refusal(folder(tmp_path, main='include = ["f0.toml"]\n', f98=PATCH, **files))
+        assert words in "\n".join(lines)
+        assert time.process_time() - start < SECONDS
 
 
 def test_standard_input_includes_nothing():

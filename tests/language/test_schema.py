@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,10 +11,10 @@ from typing import Any
 import jsonschema
 import pytest
 
-from gtb_cli.language.reader import COPY_KEYS, MODEL_KEYS, PATCH_KEYS
-from gtb_cli.language.schema import schema
+from gtb_cli.language.reader import COPY_KEYS, INCLUDE_KEYS, MODEL_KEYS, PATCH_KEYS
+from gtb_cli.language.schema import page, schema
 from gtb_cli.vocabulary import TEMPLATES
-from tests.shell import gtb
+from tests.shell import SPECS, gtb
 from tests.specs import BAD_SPECS, GOOD_SPECS, Case, bad_specs
 
 STRUCTURAL, OTHER = ([case for case in bad_specs() if case.kind == kind] for kind in ("schema", "beyond schema"))
@@ -110,6 +111,31 @@ def test_ribbons_belong_to_curves_of_a_loop() -> None:
     VALIDATOR.validate({"patches": [curve]})
     assert not VALIDATOR.is_valid({"patches": [{**curve, "ribbon": [[0], [1]]}]})
     VALIDATOR.validate(curve)  # as a file that a loop includes
+
+
+def test_the_page_of_keys_has_every_key_once_and_stands_among_the_specs() -> None:
+    keys = re.findall(r"^### (.*)$", page(), re.MULTILINE)
+    assert sorted(keys) == sorted(PATCH_KEYS | MODEL_KEYS | COPY_KEYS | INCLUDE_KEYS | {"ribbon"})
+    assert (SPECS / "SPEC.md").read_text(encoding="utf-8") == page() == gtb("help", "spec").text, (
+        "gtb help spec > specs/SPEC.md"
+    )
+    properties = schema()["properties"]
+    assert properties["weld"]["description"].startswith("Edges within this distance are joined")
+    assert "description" in properties["patches"]["items"]["properties"]["rotate"]
+
+
+@pytest.mark.parametrize("section", page().split("\n### ")[1:], ids=lambda section: section.split("\n")[0])
+def test_its_lines_are_specs(section: str, tmp_path: Path) -> None:
+    """Three lines each, which use the key, are valid, and are meshed, or filled."""
+    key, *rest = section.split("\n")
+    lines = [line.removeprefix("    ") for line in rest if line.startswith("    ")]
+    assert len(lines) == 3
+    text = "\n".join(lines) + "\n"
+    assert re.search(rf"\b{key}\b", text)
+    VALIDATOR.validate(tomllib.loads(text))
+    (tmp_path / "spec.toml").write_text(text, encoding="utf-8")
+    shutil.copy(SPECS / "bicubic.toml", tmp_path)
+    gtb("fill" if key == "ribbon" else "mesh", tmp_path / "spec.toml", "-o", tmp_path / "out.obj", status=0)
 
 
 def patterns(value: object) -> Iterator[str]:
