@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from gtb_cli.formats.export import write_mesh as write_mesh
     from gtb_cli.formats.meshfiles import read_mesh as read_mesh
     from gtb_cli.knots.all_decompositions import regular_decompositions as regular_decompositions
+    from gtb_cli.knots.convergence import convergence_rate as convergence_rate
     from gtb_cli.knots.decomposition import regular_decomposition as regular_decomposition
     from gtb_cli.language.loading import from_dict as from_dict
     from gtb_cli.language.loading import load as load
@@ -58,6 +59,7 @@ _ROOMS = {
     "SpecError": "errors",
     "ToleranceError": "errors",
     "check": "checks.check",
+    "convergence_rate": "knots.convergence",
     "degenerate": "theory.degeneration",
     "diff": "distances.comparison",
     "distance": "distances.comparison",

@@ -66,7 +66,7 @@ def degenerate(
 
     All meshes have the same faces, so that they can be compared or morphed vertex by vertex; edges of the cells of the
     regular decomposition are edges of the meshes. If x falls from 1 to 0, the limit is that of -λ. sequence.json lists
-    the files with their distances from the limit.
+    the files with their distances from the limit, and how fast these fall.
 
     -o FILE.glb writes one file instead, which Blender and other programs can play: its mesh is the first one, the
     others are morph targets, and an animation shows them one after the other, a second each.

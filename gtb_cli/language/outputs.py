@@ -143,6 +143,8 @@ MEMBER: Kind = {
     "distance_to_limit_with_film?": (NUMBER, None),
 }
 
+RATE: Kind = _each("predicted measured measured_from measured_to", (NUMBER, None))
+
 MADE: Kind = MEASURES | {
     "file": TEXT,
     "sha256": TEXT,
@@ -166,7 +168,7 @@ SCHEMAS: dict[str, tuple[str, tuple[dict[str, Kind], ...]]] = {
     "eval": ("gtb eval as JSON", tuple(HEAD | {"parameters": [POINT], key: [POINT]} for key in ("points", "basis"))),
     "errors": ("errors and warnings on standard error", (HEAD | {"errors": [FAULT], "status": INTEGER},)),
     "version": ("gtb and its packages", (HEAD | VERSIONS | {"click": TEXT},)),
-    "sequence": ("sequence.json", (HEAD | {"name": (TEXT, None), "meshes": [MEMBER]},)),
+    "sequence": ("sequence.json", (HEAD | {"name": (TEXT, None), "meshes": [MEMBER], "rate": RATE},)),
     "manifest": ("the manifest of gtb mesh", (HEAD | {"versions": VERSIONS, "options": "object", "files": [MADE]},)),
 }
 OF_SEVERAL = ("info", "check")  # which take several inputs, and then print a list

@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.knots.decomposition import regular_decomposition
+from gtb_cli.knots.convergence import convergence_rate
+from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import filled_normals
 from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
+from gtb_cli.sequences.rates import MeasuredRate, measured_rate
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.degeneration import lifting_of
@@ -58,6 +60,7 @@ class MeshSequence:
     _mosaic: Complex
     _accuracy: Accuracy | None
     _normals: bool
+    _decomposition: RegularDecomposition | None = None  # of a degeneration
 
     def __len__(self) -> int:
         return len(self.values)
@@ -115,6 +118,32 @@ class MeshSequence:
         found = tuple(member.film_distance for member in self.members if member.film_distance is not None)
         return found or None
 
+    @cached_property
+    def predicted_rate(self) -> float | None:
+        """The exponent ρ with which distances fall at least, by the theory; None if there is none, or it is not known.
+
+        That of x, or of 1/x for x → 0, is the `convergence_rate` of the lifting. Knots that merge without a film change
+        every point by O(1 − step).
+        """
+        if self._decomposition is None:
+            return None if self._family.has_film else 1.0
+        try:
+            found = convergence_rate(self._decomposition)
+        except ToleranceError:
+            return None
+        return found if 0 < found < INF else None
+
+    @property
+    def rate(self) -> MeasuredRate | None:
+        """The exponent with which distances fall, from the limit with its film if it has one; see `MeasuredRate`."""
+        return self._measured([self.entry(member, "") for member in self.members])
+
+    def _measured(self, entries: Sequence[dict[str, Any]]) -> MeasuredRate | None:
+        *approaching, _ = entries
+        key = "distance_to_limit_with_film" if self._family.has_film else "distance_to_limit"
+        distances, errors = ([entry[name] for entry in approaching] for name in (key, "distance_error"))
+        return measured_rate(self.values[:-1], distances, errors, self.key)
+
     def entry(self, member: Member, name: str, kind: str = "file") -> dict[str, Any]:
         """Return the entry of a mesh in `sequence.json`; `name` is that of a file, or of what `kind` says."""
         entry: dict[str, Any] = {
@@ -131,7 +160,14 @@ class MeshSequence:
 
     def record(self, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Return the content of `sequence.json`, with the entries of all meshes."""
-        return {"name": self.name, "meshes": list(entries)}
+        found = self._measured(entries)
+        rate = {
+            "predicted": self.predicted_rate if self._accuracy and len(entries) > 1 else None,
+            "measured": found and found.exponent,
+            "measured_from": found and number(found.first),
+            "measured_to": found and number(found.last),
+        }
+        return {"name": self.name, "meshes": list(entries), "rate": rate}
 
 
 def number(value: float) -> float | int:
@@ -179,7 +215,7 @@ def degeneration_sequence(
     values.append(INF if upward else 0.0)
     mosaic = _mosaic(family, resolution, tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
-    return MeshSequence(patch.name or "patch", "x", tuple(values), family, mosaic, fineness, normals)
+    return MeshSequence(patch.name or "patch", "x", tuple(values), family, mosaic, fineness, normals, decomposition)
 
 
 def knot_sequence(

@@ -115,7 +115,9 @@ class SequenceOutput:
                 files.add(place, self.options.encoded(member.mesh, kind))
                 entries.append(sequence.entry(member, name))
                 self._report(place, sequence, member, self.options.warnings(member.mesh, kind))
-            files.add(record, [(json.dumps(versioned(sequence.record(entries)), indent=2) + "\n").encode("ascii")])
+            content = sequence.record(entries)
+            files.add(record, [(json.dumps(versioned(content), indent=2) + "\n").encode("ascii")])
+        self._report_rate(sequence, content["rate"])
 
     def _animation(self, sequence: MeshSequence, labels: list[str], spec: str) -> Iterator[bytes]:
         """Make the meshes and yield one file of them all; a warning that several share appears once."""
@@ -132,7 +134,9 @@ class SequenceOutput:
             warnings = [text for text in options.warnings(member.mesh, ANIMATION_FORMAT) if text not in said]
             said.update(warnings)
             self._report(f"{file}{label}", sequence, member, warnings)
-        extras, normals = {"sequence": sequence.record(entries)}, options.recipe.normals
+        content, normals = sequence.record(entries), options.recipe.normals
+        self._report_rate(sequence, content["rate"])
+        extras = {"sequence": content}
         yield from animated_glb(meshes, labels, normals=normals, uv=options.uv, up=options.up, extras=extras)
 
     def _members(self, sequence: MeshSequence, names: list[str], spec: str) -> Iterator[Member]:
@@ -144,6 +148,16 @@ class SequenceOutput:
                 with about(shown_input(spec)):
                     member = next(members)
                 yield member
+
+    def _report_rate(self, sequence: MeshSequence, rate: dict[str, Any]) -> None:
+        """Report how fast the distances fall: what the theory says, and what was measured."""
+        power = "(1 − step)^" if sequence.key == "step" else "x^" if sequence.values[-1] == 0 else "x^-"
+        texts = [f"as {power}{rate['predicted']:.3g} or faster in theory"] if rate["predicted"] else []
+        if rate["measured"]:
+            first, last = number_text(rate["measured_from"]), number_text(rate["measured_to"])
+            texts.append(f"as {power}{rate['measured']:.3g} measured from {sequence.key} = {first} to {last}")
+        if texts:
+            self.streams.console.note(f"{file_stem(sequence.name)}: distances from the limit fall {', '.join(texts)}")
 
     def _report(self, place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str]) -> None:
         """Report a mesh and its warnings."""
