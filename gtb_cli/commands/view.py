@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -10,9 +11,9 @@ import click
 
 from gtb_cli.errors import ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.limits import LimitRequest, limit_options, refuse_limit
+from gtb_cli.shell.limits import LimitRequest, all_decompositions, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, spec_format_option
-from gtb_cli.shell.streams import about, spec_of, write_text
+from gtb_cli.shell.streams import about, single, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import FORMATS, RESOLUTION, SEQUENCE_RECORD, suffix_of
 
@@ -50,6 +51,7 @@ PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8,
 @click.option(
     "--port", type=WholeNumber(0, 65535), default=0, metavar="N", help="Port of --watch; by default any free one."
 )
+@click.option("--limits", is_flag=True, help="Show all regular control surfaces of a patch, one at a time.")
 @limit_options
 @spec_format_option
 @console_option
@@ -61,6 +63,7 @@ def view(
     no_open: bool,
     watch: bool,
     port: int,
+    limits: bool,
     limit: LimitRequest,
     spec_format: str | None,
     console: Console,
@@ -75,18 +78,24 @@ def view(
     and axes can be switched on and off; shading may be curvature with its scale, zebra stripes or isophotes. Normals
     and curvature of a spec are those of the surface at the vertices of its mesh, interpolated at each pixel between
     them; where it has no normal, the mean of the triangles' is shown, and the page says "not all exact"; -n makes the
-    mesh finer. Where patches meet, each has its own normals, and the curvature shown is that of the
-    first. Normals in mesh files are not read: the means of the triangles' normals are used instead, which part at edges
-    sharper than 35 degrees. Names appear under the pointer. A
-    sequence has a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge
-    and --steps (a knot limit). With --compare, for git difftool, the page is that of gtb diff --report.
+    mesh finer. Where patches meet, each has its own normals, and the curvature shown is that of the first. Normals in
+    mesh files are not read: the means of the triangles' normals are used instead, which part at edges sharper than 35
+    degrees. Names appear under the pointer.
+
+    A sequence has a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge
+    and --steps (a knot limit). --limits shows all limits of degenerations, of whatever lifting, numbered as by gtb
+    decompose --all. With --compare, for git difftool, the page is that of gtb diff --report.
 
     With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
     the last good picture. A page's address may say how it looks: page.html#mode=zebra&azimuth=30&net=true.
     """
     if compare and (watch or limit.given() or len(paths) != 2):
         raise click.UsageError("--compare takes two files, and neither --watch nor the options of a limit")
+    if limits and (compare or limit.given() or len(paths) != 1):
+        raise click.UsageError("--limits takes one spec, and neither --compare nor the options of a limit")
     see = partial(content_of_paths, paths, resolution, spec_format, limit)
+    if limits:
+        see = partial(content_of_all_limits, paths[0], resolution, spec_format, console)
     if watch:
         if output is not None or STANDARD in paths:
             raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
@@ -121,6 +130,25 @@ def content_of_paths(
     from gtb_cli.pictures.content import joined
 
     return joined([_content(path, resolution, spec_format, limit) for path in paths])
+
+
+def content_of_all_limits(path: str, resolution: int | None, spec_format: str | None, console: Console) -> Content:
+    """Return what a page shows of all regular control surfaces of a patch, lexicographic by cells."""
+    most = 5000  # limits of a page
+    if os.path.isdir(path) or suffix_of(path) in FORMATS:
+        raise click.UsageError(f"--limits is for a spec, and {path} is not a spec")
+    from gtb_cli.knots.triangulation import cell_count
+    from gtb_cli.pictures.limits import content_of_limits, parts_of
+
+    with spec_of(path, spec_format) as spec:
+        patch = single(spec)
+        cones = all_decompositions(patch, console, most=most)
+        parts = parts_of(patch, cones)
+        fine = resolution or (10 if patch.dimension == 2 else 64)  # segments of each edge of each cell
+        _refuse_too_many(sum(cell_count(part.patch.domain, fine) for part in parts.values()))
+        found = content_of_limits(patch, cones, parts, fine)
+    command = "gtb decompose --all" if len(cones) < most else f"gtb decompose --all --max {most}"
+    return replace(found, limits={**(found.limits or {}), "command": command})
 
 
 def _content(path: str, resolution: int | None, spec_format: str | None, limit: LimitRequest) -> Content:

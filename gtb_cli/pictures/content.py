@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import reduce
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,6 +60,7 @@ class Content:
     scalars: Mapping[str, FloatArray] = field(default_factory=dict)
     vertices: int = 0
     normals: str = ""
+    limits: Mapping[str, Any] | None = None  # see `gtb_cli.pictures.limits`
 
     @property
     def is_curve(self) -> bool:

@@ -10,7 +10,7 @@ const STOPS = ["#7f3b08", "#e08214", "#f7f7f7", "#8073ac", "#2d004b"];
 const rgb = hex => [1, 3, 5].map(k => parseInt(hex.slice(k, k + 2), 16) / 255);
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 
-const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0,
+const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0, limit: 0,
   patches: true, net: false, knots: false, edges: true, open: true, folds: true, axes: true };
 let scene = null, version = 0, playing = false, wanted = false, fitted = false;
 
@@ -359,7 +359,8 @@ function fit() {
     ends[0] = Math.min(ends[0], x); ends[1] = Math.max(ends[1], x); ends[2] = Math.min(ends[2], y); ends[3] = Math.max(ends[3], y);
   }
   const w = canvas.clientWidth, h = canvas.clientHeight, panel = $("panel").getBoundingClientRect();
-  const left = $("panel").open && w > 2.4 * panel.right ? panel.right : 0, below = $("play").hidden ? 0 : 64;
+  const left = $("panel").open && w > 2.4 * panel.right ? panel.right : 0, bar = document.querySelector("#limits, #play:not([hidden])");
+  const below = bar ? bar.offsetHeight + 14 : 0;
   const right_ = $("scale").hidden || w < 500 ? 0 : $("scale").offsetWidth + 12;
   const unit = 1.75 / 2 * Math.min(w, h), margin = Math.min(60, 0.12 * Math.min(w, h));
   const beside = state.axes ? Math.min(75, 0.2 * w) : margin;   // where the axes' numbers are

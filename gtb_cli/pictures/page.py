@@ -40,7 +40,8 @@ def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pictures
     """Return the text of a page with this data, by the template and the script of a package."""
     folder = files(package)
     page = folder.joinpath("page.html").read_text(encoding="utf-8")
-    scripts = files("gtb_cli.pictures").joinpath("common.js"), folder.joinpath("page.js")
+    names = ["common.js", *(["limits.js"] if "limits" in data else [])]
+    scripts = [*(files("gtb_cli.pictures").joinpath(name) for name in names), folder.joinpath("page.js")]
     script = "\n".join(each.read_text(encoding="utf-8") for each in scripts)
     # No text of a spec can end the script element that holds it.
     text = json.dumps(data, ensure_ascii=True, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -99,6 +100,7 @@ def page_data(content: Content) -> dict[str, Any]:
         "netNames": list(content.net_names),
         "knots": {"points": placed(content.knots), "names": list(content.knot_names)},
         "scalars": scalars,
+        **({"limits": content.limits} if content.limits else {}),
     }
 
 
