@@ -218,9 +218,7 @@ class _FarthestPoint:
             if not len(chosen):
                 break
             # The nearest cell is mostly one of a few nearby, which are tried faster than a search is made.
-            distances[chosen], cells[chosen] = self.tree.nearby(
-                points[chosen], distances[chosen], cells[chosen], self.low
-            )
+            distances[chosen], cells[chosen] = self.tree.nearby(points[chosen], distances[chosen], cells[chosen])
             chosen = self._open(chosen, distances)
             if len(chosen):
                 distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])

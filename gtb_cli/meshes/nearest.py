@@ -31,26 +31,19 @@ class NearestCells:
         cells = np.asarray(self._centres.query(points)[1], dtype=np.int64)
         return self.distances(points, cells), cells
 
-    def nearby(
-        self, points: FloatArray, bounds: FloatArray, cells: IntArray, enough: float = 0.0
-    ) -> tuple[FloatArray, IntArray]:
-        """The nearest of each point's own cell and the few cells with the nearest centres.
-
-        No further cells are tried for a point whose cell is within `enough`.
-        """
+    def nearby(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
+        """The nearest of each point's own cell and the few cells with the nearest centres."""
         candidate_cells = 8  # tried before a search
         bounds, cells = bounds.copy(), cells.copy()
         number = min(candidate_cells, len(self.corners))
         for begin, end in _ranges(len(points), PAIR_BATCH):
             candidates = np.asarray(self._centres.query(points[begin:end], k=[*range(1, number + 1)])[1])
-            rows = np.arange(begin, end)
-            for candidate in candidates.T:
-                rows = rows[bounds[rows] > enough]
-                candidate = candidate[rows - begin]
-                distance = self.distances(points[rows], candidate)
-                better = distance < bounds[rows]
-                bounds[rows[better]] = distance[better]
-                cells[rows[better]] = candidate[better]
+            rows = np.arange(end - begin)
+            each = self.distances(np.repeat(points[begin:end], number, axis=0), candidates.ravel())
+            best = each.reshape(-1, number).argmin(axis=1)
+            distance = each.reshape(-1, number)[rows, best]
+            better = np.flatnonzero(distance < bounds[begin:end])
+            bounds[begin + better], cells[begin + better] = distance[better], candidates[better, best[better]]
         return bounds, cells
 
     def distances(self, points: FloatArray, cells: IntArray) -> FloatArray:
@@ -169,6 +162,6 @@ def _to_triangles(relative: FloatArray, ab: FloatArray, ac: FloatArray) -> Float
 def _to_side(relative: FloatArray, direction: FloatArray) -> FloatArray:
     """(m,) squares of the distances of (3, m) points from the segments from the origin to `direction`."""
     square = column_dot(direction, direction)
-    t = np.clip(column_dot(relative, direction) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+    t = np.minimum(np.maximum(column_dot(relative, direction) / np.where(square > 0, square, 1.0), 0.0), 1.0)
     apart = relative - t * direction
     return column_dot(apart, apart)

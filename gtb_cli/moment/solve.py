@@ -116,8 +116,8 @@ def short_steps(
     Generalized self-concordant functions, Math. Programming 178 (2019), Thm 2).
     """
     longest = 8.0  # of the steps that are taken in full
-    s, solution, active = start, start, np.arange(start.shape[1])
-    for turn in range(16):  # most points need five; one that needs more is left
+    s, solution, active = start, start.copy(), np.arange(start.shape[1])
+    for _ in range(16):  # most points need five; one that needs more is left
         mean, spread, *_ = total.moments(s)
         mean -= p
         step = _step(mean, spread)
@@ -125,20 +125,18 @@ def short_steps(
         bound = -0.5 * np.einsum("ij,ij->j", mean, step)
         short = length <= longest
         done = short & (bound * np.exp(np.minimum(length, longest)) <= target)
-        long = np.flatnonzero(~short)
-        if len(long):
+        if not short.all():
+            long = np.flatnonzero(~short)
             step[:, long] *= np.log1p(length[long]) / length[long]
         step += s
-        if turn == 0:
-            solution = step
-        else:
+        s = step
+        if done.any():
             solution[:, active[done]] = step[:, done]
-        keep = np.flatnonzero(~done)
-        active = active[keep]
-        if not len(keep):
-            break
-        s, p, total = step.take(keep, axis=1), p.take(keep, axis=1), total.columns(keep)
-    solution[:, active] = start[:, active]
+            keep = np.flatnonzero(~done)
+            active = active[keep]
+            if not len(keep):
+                break
+            s, p, total = step.take(keep, axis=1), p.take(keep, axis=1), total.columns(keep)
     return solution, active
 
 
@@ -212,5 +210,7 @@ def _step(
     yy, xy = hessian[1] + regular, hessian[2]
     ratio = xy / xx
     rest = yy - ratio * xy
-    over = (ratio * gradient[0] - gradient[1]) / np.where(rest > 0, rest, np.maximum(yy, least))
-    return np.stack([-gradient[0] / xx - ratio * over, over])
+    step = np.empty_like(gradient)
+    np.divide(ratio * gradient[0] - gradient[1], np.where(rest > 0, rest, np.maximum(yy, least)), out=step[1])
+    np.subtract(-gradient[0] / xx, ratio * step[1], out=step[0])
+    return step
