@@ -77,7 +77,9 @@ IMPORTS = ("trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl")  # formats of oth
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")  # scalars that a mesh may have at each vertex
 BASIS = "basis:"  # prefix of the index of a basis function, whose values are a further scalar
 PARAMETRIZATIONS = ("linear", "toric")  # placements of the vertices of a mesh, the default first
-TEMPLATES = ("curve", "triangle", "rectangle", "pentagon", "n-gon", "model")  # starter specs
+# Starter specs, and how many sides those may have that take a number of them
+TEMPLATES: dict[str, int | None] = dict.fromkeys(("curve", "triangle", "rectangle", "pentagon"))
+TEMPLATES |= {"n-gon": 100, "model": None, "bowl": 24, "shade": 24, "joint": 8, "handle": None}
 SHELLS = ("bash", "zsh", "fish")  # shells that complete names and options
 RESOLUTION = 32  # segments along each edge of the domain if neither a number nor a tolerance is given
 MAX_FACES = 5_000_000  # largest number of cells of a mesh unless the caller allows more

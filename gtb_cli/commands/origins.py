@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @click.command
-@click.argument("template", metavar="TEMPLATE", type=click.Choice(TEMPLATES))
+@click.argument("template", metavar="TEMPLATE", type=click.Choice(list(TEMPLATES)))
 @click.argument("sides", metavar="[N]", type=WholeNumber(), required=False)
 @output_options
 def new(template: str, sides: int | None, streams: Streams) -> None:
@@ -30,7 +31,8 @@ def new(template: str, sides: int | None, streams: Streams) -> None:
     Print a spec with comments, to start from; it can be meshed as it is.
 
     TEMPLATE is curve, triangle, rectangle, pentagon, n-gon with the number N of its sides, or model (a closed body of
-    several patches). An existing file is not overwritten.
+    several patches). Things to hold, in millimetres, are bowl and shade, with N sides, joint, for N rods, and handle:
+    their numbers stand first, to be changed. An existing file is not overwritten.
     """
     from gtb_cli.language.starter import template as text_of
 
@@ -38,7 +40,9 @@ def new(template: str, sides: int | None, streams: Streams) -> None:
     if output != STANDARD and os.path.isfile(output):
         raise click.UsageError(f"{output} already exists and would be overwritten")
     streams.write(text)
-    streams.console.report(output, f"gtb mesh {output} -o {os.path.splitext(output)[0]}.obj meshes it")
+    stem, options = os.path.splitext(output)[0], re.search(r"gtb mesh \S+( .*)? -o \S+(\.\w+)$", text, re.MULTILINE)
+    assert options is not None
+    streams.console.report(output, f"gtb mesh {output}{options[1] or ''} -o {stem}{options[2]} meshes it")
 
 
 @click.command

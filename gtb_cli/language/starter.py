@@ -7,26 +7,28 @@ from gtb_cli.vocabulary import TEMPLATES
 
 
 def template(name: str, sides: int | None = None) -> str:
-    """Return a spec with comments that can be meshed as it is: one of `TEMPLATES`, "n-gon" with a number of sides.
+    """Return a spec with comments that can be meshed as it is: one of `TEMPLATES`, some with a number of sides.
 
     Raises `SpecError`: no template has this name, or the number of sides is missing, out of range or not used.
     """
-    min_sides, max_sides = 3, 100
     if name not in TEMPLATES:
         raise SpecError(f"template: expected one of {', '.join(TEMPLATES)}, got {name!r}")
-    if name == "n-gon":
-        if sides is None:
-            raise SpecError("n-gon: expected a number of sides, such as n-gon 7")
-        if not min_sides <= sides <= max_sides:
-            raise SpecError(f"n-gon: expected {min_sides} to {max_sides} sides, got {sides}")
-    elif sides is not None:
-        raise SpecError(f"{name}: expected no number of sides, got {sides}; n-gon takes one")
+    if (most := TEMPLATES[name]) is None:
+        if sides is not None:
+            takers = [each for each, most in TEMPLATES.items() if most]
+            raise SpecError(f"{name}: expected no number of sides, got {sides}; {', '.join(takers)} take one")
+    elif sides is None:
+        raise SpecError(f"{name}: expected a number of sides, such as {name} 5")
+    elif not 3 <= sides <= most:
+        raise SpecError(f"{name}: expected 3 to {most} sides, got {sides}")
     with open(os.path.join(os.path.dirname(__file__), "templates", f"{name}.toml"), encoding="utf-8") as file:
         text = file.read()
     # Editors that use Taplo read the first line. It names a file: no address would serve the keys of every version.
     schema_lines = "#:schema ./spec-schema.json\n"
     schema_lines += "# gtb schema -o spec-schema.json makes the file by which editors know the keys.\n\n"
-    return schema_lines + (text if sides is None else text.format(**_polygon(sides)))
+    return schema_lines + (
+        text.format(**_polygon(sides or 0)) if name == "n-gon" else text.replace("SIDES", f"{sides}")
+    )
 
 
 def _polygon(sides: int) -> dict[str, object]:

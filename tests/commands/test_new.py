@@ -4,22 +4,28 @@ import os
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gtb_cli.assembly.seams import joints
 from gtb_cli.checks.check import check
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
+from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
 from gtb_cli.language.starter import template
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.vocabulary import SHELLS, TEMPLATES
+from tests.marks import mostly_long
 from tests.shell import gtb, process, shell
 
-ALL = [(name, None) for name in TEMPLATES if name != "n-gon"] + [("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100)]
+THINGS = [("bowl", 5), ("shade", 6), ("joint", 3), ("handle", None)]
+PATCHES = ["curve", "triangle", "rectangle", "pentagon", "model"]
+ALL = [*THINGS, *((name, None) for name in PATCHES), *(("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100))]
 
 LINE = 110  # characters of a line that people read
 
@@ -31,7 +37,7 @@ def arguments(name: str, sides: int | None) -> list[object]:
 # --- new
 
 
-@pytest.mark.parametrize(("name", "sides"), ALL)
+@pytest.mark.parametrize(("name", "sides"), mostly_long(ALL[len(THINGS) :] + THINGS, len(ALL) - len(THINGS)))
 def test_a_template_meshes_and_has_the_properties(name, sides):
     result = gtb("new", *arguments(name, sides))
     assert result.status == 0
@@ -44,10 +50,72 @@ def test_a_template_meshes_and_has_the_properties(name, sides):
         assert check(shape).holds
     # No line of it is left to the defaults that is there to be changed, and lines can be read.
     assert result.text.startswith("#:schema ./spec-schema.json\n# ")
-    assert re.search(r"^# .*Mesh it with: gtb mesh \S+\.toml -o \S+\.obj", result.text, re.MULTILINE)
+    assert re.search(r"^# .*Mesh it with: gtb mesh \S+\.toml( .*)? -o \S+\.(obj|stl)$", result.text, re.MULTILINE)
     if sides != 100:
         assert max(map(len, result.text.splitlines())) <= LINE
     assert result.text.count("#") >= 4
+
+
+def command_of(text: str) -> list[str]:
+    """The words of the command in the first line of a template."""
+    return re.search(r"Mesh it with: gtb (.*)$", text, re.MULTILINE)[1].split()
+
+
+def test_things_are_named_with_the_numbers_of_sides_that_they_may_have():
+    assert {name for name, _ in ALL} == set(TEMPLATES)
+    assert {name for name, most in TEMPLATES.items() if most} == {"n-gon", *(name for name, n in THINGS if n)}
+
+
+COARSE = ["--tolerance", 0.4]
+LONG = [
+    *((*thing, []) for thing in THINGS),
+    *((name, k, COARSE) for name, n in THINGS if n for k in (3, TEMPLATES[name])),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "sides", "coarse"),
+    [*((*thing, COARSE) for thing in THINGS), *mostly_long(LONG, 0)],
+)
+def test_things_are_solid_by_their_own_command(name, sides, coarse, tmp_path, monkeypatch):
+    """With the thickness or radius of their first line they are of the height of their table, and stand level."""
+    monkeypatch.chdir(tmp_path)
+    made = gtb("new", *arguments(name, sides), "-o", f"{name}.toml", status=0)
+    words = command_of(Path(f"{name}.toml").read_text(encoding="utf-8"))
+    assert made.err.strip().endswith(f": gtb {' '.join(words)} meshes it")
+    done = gtb(*words, *coarse, "--require", "solid", status=0)
+    assert coarse or "warning" not in done.err
+    mesh = read_mesh(f"{name}.stl")
+    low, high = mesh.bounds
+    height = {"bowl": 45, "shade": 110, "joint": 17, "handle": 37}[name]
+    assert high[2] - low[2] == pytest.approx(height, abs=0.4)
+    feet = np.isclose(mesh.vertices[:, 2], low[2], atol=1e-5)[mesh.faces].all(axis=1)
+    assert feet.sum() > 4 or name == "joint"  # an area, not a line
+
+
+@pytest.mark.parametrize(("name", "sides"), [thing for thing in THINGS if thing[0] in ("bowl", "joint")])
+def test_seams_of_things_are_smooth(name, sides):
+    angles = {seam.name(model): seam.angle for model in [parse(template(name, sides))] for seam in joints(model)}
+    assert len(angles) >= 10
+    assert max(angles.values()) < 1e-9
+
+
+@pytest.mark.parametrize("arms", range(3, 9))
+def test_rods_fit_into_a_joint(arms):
+    """Its tubes are nowhere narrower than the rod with its play, nor wider than half a millimetre near their ends."""
+    patch = parse(template("joint", arms)).patches[0]
+    t = np.linspace(0, 3, 31)
+    points = patch.evaluate(np.stack(np.meshgrid(t, t), axis=-1).reshape(-1, 2))
+    radii = np.hypot(points[:, 1], points[:, 2])
+    assert radii.min() > 6.1 - 1e-12
+    assert radii[points[:, 0] > points[:, 0].max() - 20].max() < 6.1 + 0.35
+
+
+def test_numbers_of_things_may_be_changed():
+    text = template("bowl", 5).replace("sides = 5", "sides = 7").replace("height = 45", "height = 20")
+    model = parse(text.replace("width = 120", "width = 90"))
+    assert len(model) == 14
+    assert tessellate(model, 4).bounds[1, [0, 2]].tolist() == [45, 20]
 
 
 def test_templates_are_what_they_are_called():
