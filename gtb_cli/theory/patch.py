@@ -16,7 +16,6 @@ from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.knots.lattice import binomial_coefficients
-from gtb_cli.moment.torus import exponentials
 from gtb_cli.theory.basis import Location, partition_of_unity_coefficients
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis
 from gtb_cli.values import by_value, frozen
@@ -25,6 +24,7 @@ from gtb_cli.values import by_value, frozen
 COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": partition_of_unity_coefficients}
 
 if TYPE_CHECKING:
+    from gtb_cli.theory.derivatives import DerivativeField, Order
     from gtb_cli.theory.normals import NormalField
 
 
@@ -210,34 +210,52 @@ class Patch:
         """(count, 3) points at locations found by any parametrisation."""
         return self.rational_basis.blend(self.control_points, locations, count)
 
-    def derivatives(self, u: ArrayLike) -> FloatArray:
-        """(…, 3, d) first derivatives ∂P/∂u at parameters inside Δ, given as in `evaluate`.
+    def derivatives(self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric") -> FloatArray:
+        """First derivatives ∂P/∂u, or second ones ∂²P/∂u², also on the boundary of Δ.
 
-        ``∂P/∂u = Σ_j (Σ_i T_i h_j(a_i) (b_i − P)) (s_j ξ_j)ᵀ / h_j(u)``.
+        Parameters
+        ----------
+        u : (…, d) float, or (…) for a curve
+            Parameters, as in `evaluate`.
+        order : {1, 2}
+        parametrization : {"toric", "linear"}
+            With respect to which derivatives are taken.
+
+        Returns
+        -------
+        (…, 3, d) float, or (…, 3, d, d) of order 2
+            Coordinates of the derivatives, in model units per units of the knots. On the boundary they are limits from
+            inside. Where there is none, as they grow without bound or differ along different ways into a corner, or
+            where they are beyond floats, inf stands for it, without a sign.
 
         Raises
         ------
         DomainError
-            A parameter lies on the boundary, where the derivative may be infinite: use `normals` there.
+            A parameter lies outside Δ, or the order is another.
+
+        Notes
+        -----
+        Digits are kept up to the boundary: errors are some roundings of the largest term. In the toric parametrisation
+        the first derivative across edge j is infinite on it if a knot has 0 < h_j(a_i) < 1, and the second one also if
+        1 < h_j(a_i) < 2. In the linear parametrisation all first derivatives are finite on edges; the second one across
+        an edge is infinite if a knot is less than twice as far from it as the nearest ones. Control points for which
+        the infinite terms vanish are found.
+
+        References
+        ----------
+        Eq. (202), eq. (205), by the quotient rule.
         """
-        u, grid = self.domain.grid(u)
-        result = np.empty((len(u), 3, self.dimension))
-        points = self.control_points - (self.control_points.min(axis=0) + self.control_points.max(axis=0)) / 2
-        for where, face, knots, s in self.rational_basis.locations(u):
-            if not face.is_interior:
-                raise DomainError("derivatives are taken inside the domain: a parameter lies on its boundary")
-            t = exponentials(knots, self.log_products, s)
-            t /= t.sum(axis=0)
-            heights = self.domain.heights_of_columns(u[where])
-            # If h_j(u) is small, so are all T_i except those with h_j(a_i) = 0 exactly: digits are kept up to the
-            # edges. Zeros are of the boundary, which is refused with a later location.
-            mean = points.T @ t
-            rates = [
-                ((points * column[:, None]).T @ t - mean * (column @ t)) / np.where(height > 0, height, 1.0)
-                for column, height in zip(self.domain.heights.T, heights, strict=True)
-            ]
-            result[where] = np.einsum("jkm,jl->mkl", np.array(rates), self.domain.normals)
-        return result.reshape(*grid, 3, self.dimension)
+        columns, grid = self.domain.grid(u)
+        found = self._derivatives_of_points.at(columns, order, parametrization)
+        return found.reshape(*grid, *found.shape[1:])
+
+    def basis_derivatives(
+        self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric"
+    ) -> FloatArray:
+        """(…, n, d) first or (…, n, d, d) second derivatives of the T_i; everything else is as in `derivatives`."""
+        columns, grid = self.domain.grid(u)
+        found = self._derivatives_of_basis.at(columns, order, parametrization)
+        return found.reshape(*grid, *found.shape[1:])
 
     def normals(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """Unit normals of a surface, in the direction of ∂P/∂u_0 × ∂P/∂u_1, with their limits on the boundary.
@@ -294,6 +312,18 @@ class Patch:
 
     plot = plot
     _repr_html_ = frame
+
+    @cached_property
+    def _derivatives_of_points(self) -> DerivativeField:
+        from gtb_cli.theory.derivatives import DerivativeField
+
+        return DerivativeField(self.rational_basis, self.control_points)
+
+    @cached_property
+    def _derivatives_of_basis(self) -> DerivativeField:
+        from gtb_cli.theory.derivatives import DerivativeField
+
+        return DerivativeField(self.rational_basis, None)
 
     @cached_property
     def _normal_field(self) -> NormalField:

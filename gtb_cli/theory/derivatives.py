@@ -1,0 +1,239 @@
+"""First and second derivatives of the rational basis, and of points, in both parametrisations.
+
+Sums ``V = Σ_i v_i f_i / Σ_i f_i`` of terms f_i are differentiated by the quotient rule. In the toric parametrisation
+the terms are ``f_i = c_i ω_i Π_j h_j^{h_j(a_i)}``, with ``∂h_j/∂u = s_j ξ_j``. In the linear one they are those of
+`gtb_cli.theory.local_coordinates`; the chain rule then needs the derivatives of the moment map, which is V if the knots
+are the values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from itertools import combinations_with_replacement
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups
+from gtb_cli.errors import DomainError
+from gtb_cli.knots.differences import coordinate_rounding
+from gtb_cli.knots.face import Face
+from gtb_cli.knots.hull import knot_tolerance
+from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length
+from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, neighbourhoods
+from gtb_cli.theory.parametrization import Parametrization, RationalBasis
+from gtb_cli.values import frozen
+
+Order: TypeAlias = Literal[1, 2]
+
+
+class Jet(NamedTuple):
+    """(k, m) values of k functions at m places, (d, k, m) first derivatives, and (d, d, k, m) second ones."""
+
+    value: FloatArray
+    first: FloatArray
+    second: FloatArray
+
+
+@frozen
+class DerivativeField:
+    """Derivatives of k functions ``Σ_i T_i values_i`` of (n, k) values or, without values, of the n functions T_i."""
+
+    basis: RationalBasis
+    values: FloatArray | None
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # where there is no finite limit
+    def at(self, u: FloatArray, order: Order, parametrization: Parametrization) -> FloatArray:
+        """(m, k, d) first or (m, k, d, d) second derivatives at (m, d) parameters; see `Patch.derivatives`."""
+        if order not in (1, 2):
+            raise DomainError(f"order: expected 1 or 2, got {order!r}")
+        shape, work_arrays = self.basis.domain, 24  # as large as T, alive at once
+        result = np.empty((*(shape.dimension,) * order, self._count, len(u)))
+        if parametrization == "toric":
+            step = max(64, block_length(len(shape.knots)) // work_arrays)
+            for begin in range(0, len(u), step):
+                heights = shape.heights_of_columns(u[begin : begin + step], begin)
+                for number, rows in groups(shape.faces.at(heights)):
+                    for here, jet in self._toric(shape.faces[number], heights[:, rows]):
+                        result[..., begin + rows[here]] = jet[order]
+        else:
+            for location in self.basis.locations(u, parametrization):
+                rows = np.arange(len(u))[location.rows]
+                for here, local, e, layers in neighbourhoods(shape, self.basis.log_weights, location, work_arrays):
+                    p = u[rows[here]]
+                    result[..., rows[here]] = self._linear(location.face, p, local, e, layers)[order]
+        result[np.isnan(result)] = np.inf  # differences of numbers beyond floats
+        return np.asarray(np.moveaxis(result, [-1, -2], [0, 1]))
+
+    @cached_property
+    def _count(self) -> int:
+        return len(self.basis.domain.knots) if self.values is None else self.values.shape[1]
+
+    def _sums(self, k: int) -> Callable[[FloatArray], FloatArray]:
+        """Return the function from (n, m) terms to (k, m) sums of values less that of knot k, or to the terms."""
+        if self.values is None:
+            return lambda terms: terms
+        columns = (self.values - self.values[k]).T
+        return lambda terms: columns @ terms
+
+    def _values_of(self, knots: BoolArray, k: int) -> FloatArray:
+        """(k, q) values of some knots, as `_sums` takes them."""
+        if self.values is None:
+            return np.eye(self._count)[:, knots]
+        return np.asarray((self.values[knots] - self.values[k]).T)
+
+    @cached_property
+    def _rounding(self) -> float:
+        return 0.0 if self.values is None else coordinate_rounding(self.values)
+
+    @cached_property
+    def _exponents(self) -> FloatArray:
+        """(n, r) exponents h_j(a_i), exactly 1 and 2 where they are to rounding."""
+        shape = self.basis.domain
+        whole = np.clip(np.rint(shape.heights), 0, 2)
+        near = np.abs(shape.heights - whole) <= knot_tolerance(shape.knots) * shape.normal_lengths
+        return np.where(near, whole, shape.heights)
+
+    def _toric(self, face: Face, heights: FloatArray) -> Iterator[tuple[IntArray, Jet]]:
+        """Yield columns led by one knot, of (r, m) edge functions on a face, and derivatives there.
+
+        A facet through the face has the edge function 0: of its powers in a derivative, 0⁰ = 1 alone is left.
+        """
+        shape, zero = self.basis.domain, np.isin(np.arange(len(heights)), face.facets)
+        x = np.where(zero[:, None], 1.0, heights)
+        e = self._exponents @ np.log(x) + self.basis.log_weights[:, None]
+        for k, here in groups(np.where(face.knots[:, None], e, -np.inf).argmax(axis=0)):
+            powers = self._exponents - np.where(zero, 0.0, self._exponents[k])
+            directions = shape.normals[:, :, None] / x[:, None, here]
+            jet = jet_of(_power_terms(powers, zero, e[:, here] - e[k, here], directions), self._sums(k))
+            for facet in face.facets.tolist():
+                self._mark(jet, facet, face, k)
+            yield here, jet
+
+    def _mark(self, jet: Jet, facet: int, face: Face, k: int) -> None:
+        """Write inf where powers of an edge function, 0 here, have no finite derivative."""
+        normal = self.basis.domain.normals[facet]
+        across = np.outer(normal, normal) != 0
+        first, second = (_unlimited(self._exponents[:, facet], order) & ~face.knots for order in (1, 2))
+        slopes, bends = (
+            (np.abs(self._values_of(knots, k)[:, :, None] - jet.value[:, None]) > self._rounding).any(axis=1)
+            for knots in (first, second)
+        )
+        jet.second[across] = np.where(bends, np.inf, jet.second[across])
+        if first.any() and len(normal) == 2:
+            along = np.array([-normal[1], normal[0]])
+            mixed = np.outer(normal, along) + np.outer(along, normal) != 0
+            moves = slopes | (np.einsum("a,akm->km", along, jet.first) != 0)
+            jet.second[mixed] = np.where(moves, np.inf, jet.second[mixed])
+        jet.first[normal != 0] = np.where(slopes, np.inf, jet.first[normal != 0])
+
+    def _linear(self, face: Face, p: FloatArray, local: Local, e: FloatArray, layers: FaceLayers) -> Jet:
+        """Derivatives at (m, d) points of Δ, near which `local` are coordinates of the knots."""
+        shape = self.basis.domain
+        columns = np.arange(len(p))
+        steps = np.array([shape.knots[pivot] - shape.knots[local.k] for pivot in local.pivots])
+        to_local = _inverse(np.moveaxis(steps, 1, 2)).swapaxes(0, 1)  # (d, d, m): row b has ∂ξ_b/∂p
+        target = np.einsum("bcm,mc->bm", to_local, p - shape.knots[local.k])
+        heights = shape.heights_of_columns(p)
+        # Over an edge with knot k and another pivot, the height has more digits than the difference.
+        for b, one in enumerate(local.pivots):
+            for edge in np.flatnonzero(shape.incidence[local.k]).tolist():
+                over = np.all([shape.incidence[other, edge] for other in local.pivots if other is not one], axis=0)
+                over &= ~shape.incidence[one, edge]
+                target[b] = np.where(over, heights[edge] / shape.heights[one, edge], target[b])
+
+        def coordinates(terms: FloatArray) -> FloatArray:
+            return np.array([(axis * terms).sum(axis=0) for axis in local.axes])
+
+        for _ in range(0 if face.is_corner else 2):  # of Newton's steps, which the solver leaves out near edges
+            own = jet_of(local.terms(e, layers), coordinates)
+            change = np.einsum("bam,bm->am", _inverse(own.first), target - own.value)
+            for axis, pivot, step in zip(local.axes, local.pivots, change, strict=True):
+                relative = step * np.exp(-e[pivot, columns])
+                e = e + axis * np.where(np.abs(relative) < 0.5, np.log1p(relative), 0.0)
+        terms = local.terms(e, layers)
+        own, jet = jet_of(terms, coordinates), jet_of(terms, self._sums(local.k))
+        to_x = _inverse(own.first)
+        slopes = np.einsum("bam,akm->bkm", to_x, jet.first)
+        bends = jet.second - np.einsum("bkm,acbm->ackm", slopes, own.second)
+        whole = np.einsum("bcm,bam->cam", to_local, to_x)
+        first = np.einsum("bcm,bkm->ckm", to_local, slopes)
+        second = np.einsum("aim,bjm,ijkm->abkm", whole, whole, bends)
+
+        def leave_the_plane(knots: BoolArray) -> BoolArray:
+            """(k, m) whether values of some knots are not those of the tangent plane."""
+            away = np.array(local.axes)[:, knots] - own.value[:, None]
+            rise = self._values_of(knots, local.k)[:, :, None] - jet.value[:, None]
+            planes = slopes[:, :, None] * away[:, None]
+            rounding = self._rounding + 64 * EPS * (np.abs(rise) + np.abs(planes).sum(axis=0))
+            return np.asarray((np.abs(rise - planes.sum(axis=0)) > rounding).any(axis=1))
+
+        for facet, knots in layers.against:
+            across = np.outer(shape.normals[facet], shape.normals[facet]) != 0
+            second[across] = np.where(leave_the_plane(knots), np.inf, second[across])
+        slow = leave_the_plane(layers.slow)
+        return Jet(jet.value, np.where(slow, np.inf, first), np.where(slow, np.inf, second))
+
+
+def jet_of(terms: Terms, sums: Callable[[FloatArray], FloatArray]) -> Jet:
+    """Differentiate ratios of sums of values times (n, m) terms, and of the terms themselves, by the quotient rule."""
+    total, d = terms.point.sum(axis=0), len(terms.first)
+    value = sums(terms.point) / total
+    rates = [x.sum(axis=0) / total for x in terms.first]
+    first = [sums(x) / total - value * rate for x, rate in zip(terms.first, rates, strict=True)]
+    second = np.empty((d, d, *value.shape))
+    for x, (a, b) in zip(terms.second, combinations_with_replacement(range(d), 2), strict=True):
+        bend = sums(x) / total - value * (x.sum(axis=0) / total) - first[a] * rates[b] - first[b] * rates[a]
+        second[a, b] = second[b, a] = bend
+    return Jet(value, np.array(first), second)
+
+
+def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions: FloatArray) -> Terms:
+    """Terms e^e, and their derivatives, of products of (n, r) powers of r edge functions.
+
+    Some edge functions are zero. The (r, d, m) directions are derivatives of their logarithms, of those that are zero
+    derivatives of themselves.
+    """
+    r, d, m = directions.shape
+    f = np.where(e > UNDERFLOW_EXPONENT, np.exp(e), 0.0)
+    orders = [
+        np.where(zero, factor * (powers == order), live)
+        for order, factor, live in ((0, 1, 1.0), (1, 1, powers), (2, 2, powers * (powers - 1)))
+    ]
+
+    def derivative(*edges: int) -> FloatArray:
+        """(n,) factor of the term in a derivative by some edge functions."""
+        counts = [edges.count(j) for j in range(r)]
+        return np.asarray(np.prod([orders[count][:, j] for j, count in enumerate(counts) if count or zero[j]], axis=0))
+
+    point = f * (powers[:, zero] == 0).all(axis=1)[:, None]
+    slopes = np.array([derivative(j) for j in range(r)]).T
+    pairs = list(combinations_with_replacement(range(r), 2))
+    bends = np.array([derivative(*pair) for pair in pairs]).T
+    second = []
+    for a, b in combinations_with_replacement(range(d), 2):
+        products = [
+            directions[i, a] * directions[j, b] + (directions[j, a] * directions[i, b] if i != j else 0.0)
+            for i, j in pairs
+        ]
+        second.append(f * (bends @ np.array(products).reshape(len(pairs), m)))
+    return Terms(point, tuple(f * (slopes @ directions[:, a]) for a in range(d)), tuple(second))
+
+
+def _unlimited(powers: FloatArray, order: int) -> BoolArray:
+    """(n,) whether powers of x, or their products, have no finite derivative of an order at x = 0."""
+
+    def unlimited(exponents: FloatArray) -> BoolArray:
+        whole = np.abs(exponents - np.rint(exponents)) <= 64 * EPS
+        return np.asarray((exponents > 0) & (exponents < order) & ~whole)
+
+    return unlimited(powers) | unlimited(powers[:, None] + powers).any(axis=1)
+
+
+def _inverse(matrices: FloatArray) -> FloatArray:
+    """(d, d, m) inverse matrices, d up to 2."""
+    if len(matrices) == 1:
+        return np.asarray(1 / matrices)
+    (a, b), (c, d) = matrices
+    return np.asarray(np.array([[d, -b], [-c, a]]) / (a * d - b * c))

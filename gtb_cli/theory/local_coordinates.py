@@ -1,0 +1,167 @@
+"""Coordinates of the knots about the one with the largest T, in which no digits of derivatives are lost.
+
+They are 0 at this knot, and 1 in turn at the next d knots with most of T, so that terms ``w_i x^ξ_i y^η_i`` of the
+basis have no second derivatives in x or y at these knots. Towards an edge or a corner only the layers of knots whose T
+vanishes last are left in a derivative: its limit is a sum over them.
+"""
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from itertools import combinations_with_replacement
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
+from gtb_cli.knots.differences import Differences
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import Face
+from gtb_cli.knots.hull import knot_tolerance
+from gtb_cli.knots.layers import LAYER_TOLERANCE
+from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length, exponents
+from gtb_cli.theory.basis import Location
+from gtb_cli.values import frozen
+
+
+class Terms(NamedTuple):
+    """(n, m) terms of T up to a factor for each column, their d first derivatives, and their second: xx, xy, yy."""
+
+    point: FloatArray
+    first: tuple[FloatArray, ...]
+    second: tuple[FloatArray, ...]
+
+
+@frozen
+class FaceLayers:
+    """(n,) bool each: the knots that count in each sum on a face, and those that prevent a limit there.
+
+    Inside Δ all knots count in all sums. A limit on an edge is a sum over the knots with one value of η, a limit at a
+    corner is one over the knots with one value of ξ and of η.
+
+    `slow` are the knots at a corner because of which first derivatives have no limit, and `against`, for each facet
+    through the face, those because of which second derivatives across this facet have none; unless their values are
+    those of the tangent plane.
+    """
+
+    point: BoolArray
+    first: tuple[BoolArray, ...]
+    second: tuple[BoolArray, ...]
+    slow: BoolArray
+    against: tuple[tuple[int, BoolArray], ...]
+
+    @cached_property
+    def hindering(self) -> BoolArray:
+        """Knots that prevent a limit of some derivative."""
+        return np.asarray(np.any([self.slow, *(knots for _, knots in self.against)], axis=0))
+
+
+def face_layers(shape: Domain, face: Face) -> FaceLayers:
+    """Return the layers of knots at a face of Δ; at a corner, ξ runs along the edge that starts there."""
+    every = np.ones(len(shape.knots), dtype=bool)
+    if face.is_interior:
+        d = shape.dimension
+        return FaceLayers(every, (every,) * d, (every,) * (d * (d + 1) // 2), ~every, ())
+    if not face.is_corner or shape.dimension == 1:
+        level = _levels(shape.heights[:, face.index])
+        on, first, second = (level == k for k in (0, 1, 2))
+        along = (on,) * (shape.dimension - 1)
+        across = (face.index, (level > 1) & (level < 2))
+        return FaceLayers(on, (*along, first), (*along, *(first,) * len(along), second), ~every, (across,))
+    heights, incidence, edges = shape.heights, shape.incidence, ((face.index - 1) % len(shape.vertices), face.index)
+    levels = [
+        _levels(heights[:, edge], incidence[:, other]) for edge, other in zip(edges, reversed(edges), strict=True)
+    ]
+    point, *first = (_at(levels, place) for place in ((0, 0), (1, 0), (0, 1)))
+    second = tuple(_at(levels, place) for place in ((2, 0), (1, 1), (0, 2)))
+    slow = np.any([(level > 0) & (level < 1) for level in levels], axis=0)
+    against = tuple((edge, (level > 1) & (level < 2)) for edge, level in zip(edges, levels, strict=True))
+    return FaceLayers(point, tuple(first), second, slow, against)
+
+
+def _at(levels: Sequence[FloatArray], place: tuple[int, ...]) -> BoolArray:
+    return np.asarray(np.all([level == k for level, k in zip(levels, place, strict=True)], axis=0))
+
+
+def _levels(heights: FloatArray, among: BoolArray | None = None) -> FloatArray:
+    """(n,) heights over the lowest positive one (among some knots), rounded to 0, 1 and 2 within `LAYER_TOLERANCE`."""
+    positive = heights > 0 if among is None else (heights > 0) & among
+    level = heights / heights[positive].min()
+    for whole in (1, 2):
+        level[np.abs(level - whole) * heights[positive].min() <= LAYER_TOLERANCE * heights.max()] = whole
+    return np.asarray(level)
+
+
+class Local(NamedTuple):
+    """Coordinates about knot k at m places: d (n, m) `axes`, and the (m,) indices of the `pivots` at which these are 1.
+
+    `turn` is 1 where the three knots of a surface are counter-clockwise, else −1.
+    """
+
+    k: int
+    axes: tuple[FloatArray, ...]
+    pivots: tuple[IntArray, ...]
+    turn: FloatArray
+
+    def terms(self, e: FloatArray, layers: FaceLayers) -> Terms:
+        """Terms at (n, m) logarithms of T relative to knot k, in units in which those of the pivots have slope 1."""
+        logs = [e[pivot, np.arange(e.shape[1])] for pivot in self.pivots]
+        pairs = combinations_with_replacement(range(len(self.axes)), 2)
+        return Terms(
+            _weighted(e, layers.point, 0.0, 1.0),
+            tuple(map(_weighted, [e] * len(self.axes), layers.first, logs, self.axes)),
+            tuple(
+                _weighted(e, members, logs[a] + logs[b], self.axes[a] * (self.axes[b] - (a == b)))
+                for members, (a, b) in zip(layers.second, pairs, strict=True)
+            ),
+        )
+
+
+def neighbourhoods(
+    shape: Domain, log_weights: FloatArray, location: Location, work_arrays: int
+) -> Iterator[tuple[IntArray, Local, FloatArray, FaceLayers]]:
+    """Yield columns of a location led by one knot, with coordinates about it, (n, m) logarithms of T, and layers.
+
+    `work_arrays` as large as T are alive at once.
+    """
+    face, n = location.face, len(shape.knots)
+    layers = face_layers(shape, face)
+    knots = location.knots
+    if not face.is_interior:
+        knots = np.zeros((n, 0)) if face.is_corner else shape.along(face.index, shape.knots)[:, None]
+    step = max(64, block_length(n) // work_arrays)
+    for begin in range(0, location.s.shape[1], step):
+        e = exponents(knots, log_weights, location.s[:, begin : begin + step])
+        for k, here in groups(np.where(layers.point[:, None], e, -np.inf).argmax(axis=0)):
+            about = e[:, here] - e[k, here]
+            yield begin + here, local_coordinates(shape, k, about, layers), about, layers
+
+
+def local_coordinates(shape: Domain, k: int, e: FloatArray, layers: FaceLayers) -> Local:
+    """Return coordinates about the knot k with the largest T, for (n, m) logarithms of T.
+
+    The other knots are chosen like pivots, so that the triangle has neither little weight nor a small angle.
+    """
+    columns = np.arange(e.shape[1])
+    if shape.dimension == 1:
+        steps = shape.knots - shape.knots[k]
+        steps[np.abs(steps) <= knot_tolerance(shape.knots)] = 0.0
+        one = _pivot(e, steps, layers.first[0])
+        return Local(k, (steps / steps[one, 0],), (one,), np.ones(len(columns)))
+    about = Differences(shape, k)
+    one = _pivot(e, about.lengths[:, None], layers.first[0])
+    eta = about.across(one)
+    other = _pivot(e, eta, layers.first[1])
+    xi, turn = about.across(other), np.sign(eta[other, columns])
+    return Local(k, (xi / xi[one, columns], eta / eta[other, columns]), (one, other), turn)
+
+
+def _pivot(e: FloatArray, extents: FloatArray, members: BoolArray) -> IntArray:
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.where(members[:, None], e + 2 * np.log(np.abs(extents)), -np.inf).argmax(axis=0))
+
+
+def _weighted(e: FloatArray, members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:
+    """(n, m) factor · T up to exp(shift), for members; exact zeros are kept."""
+    x = np.exp(np.clip(e - shift, UNDERFLOW_EXPONENT, -UNDERFLOW_EXPONENT)) * factor
+    x[~members] = 0.0
+    return np.asarray(x)
