@@ -89,9 +89,11 @@ def test_a_refused_thickness_names_one_that_is_solid(tmp_path):
         assert gtb("mesh", path, f"--thickness={named}", *options).status == 0
 
 
-def test_no_thickness_is_named_for_a_surface_that_passes_through_itself():
+@pytest.mark.parametrize(("y", "z"), [(0.47, -0.46), (0.5, -0.46), (0.47, -0.5), (0.5, -0.5)])
+def test_no_thickness_is_named_for_a_surface_that_passes_through_itself(y, z):
+    """Inside faces, along the edges of one patch, of the other, and of both."""
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    wall = [[x, 0.47, z - 0.46] for x, z in square]
+    wall = [[u, y, z + v] for u, v in square]
     cross = Model((Patch(square, [[x, y, 0] for x, y in square], name="floor"), Patch(square, wall, name="wall")))
     with pytest.raises(RequirementError, match=r"no thickness is solid, as the surface passes through itself$"):
         Recipe(4, thickness=0.1, require="solid").mesh(cross)
