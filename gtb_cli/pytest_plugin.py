@@ -118,7 +118,6 @@ class MeshRegression:
 
         with suppress(TypeError, ValueError):  # None and percentages
             tolerance = float(tolerance)  # type: ignore[arg-type]
-        ignored = (ignore,) if isinstance(ignore, str) else tuple(ignore)
         if n is not None:
             options["resolution"] = n
         try:
@@ -127,7 +126,7 @@ class MeshRegression:
             golden = self._golden(format, basename, fullpath)
             path = self._file.parent / what if isinstance(what, str | os.PathLike) else what
             data = b"".join(encode_mesh(operand(path, recipe).known.mesh, format))
-            self._compare(golden, data, Comparing(recipe, tolerance, kind, ignored))
+            self._compare(golden, data, Comparing(recipe, tolerance, kind, ignore))
         except GtbError as error:
             raise error.with_traceback(None) from None
 

@@ -82,10 +82,10 @@ def decompose(
         else:
             parts = [_decomposition(loaded, lifting, net)]
             found = _data(parts[0])
-        if net:
-            from gtb_cli.pictures.nets import mesh_of_nets
+    if net:
+        from gtb_cli.pictures.nets import mesh_of_nets
 
-            return write_lines(streams, kind, mesh_of_nets(loaded.patches, parts, loaded.name))
+        return write_lines(streams, kind, mesh_of_nets(loaded.patches, parts, loaded.name))
     if as_json:
         return write_json(streams.output, found)
     streams.write("\n".join(map(_text, parts)))

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, get_args
 
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, Console, abandon, complain, error_record, printable
+from gtb_cli.shell.console import STANDARD, Console, complain, error_record, printable
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
@@ -149,24 +147,14 @@ def diff(
             write_json(output, {"same": False, "errors": [*map(error_record, faults_about(error))]})
         raise
     _tell(answer, console)
-    with _as_far_as_read():
-        if as_json:
-            write_json(output, record(answer))
-        else:
-            write_text(output, text_about(answer))
+    if as_json:
+        write_json(output, record(answer))
+    else:
+        write_text(output, text_about(answer))
     if reports or pictures is not None:
         _write(reviewed(answer.paths, [answer], comparing), reports, pictures, console)
     if not answer.same:
         raise click.exceptions.Exit(1)
-
-
-@contextmanager
-def _as_far_as_read() -> Iterator[None]:
-    """Let the reader of a pipe close it, as reports and the exit status are still to come."""
-    try:
-        yield
-    except BrokenPipeError:
-        abandon(sys.stdout)
 
 
 def _refuse_pictures(folder: str, compared: Sequence[str]) -> None:
@@ -182,8 +170,7 @@ def _refuse_pictures(folder: str, compared: Sequence[str]) -> None:
 def _write(review: Review, reports: Sequence[str], pictures: str | None, console: Console) -> None:
     """Write pictures and reports."""
     places = {} if pictures is None else write_pictures(pictures, review)
-    with _as_far_as_read():
-        write_reports(reports, review, places)
+    write_reports(reports, review, places)
     if pictures is not None and len(places) < len(review.changes):
         console.note(f"{pictures}: {len(review.changes) - len(places)} of the changes without a picture")
 
@@ -232,15 +219,13 @@ def _diff_folders(
             "extra": [answer.name for answer in extra],
             "errors": [{"name": each.name, **error_record(error)} for each in unreadable for error in each.errors],
         }
-        with _as_far_as_read():
-            write_json(output, found)
+        write_json(output, found)
     else:
         text = "".join(map(text_about, different))
         text += "".join(f"{printable(f'missing: {answer.paths[0]} is not in {b}')}\n" for answer in missing)
         text += "".join(f"{printable(f'extra: {answer.paths[1]} is not in {a}')}\n" for answer in extra)
         counts = [f"{len(found)} {verdict}" for verdict, found in answers.items() if found or verdict != "unreadable"]
-        with _as_far_as_read():
-            write_text(output, f"{text}{', '.join(counts)}\n")
+        write_text(output, f"{text}{', '.join(counts)}\n")
     for answer in unreadable:
         for error in answer.errors:
             complain(error)

@@ -120,10 +120,13 @@ def isocurve(
     with streams.spec_of(spec) as loaded:
         patch = single(loaded)
         if polyline is None:
-            return streams.write(dump(curve_of(patch, axis, value)))
-        points = isoparametric_points(patch, axis, value, polyline + 1)[1]
-        segments = np.stack([np.arange(polyline), np.arange(1, polyline + 1)], axis=1)
-        write_lines(streams, kind, Mesh(points, segments, name=patch.name or "patch"))
+            text = dump(curve_of(patch, axis, value))
+        else:
+            points = isoparametric_points(patch, axis, value, polyline + 1)[1]
+    if polyline is None:
+        return streams.write(text)
+    segments = np.stack([np.arange(polyline), np.arange(1, polyline + 1)], axis=1)
+    write_lines(streams, kind, Mesh(points, segments, name=patch.name or "patch"))
 
 
 @click.command

@@ -107,12 +107,15 @@ def side_normals(side: HoleSide) -> FloatArray:
     """
     parallel_sine = 1e-10  # tangent and field do not span a plane below this
     assert side.across is not None
+    directions = []
     _, tangents = points_and_tangents(side.curve, stations())
-    lengths = [np.linalg.norm(v, axis=1, keepdims=True) for v in (tangents, side.across)]
-    for what, length in zip(("the tangent", "the ribbon's distance from the curve"), lengths, strict=True):
+    for what, vectors in (("the tangent", tangents), ("the ribbon's distance from the curve", side.across)):
+        vectors = vectors / (np.abs(vectors).max() or 1.0)  # their squares must not underflow
+        length = np.linalg.norm(vectors, axis=1, keepdims=True)
         if not (length > POINT_SIZE * length.max()).all():
             raise DomainError(f"{side.name}: {what} vanishes on it, near t = {stations()[int(length.argmin())]:.3f}")
-    cross = np.cross(tangents / lengths[0], side.across / lengths[1])
+        directions.append(vectors / length)
+    cross = np.cross(*directions)
     sine = np.linalg.norm(cross, axis=1, keepdims=True)
     if not (sine > parallel_sine).all():
         place = stations()[int(sine.argmin())]

@@ -5,13 +5,13 @@ from bisect import bisect_left
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import TypeAlias, get_args
 
 import numpy as np
 
 from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.shapes import shape_distance
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import DomainError, GtbError
 from gtb_cli.files import read_up_to
 from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES
@@ -66,7 +66,7 @@ def diff(
     *,
     recipe: Recipe | None = None,
     kind: Kind = "auto",
-    ignore: Collection[Aspect] = (),
+    ignore: Aspect | Collection[Aspect] = (),
 ) -> Difference:
     """Compare two meshes, as ``gtb diff`` does.
 
@@ -81,7 +81,7 @@ def diff(
     kind : {"auto", "vertices", "surface"}
         Whether vertices are compared if the faces are the same; nothing but vertices; or surfaces. Two patches or
         models are then compared themselves, and not as meshes.
-    ignore : collection of {"orientation", "connectivity"}
+    ignore : {"orientation", "connectivity"}, or a collection of them
         What is not a difference between meshes in the same place: faces that are turned over; and other holes or parts,
         vertices shared in another way, and faces that are missing, there twice or without area.
 
@@ -139,11 +139,16 @@ def compared(
     b: Operand,
     tolerance: float | str | None = None,
     kind: Kind = "auto",
-    ignore: Collection[Aspect] = (),
+    ignore: Aspect | Collection[Aspect] = (),
 ) -> Difference:
     """Compare two operands; see `diff`."""
+    aspects = (ignore,) if isinstance(ignore, str) else tuple(ignore)
+    for name, known, words in (("kind", get_args(Kind), (kind,)), ("ignore", get_args(Aspect), aspects)):
+        for word in words:
+            if word not in known:
+                raise DomainError(f"{name}: expected {' or '.join(known)}, got {word!r}")
     if kind != "surface" or a.spec is None or b.spec is None:
-        return difference(a.known, b.known, tolerance, kind, ignore)
+        return difference(a.known, b.known, tolerance, kind, aspects)
     found = shape_distance(a.spec, b.spec)
     bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]
     resolution = float(np.linalg.norm(np.sum([rounding(largest_coordinates(each)) for each in bounds], axis=0)))

@@ -60,9 +60,9 @@ def _across(cells: IntArray) -> IntArray:
     """(k, 3) corners beyond each side, as 3 · triangle + corner; −1 where there is no neighbour, or several."""
     sides = sides_of(cells)
     edge = sides.edge.ravel()
-    pairs = np.flatnonzero(sides.uses[edge] == 2)
-    pairs = pairs[np.argsort(edge[pairs], kind="stable")].reshape(-1, 2)
-    result = np.full(edge.shape, -1)
+    shared = np.flatnonzero(sides.uses[edge] == 2)
+    pairs = shared[np.argsort(edge[shared], kind="stable")].reshape(-1, 2)
+    result = np.full(len(edge), -1)
     for k in (0, 1):
         triangle, side = np.divmod(pairs[:, 1 - k], 3)
         result[pairs[:, k]] = 3 * triangle + (side + 2) % 3

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
@@ -15,6 +16,7 @@ from gtb_cli.meshes.hausdorff import Farthest, mesh_distance
 from gtb_cli.meshes.matching import matching, unlike
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
+from gtb_cli.vocabulary import percentage
 
 # Fraction of the bounding box's diagonal. Other processors and libraries change meshes by about 1e-13 of it; moving a
 # control point by 1e-6 moves the surface by more than this wherever its basis function exceeds a thousandth.
@@ -189,12 +191,11 @@ def allowed_for(tolerance: float | str | None, diagonal: float, resolution: floa
     """Return the tolerance asked for, in model units, and the one that holds; `DomainError` if it is none."""
     if tolerance is None:
         return None, max(DEFAULT_TOLERANCE * diagonal, resolution)
-    try:
-        asked = float(tolerance.removesuffix("%")) / 100 * diagonal if isinstance(tolerance, str) else tolerance
-    except ValueError:
-        asked = math.nan
-    if not asked >= 0:
-        raise DomainError(f"tolerance: must be a number from 0, or a percentage, got {tolerance!r}")
+    asked = math.nan
+    with suppress(DomainError, TypeError, ValueError):
+        asked = percentage(tolerance) / 100 * diagonal if isinstance(tolerance, str) else float(tolerance)
+    if not 0 <= asked < math.inf:
+        raise DomainError(f"tolerance: expected a number from 0, or a percentage such as '1%', got {tolerance!r}")
     return asked, max(asked, resolution)
 
 

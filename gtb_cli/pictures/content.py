@@ -27,6 +27,8 @@ from gtb_cli.values import frozen
 
 NO_POINTS = np.empty((0, 3))
 
+EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
+
 
 class Keyframe(NamedTuple):
     """One state of a moving shape: (m, 3) positions and unit normals (none for curves), and control points."""
@@ -183,7 +185,7 @@ def _beside(one: Content, other: Content) -> Content:
             for name in sorted(one.scalars.keys() & other.scalars.keys())
         },
         vertices=one.vertices + other.vertices,
-        normals=one.normals if other.normals in one.normals else f"{one.normals} and {other.normals}",
+        normals=_together(one.normals, other.normals),
     )
 
 
@@ -211,7 +213,14 @@ def _word(mesh: Mesh) -> str:
     """Say whose the normals at the vertices of a mesh are."""
     if mesh.normals is None:
         return "means of the triangles', which part at edges sharper than 35°"
-    return "exact at vertices" if mesh.exact_normals else "not all exact"
+    return EXACT if mesh.exact_normals else NOT_ALL_EXACT
+
+
+def _together(one: str, other: str) -> str:
+    """Say whose the normals of two contents are."""
+    if {one, other} == {EXACT, NOT_ALL_EXACT}:
+        return NOT_ALL_EXACT
+    return one if other in one else f"{one} and {other}"
 
 
 def _keyframe(mesh: Mesh, points: FloatArray = NO_POINTS) -> Keyframe:

@@ -213,8 +213,15 @@ def versioned(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_text(output: str, text: str) -> None:
-    """Write text as UTF-8, whatever the locale, as `write_blocks` does."""
-    write_blocks(output, [text.encode("utf-8", "backslashreplace")])
+    """Write text as UTF-8, whatever the locale, as `write_blocks` does.
+
+    A reader that closes its pipe has read what it wanted: what the exit status says is still to come.
+    """
+    try:
+        write_blocks(output, [text.encode("utf-8", "backslashreplace")])
+    except BrokenPipeError:
+        if output == STANDARD:
+            abandon(sys.stdout)
 
 
 def is_terminal(output: str) -> bool:

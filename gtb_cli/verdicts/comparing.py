@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import filecmp
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -49,7 +49,7 @@ class Comparing:
     recipe: Recipe = field(default_factory=Recipe)
     tolerance: float | str | None = None
     kind: Kind = "auto"
-    ignore: tuple[Aspect, ...] = ()
+    ignore: Aspect | Collection[Aspect] = ()
     spec_format: str | None = None
 
     def files(self, first: str, second: str) -> Answer:

@@ -172,6 +172,12 @@ def test_a_closed_pipe_ends_silently(line, workplace):
     assert result.status == 0
 
 
+def test_a_closed_pipe_does_not_change_the_verdict(workplace):
+    result = shell("gtb check specs/pentagon.toml --require watertight | true", workplace)
+    assert result.status == 1
+    assert "not watertight" in result.err
+
+
 def test_eval_does_not_depend_on_how_a_pipe_is_cut(start, tmp_path):
     text = "".join(f"{i / 5000} {1 - i / 5000}\n" for i in range(5000)).encode()
     whole = process("eval", PENTAGON, stdin=text)

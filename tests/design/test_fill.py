@@ -149,7 +149,7 @@ def test_corners_where_ribbons_disagree_are_said(tmp_path):
     assert np.nanmax(filling.corner_angles[2:]) < 1e-6
 
 
-@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
+@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e-200, 0.0), (1e9, 0.0), (1.0, 1e7)])
 def test_any_size_and_place(scale, shift):
     plain = random_sides(3, 5, (3, 3))
     moved = []

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from gtb_cli import DomainError, Model, Patch, diff, distance, elevate, load, tessellate, write_mesh
 from gtb_cli.distances.shapes import RELATIVE_ERROR
+from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.verdicts.comparing import Answer
 from gtb_cli.verdicts.differences import text_about
 from tests.marks import long, mostly_long
@@ -120,6 +121,27 @@ def test_the_same_surface_within_a_loose_bound_is_not_called_so_without_it():
     assert loose.limits == ("nothing farther apart than 0 was found, but it is not proved: it could be 0.0101",)
     text = text_about(Answer("", ("a.toml", "b.toml"), "same", loose))
     assert "surfaces 0 apart where they were looked at, themselves (by a search, not proved: at most 0.0101)" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"kind": "misspelt"}, "kind: expected auto or vertices or surface, got 'misspelt'"),
+        ({"ignore": ["orientation", "x"]}, "ignore: expected orientation or connectivity, got 'x'"),
+        *(({"tolerance": value}, "tolerance: expected a number from 0, or a percentage")
+          for value in ("1e-6", "nan%", "1_0%", -1, math.inf, [1])),
+    ],
+)  # fmt: skip
+def test_what_diff_does_not_understand_it_refuses(options, message):
+    with pytest.raises(DomainError, match=message):
+        diff(pentagon(), pentagon(), **options)
+
+
+def test_one_aspect_may_be_ignored_by_its_name():
+    mesh = tessellate(pentagon(), 2)
+    turned = Mesh(mesh.vertices, mesh.cells[:, ::-1])
+    assert not diff(mesh, turned).same
+    assert diff(mesh, turned, ignore="orientation").same
 
 
 def test_what_diff_compares():

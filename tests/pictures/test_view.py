@@ -9,8 +9,10 @@ import pytest
 
 import gtb_cli
 from gtb_cli.knots.decomposition import control_net
-from gtb_cli.pictures.content import content_of, sides
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.pictures.content import content_of, content_of_mesh, joined, sides
 from gtb_cli.pictures.shapes import with_normals
+from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
 
@@ -79,6 +81,19 @@ def test_a_fold_within_a_patch_is_marked():
     assert sides(mesh, [("all", 0, 2)])["folds"].tolist() == [[1, 2]]
     lines = sides(mesh, [("one", 0, 1), ("other", 1, 2)])
     assert (lines["border"].tolist(), len(lines["folds"])) == ([[1, 2]], 0)
+
+
+def test_the_page_says_whether_normals_are_exact():
+    """A sheet that is folded has no normals along the fold."""
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    even = Patch(square, [[x, y, x * y] for x, y in square])
+    fold = Patch([[i, j] for i in range(3) for j in (0, 1)], [[abs(i - 1), j, 0] for i in range(3) for j in (0, 1)])
+    mesh = gtb_cli.tessellate(even, 2)
+    exact, partly, bare = content_of(even, 2), content_of(fold, 2), content_of_mesh(Mesh(mesh.vertices, mesh.cells), "")
+    assert [each.normals for each in (exact, partly)] == ["exact at vertices", "not all exact"]
+    assert joined([exact, partly]).normals == joined([partly, exact]).normals == "not all exact"
+    assert joined([exact, bare]).normals == f"exact at vertices and {bare.normals}"
+    assert bare.normals.startswith("means of the triangles'")
 
 
 def test_sequences_and_meshes(tmp_path):
