@@ -33,6 +33,8 @@ LFS_POINTER = b"version https://git-lfs"  # beginning of the pointer to a file t
 LFS_FAULT = "is a pointer of Git LFS in place of the file, which git lfs pull fetches"
 Up: TypeAlias = Literal["z", "y"]  # the axis of a file that stands for the spec's vertical z axis
 UP: tuple[Up, ...] = ("z", "y")
+Rim: TypeAlias = Literal["normal", "flat"]  # the way of a solid from the rim of its surface to that of the offset
+RIMS: tuple[Rim, ...] = ("normal", "flat")  # the default first
 
 
 class Format(NamedTuple):

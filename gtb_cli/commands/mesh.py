@@ -54,7 +54,7 @@ class GroupedOptions(click.Command):
     """A command whose help lists its options in groups."""
 
     GROUPS: ClassVar = {
-        "What is made": "parametrization radius thickness weld normals uv attributes",
+        "What is made": "parametrization radius thickness rim weld normals uv attributes",
         "How fine": "resolution tolerance certify max_faces",
         "What must hold": "require",
         "Where it goes, and how it is written": "output format ascii up unit",

@@ -56,6 +56,7 @@ def in_options(message: str) -> str:
         "patch": "--patch",
         "radius": "--radius R",
         "resolution": "-n",
+        'rim="normal"': "--rim normal",
         "thickness": "--thickness",
         "tolerance": "--tolerance",
         "weld": "--weld",

@@ -21,6 +21,7 @@ from gtb_cli.vocabulary import (
     MAX_FACES,
     PARAMETRIZATIONS,
     RESOLUTION,
+    RIMS,
     SPEC_FORMATS,
     UP,
     percentage,
@@ -341,6 +342,13 @@ def mesh_options(*more: str) -> Option:
             metavar="D",
             help="Make a solid of this thickness, in model units, on the side of the normals, or the other if "
             "negative. A message reports folds, and distant parts that meet.",
+        ),
+        click.option(
+            "--rim",
+            type=click.Choice(RIMS),
+            default=RIMS[0],
+            help="How the rims of such a solid lie: along the normals (the default); or flat, in the plane of the "
+            "surface's rim, so that it stands on an area.",
         ),
         click.option(
             "--attribute",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.values import by_value, frozen
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Rim, percentage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -43,6 +43,8 @@ class Recipe:
         Makes a tube of this radius around a curve.
     thickness : float or None
         Makes a solid of a surface: on the side of its normals, or if negative on the other side.
+    rim : "normal" or "flat"
+        The rims of a solid lie along the normals, or in the planes of the surface's rims, which must be plane.
     attributes : tuple of str
         Some of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
@@ -68,6 +70,7 @@ class Recipe:
     normals: bool = False
     radius: float | None = None
     thickness: float | None = None
+    rim: Rim = RIMS[0]
     attributes: tuple[str, ...] = ()
     require: tuple[str, ...] = ()
     max_faces: int = MAX_FACES
@@ -90,6 +93,10 @@ class Recipe:
             raise DomainError("certify: needs a tolerance, and a surface or curve: tubes and solids are not certified")
         if self.radius is not None and self.thickness is not None:
             raise DomainError("radius: excludes thickness, as a curve becomes a tube and a surface a solid")
+        if self.rim not in RIMS:
+            raise DomainError(f"rim: expected one of {', '.join(RIMS)}, got {self.rim!r}")
+        if self.rim != RIMS[0] and self.thickness is None:
+            raise DomainError("rim: needs a thickness, as only a surface made a solid has such rims")
         words = (self.require,) if isinstance(self.require, str) else tuple(self.require or ())
         object.__setattr__(self, "require", words)
         if words:
@@ -164,6 +171,7 @@ class Recipe:
             folds = offset_folds(spec, mesh, self.thickness)
             mesh = thicken(mesh, self.thickness)
             thin = thin_wall(mesh, self.thickness)
+            mesh = _rimmed(mesh, self.thickness, self.rim)
         stored, coarse = mesh, ""
         if held and not mesh.is_curve and (self.thickness is not None or {"watertight", "solid"} & {*self.require}):
             stored, coarse = held(mesh)
@@ -171,7 +179,7 @@ class Recipe:
             crossings = _crossings(mesh, stored, coarse)
             folds += crossings
         if self.thickness is not None and folds and not faults:
-            folds[-1] += f"; {_smaller_thickness(spec, surface, self.thickness, held, bool(crossings))}"
+            folds[-1] += f"; {_smaller_thickness(spec, surface, self.thickness, self.rim, held, bool(crossings))}"
         if self.require:
             from gtb_cli.assembly.requirements import require
 
@@ -277,7 +285,18 @@ def _crossings(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
     return crossings
 
 
-def _smaller_thickness(spec: Patch | Model, surface: Mesh, thickness: float, held: Held | None, crosses: bool) -> str:
+def _rimmed(solid: Mesh, thickness: float, rim: Rim) -> Mesh:
+    """A solid with such rims."""
+    if rim == "normal":
+        return solid
+    from gtb_cli.meshes.rims import with_flat_rims
+
+    return with_flat_rims(solid, thickness)
+
+
+def _smaller_thickness(
+    spec: Patch | Model, surface: Mesh, thickness: float, rim: Rim, held: Held | None, crosses: bool
+) -> str:
     """Name the largest of a few smaller thicknesses that makes a solid of a surface, or say that none does.
 
     Each is judged as one that is asked for. The first are 1/2, 1/8, 1/64, …; when one is solid, it is bisected upwards.
@@ -292,7 +311,7 @@ def _smaller_thickness(spec: Patch | Model, surface: Mesh, thickness: float, hel
         if offset_folds(spec, surface, thickness):
             return False
         try:
-            solid = thicken(surface, thickness)
+            solid = _rimmed(thicken(surface, thickness), thickness, rim)
             stored, coarse = held(solid) if held else (solid, "")
             require(("solid",), spec, solid, surface, _crossings(solid, stored, coarse), (stored, coarse))
         except (DomainError, RequirementError):
