@@ -223,16 +223,15 @@ def certified(
     except Uncertified as error:
         why = f"tolerance: {tolerance:g} {error}"
     # A surface and its mesh are within the box of the control points: its diagonal is certain, rounded to two digits.
-    deadline, least, size = Deadline((1 - first_share) * seconds), math.inf, 1.1 * diagonal_of(patches) + moved
+    least = float(f"{1.1 * diagonal_of(patches) + moved:.2g}")
+    deadline, size, remark = Deadline((1 - first_share) * seconds), least / 3, ", which says nothing: it is the size"
     while (larger := float(f"{size:.2g}")) > tolerance:
         try:
             refined(patches, joints, sampler, larger - moved, max_faces, deadline)
         except ToleranceError:
             break
-        least, size = larger, size / 3
-    if least < math.inf:
-        raise ToleranceError(f"{why}: {least:g} is certified, and without `certify` it is sampled")
-    raise ToleranceError(f"{why}, and no larger one was certified; without `certify` it is sampled")
+        least, size, remark = larger, size / 3, ""
+    raise ToleranceError(f"{why}: {least:g} is certified{remark}, and without `certify` it is sampled")
 
 
 def _mesh(
