@@ -18,6 +18,7 @@ from gtb_cli.design.planes import Field, nearest_field, row_fields
 from gtb_cli.design.sides import (
     HoleSide,
     binomials,
+    concave_corners,
     edge_normals,
     loop,
     points_and_tangents,
@@ -79,16 +80,16 @@ class Filling:
     def fault(self) -> str | None:
         """The sentence that says why the patch does not fill the hole, and what to try; None if it is one."""
         if self.angle > 90:
-            return (
-                "the patch is turned over along an edge: let the ribbons point into the hole, or cut the hole at its "
-                "concave corners"
-            )
-        if self.folds:
-            return (
-                f"the patch folds at {self.folds} of some thousand places: try a fullness nearer to 1, other ribbons, "
-                "or curves that cut the hole into smaller ones"
-            )
-        return None
+            what, way_out = "is turned over along an edge", "let the ribbons point into the hole"
+        elif self.folds:
+            what = f"folds at {self.folds} of some thousand places"
+            way_out = "try a fullness nearer to 1, other ribbons, or curves that cut the hole into smaller ones"
+        else:
+            return None
+        corners = concave_corners(self.sides)
+        if 0 < len(corners) < len(self.sides) - 2:  # with fewer others, the ribbons point out of the hole
+            way_out = f"cut the hole with curves from its concave corners: {'; '.join(corners)}"
+        return f"the patch {what}: {way_out}"
 
     def __repr__(self) -> str:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"

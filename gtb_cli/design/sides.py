@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, unit
 from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location
@@ -190,6 +190,36 @@ def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> HoleSide:
         raise DomainError(f"{name}: is a surface, and the sides of a loop are curves")
     points, *rows = bezier_form(curve, () if ribbon is None else (ribbon,), name)
     return HoleSide(name, points, ribbon_field(points, rows[0]) if rows else None)
+
+
+def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
+    """Name the corners of a closed loop, in order, at which the hole takes up more than half a turn.
+
+    It does so in the planes of both sides; that of a side without a field across is that of the loop's vector area.
+    """
+    least_turn = 1.0  # degrees beyond half a turn: a straight corner is none
+    points = np.concatenate([side.curve[:-1, :3] / side.curve[:-1, 3:] for side in sides])
+    points = (points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)
+    area = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+    found = []
+    for before, side in zip([sides[-1], *sides[:-1]], sides, strict=True):
+        _, (ahead, _) = points_and_tangents(side.curve, np.array([0.0, 1.0]))
+        _, (_, end) = points_and_tangents(before.curve, np.array([0.0, 1.0]))
+        one, back, *normals = unit(
+            np.stack(
+                [
+                    ahead,
+                    -end,
+                    area if before.across is None else side_normals(before)[-1],
+                    area if side.across is None else side_normals(side)[0],
+                ]
+            )
+        )
+        sine = max(float(np.cross(one, back) @ normal) for normal in normals)
+        if -180 + least_turn < math.degrees(math.atan2(sine, float(one @ back))) < -least_turn:
+            place = ", ".join(f"{x:.4g}" for x in side.ends[0])
+            found.append(f"{before.name} and {side.name} at ({place})")
+    return found
 
 
 def ribbon_field(curve: FloatArray, second: FloatArray) -> FloatArray:

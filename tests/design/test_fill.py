@@ -11,7 +11,15 @@ from gtb_cli.design.fill import Filling, _folds, _turns, fill_loop
 from gtb_cli.design.filling import fill
 from gtb_cli.design.holes import rings
 from gtb_cli.design.loops import loop_from_text, read_loop
-from gtb_cli.design.sides import HoleSide, bezier_form, curve_side, points_and_tangents, raised, stations
+from gtb_cli.design.sides import (
+    HoleSide,
+    bezier_form,
+    concave_corners,
+    curve_side,
+    points_and_tangents,
+    raised,
+    stations,
+)
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy, energy_samples
 from gtb_cli.language.loading import parse
@@ -88,6 +96,36 @@ def test_a_fold_is_told_from_a_sharp_turn(height, folded):
     patch = Patch(knots, np.column_stack([(knots[:, 0] - 0.05) ** 2, knots[:, 1], height * knots[:, 0]]))
     assert _turns(patch) > 0
     assert (_folds(patch) > 0) == folded
+
+
+def plane_sides(corners: np.ndarray, signs: list[int]) -> list[HoleSide]:
+    """A loop of straight sides with ribbons in its plane, into the hole where the sign is 1."""
+    found = []
+    for k, sign in enumerate(signs):
+        curve = homogeneous(corners[[k, (k + 1) % len(corners)]])
+        inwards = np.cross([0, 0, sign], curve[1, :3] - curve[0, :3])
+        found.append(HoleSide(f"s{k}", curve, np.tile(inwards, (96, 1))))
+    return found
+
+
+L = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0], [1, 2, 0], [0, 2, 0]])
+
+
+def test_a_ribbon_that_points_out_of_the_hole_makes_no_corner_concave():
+    assert concave_corners(plane_sides(L, [1] * 6)) == ["s2 and s3 at (1, 1, 0)"]
+    assert concave_corners(plane_sides(L[[0, 1, 2, 5]], [1, 1, -1, 1])) == []
+
+
+@long
+@pytest.mark.parametrize(
+    ("sign", "way_out"),
+    [
+        (1, "cut the hole with curves from its concave corners: s2 and s3 at (1, 1, 0)"),
+        (-1, "let the ribbons point into the hole"),
+    ],
+)
+def test_a_refusal_names_what_turns_the_patch_over(sign, way_out):
+    assert fill_loop(plane_sides(L, [sign] * 6)).fault == f"the patch is turned over along an edge: {way_out}"
 
 
 @pytest.mark.parametrize("seed", mostly_long(range(8), 2))
