@@ -5,17 +5,30 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.errors import ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.limits import LimitRequest, all_decompositions, limit_options, refuse_limit
-from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, spec_format_option
+from gtb_cli.shell.options import (
+    INPUT,
+    OUTPUT,
+    WholeNumber,
+    console_option,
+    gathered,
+    recipe_of,
+    resolution_option,
+    solid_options,
+    spec_format_option,
+    tolerance_option,
+    weld_option,
+)
 from gtb_cli.shell.streams import about, single, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import FORMATS, RESOLUTION, SEQUENCE_RECORD, suffix_of
+from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.pictures.content import Content
@@ -23,6 +36,12 @@ if TYPE_CHECKING:
 
 # Default parameters x of a degeneration and steps of a knot limit; the slider interpolates linearly between them
 PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8, 0.9, 0.97)
+
+
+def _recipe(**values: Any) -> Recipe | None:
+    """Return what is asked for; None if nothing is, for a mesh as fine as a screen shows."""
+    recipe = recipe_of(**values)
+    return recipe if values["resolution"] is not None or recipe != Recipe() else None
 
 
 @click.command
@@ -34,13 +53,7 @@ PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8,
     type=OUTPUT,
     help="Write the page to this file; by default to a temporary file, which the browser opens.",
 )
-@click.option(
-    "-n",
-    "--resolution",
-    type=WholeNumber(1, 1000),
-    metavar="N",
-    help="Segments along each edge; by default the fewer, the more patches there are.",
-)
+@gathered("recipe", _recipe, resolution_option, tolerance_option, *solid_options, weld_option, takes=Recipe)
 @click.option(
     "--compare",
     is_flag=True,
@@ -58,7 +71,7 @@ PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8,
 def view(
     paths: tuple[str, ...],
     output: str | None,
-    resolution: int | None,
+    recipe: Recipe | None,
     compare: bool,
     no_open: bool,
     watch: bool,
@@ -73,29 +86,35 @@ def view(
 
     Make a page that shows specs, meshes, or the FOLDER of a sequence in a browser. It needs no network.
 
-    Turn, move and zoom with mouse, keys or fingers. Patch colours, control net, knots, edges of patches, open edges,
-    folds (where a patch turns by more than 90 degrees between two triangles, or by more than 150 at an edge of a mesh)
-    and axes can be switched on and off; shading may be curvature with its scale, zebra stripes or isophotes. Normals
-    and curvature of a spec are those of the surface at the vertices of its mesh, interpolated at each pixel between
-    them; where it has no normal, the mean of the triangles' is shown, and the page says "not all exact"; -n makes the
-    mesh finer. Where patches meet, each has its own normals, and the curvature shown is that of the first. Normals in
-    mesh files are not read: the means of the triangles' normals are used instead, which part at edges sharper than 35
-    degrees. Names appear under the pointer.
+    With --thickness or --radius it shows the solid that gtb mesh writes with the same options. Of all that is closed,
+    the page has the volume, the thickness of walls (straight into the solid, to the other side) and overhangs as
+    colours, and fills the face of a section. Two points can be measured, which snap to corners, edges and vertices; the
+    patches of a model can be taken apart. Its keys are listed in the page. Its address holds how it looks, so that a
+    link shows the same, such as page.html#mode=zebra&section=x; the PNG that it saves has twice the size.
+
+    Turn, move and zoom with mouse, keys or fingers. Patch colours, control net, knots, edges, open edges, folds (where
+    a patch turns by more than 90 degrees between two triangles, or by more than 150 at an edge of a mesh) and axes can
+    be switched on and off; shading may be curvature with its scale, zebra stripes or isophotes. Normals and curvature
+    of a spec are those of the surface at the vertices of its mesh, interpolated at each pixel between them; where it
+    has no normal, the mean of the triangles' is shown, and the page says "not all exact"; -n or --tolerance makes the
+    mesh finer than a screen shows. Where patches meet, each has its own normals, and the curvature shown is that of the
+    first. Normals in mesh files are not read: the means of the triangles' normals are used instead, which part at edges
+    sharper than 35 degrees. Names appear under the pointer.
 
     A sequence has a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge
     and --steps (a knot limit). --limits shows all limits of degenerations, of whatever lifting, numbered as by gtb
     decompose --all. With --compare, for git difftool, the page is that of gtb diff --report.
 
     With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
-    the last good picture. A page's address may say how it looks: page.html#mode=zebra&azimuth=30&net=true.
+    the last good picture.
     """
     if compare and (watch or limit.given() or len(paths) != 2):
         raise click.UsageError("--compare takes two files, and neither --watch nor the options of a limit")
     if limits and (compare or limit.given() or len(paths) != 1):
         raise click.UsageError("--limits takes one spec, and neither --compare nor the options of a limit")
-    see = partial(content_of_paths, paths, resolution, spec_format, limit)
+    see = partial(content_of_paths, paths, recipe, spec_format, limit)
     if limits:
-        see = partial(content_of_all_limits, paths[0], resolution, spec_format, console)
+        see = partial(content_of_all_limits, paths[0], recipe, spec_format, console)
     if watch:
         if output is not None or STANDARD in paths:
             raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
@@ -104,35 +123,40 @@ def view(
         return serve(paths, see, port, console, opens=not no_open)
     from gtb_cli.pictures.page import page_of
 
-    page = _comparison(paths, resolution, spec_format) if compare else page_of(see())
+    content = None if compare else see()
+    page = _comparison(paths, recipe or Recipe(), spec_format) if content is None else page_of(content)
+    remarks = () if content is None else content.remarks
     if output is not None:
         write_text(output, page)
-        return console.report(output, f"{len(page) / 1000:.0f} kB")
+        return console.report(output, f"{len(page) / 1000:.0f} kB", remarks)
+    for remark in remarks:
+        console.warn(remark)
     _show(page, console, opens=not no_open)
 
 
-def _comparison(paths: tuple[str, ...], resolution: int | None, spec_format: str | None) -> str:
+def _comparison(paths: tuple[str, ...], recipe: Recipe, spec_format: str | None) -> str:
     """Return a page of two files side by side."""
     from gtb_cli.review.page import page
     from gtb_cli.verdicts.comparing import Comparing
     from gtb_cli.verdicts.reporting import reviewed
 
     old, new = paths
-    comparing = Comparing(Recipe(resolution or RESOLUTION), spec_format=spec_format)
+    comparing = Comparing(recipe, spec_format=spec_format)
     answer = comparing.files(old, new)
     return page(reviewed(answer.paths, [answer], comparing))
 
 
 def content_of_paths(
-    paths: tuple[str, ...], resolution: int | None, spec_format: str | None, limit: LimitRequest
+    paths: tuple[str, ...], recipe: Recipe | None, spec_format: str | None, limit: LimitRequest
 ) -> Content:
     """Return what a page shows of files and folders, or of the way to a limit."""
     from gtb_cli.pictures.content import joined
 
-    return joined([_content(path, resolution, spec_format, limit) for path in paths])
+    content = joined([_content(path, recipe, spec_format, limit) for path in paths])
+    return replace(content, remarks=tuple(map(in_options, content.remarks)))
 
 
-def content_of_all_limits(path: str, resolution: int | None, spec_format: str | None, console: Console) -> Content:
+def content_of_all_limits(path: str, recipe: Recipe | None, spec_format: str | None, console: Console) -> Content:
     """Return what a page shows of all regular control surfaces of a patch, lexicographic by cells."""
     most = 5000  # limits of a page
     if os.path.isdir(path) or suffix_of(path) in FORMATS:
@@ -140,18 +164,21 @@ def content_of_all_limits(path: str, resolution: int | None, spec_format: str | 
     from gtb_cli.knots.triangulation import cell_count
     from gtb_cli.pictures.limits import content_of_limits, parts_of
 
+    _refuse_solid(recipe, "shows one mesh, and --limits several")
     with spec_of(path, spec_format) as spec:
         patch = single(spec)
         cones = all_decompositions(patch, console, most=most)
         parts = parts_of(patch, cones)
-        fine = resolution or (10 if patch.dimension == 2 else 64)  # segments of each edge of each cell
+        fine = (
+            recipe.resolution if recipe is not None else 10 if patch.dimension == 2 else 64
+        )  # segments of each edge of each cell
         _refuse_too_many(sum(cell_count(part.patch.domain, fine) for part in parts.values()))
         found = content_of_limits(patch, cones, parts, fine)
     command = "gtb decompose --all" if len(cones) < most else f"gtb decompose --all --max {most}"
     return replace(found, limits={**(found.limits or {}), "command": command})
 
 
-def _content(path: str, resolution: int | None, spec_format: str | None, limit: LimitRequest) -> Content:
+def _content(path: str, recipe: Recipe | None, spec_format: str | None, limit: LimitRequest) -> Content:
     sequence_resolution = 20  # segments of each edge of each cell in a sequence
     from gtb_cli.pictures.content import content_of, content_of_frames, content_of_mesh
 
@@ -159,6 +186,7 @@ def _content(path: str, resolution: int | None, spec_format: str | None, limit: 
     is_sequence, is_mesh = os.path.isdir(path) or os.path.basename(path) == SEQUENCE_RECORD, suffix_of(path) in FORMATS
     if is_sequence or is_mesh:
         refuse_limit(limit, path)
+        _refuse_solid(recipe, f"is for specs, and {path} is not a spec")
     if is_sequence:
         from gtb_cli.pictures.sequences import read_frames
 
@@ -173,23 +201,32 @@ def _content(path: str, resolution: int | None, spec_format: str | None, limit: 
             _refuse_too_many(len(mesh.cells))
             return content_of_mesh(mesh, stem)
     with spec_of(path, spec_format) as spec:
-        if resolution is not None:
-            _refuse_too_many(Recipe(resolution).faces(spec))
+        if recipe is not None and recipe.tolerance is None:
+            _refuse_too_many(recipe.faces(spec))
         name = (spec.name or "patch") if path == STANDARD else stem
         if limit.given():
-            fine = resolution or sequence_resolution
+            _refuse_solid(recipe, f"shows one mesh, and {limit.given()[0]} a sequence")
+            fine = sequence_resolution if recipe is None else recipe.resolution
             frames = limit.frames(spec, fine, xs=PAGE_X, steps=PAGE_STEPS, distances=False)
             _refuse_too_many(len(frames.meshes[0].cells))
             return content_of_frames(frames, name)
-        return content_of(spec, resolution, name)
+        content = content_of(spec, recipe, name)
+        _refuse_too_many(len(content.cells))
+        return content
+
+
+def _refuse_solid(recipe: Recipe | None, reason: str) -> None:
+    """Refuse options of the mesh of a spec, but that of its resolution."""
+    for name in ("tolerance", "radius", "thickness", "weld"):
+        if recipe is not None and getattr(recipe, name) is not None:
+            raise click.UsageError(f"--{name} {reason}")
 
 
 def _refuse_too_many(faces: int) -> None:
-    max_page_faces = 1_000_000  # largest number of triangles of a page; each takes about 40 bytes
-    if faces > max_page_faces:
-        raise ToleranceError(
-            f"{faces} faces, and a page has room for {max_page_faces}: use a smaller -n or a coarser mesh"
-        )
+    from gtb_cli.pictures.content import MAX_PAGE_FACES
+
+    if faces > MAX_PAGE_FACES:
+        raise ToleranceError(f"{faces} faces, and a page has room for {MAX_PAGE_FACES}: make a coarser mesh")
 
 
 def _show(page: str, console: Console, *, opens: bool) -> None:

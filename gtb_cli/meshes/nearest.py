@@ -56,28 +56,28 @@ class NearestCells:
         Given are a cell for each of (m, 3) points, and its distance from the point, such as `start` returns.
         """
         bounds, cells = bounds.copy(), cells.copy()
-        top = len(self._boxes) - 1
-        count = len(self._boxes[top][0])
+        top = len(self.boxes) - 1
+        count = len(self.boxes[top][0])
         stack = [
             (top, np.repeat(np.arange(low, high), count), np.tile(np.arange(count), high - low))
             for low, high in _ranges(len(points), max(1, PAIR_BATCH // count))
         ][::-1]
         while stack:
             level, point, node = stack.pop()
-            low, high = (box[node] for box in self._boxes[level])
+            low, high = (box[node] for box in self.boxes[level])
             here = points[point]
             outside = np.maximum(np.maximum(low - here, here - high), 0.0)
             near = np.flatnonzero(np.einsum("ij,ij->i", outside, outside) < bounds[point] ** 2)
             point, node = point[near], node[near]
             if level:
-                below = len(self._boxes[level - 1][0])
+                below = len(self.boxes[level - 1][0])
                 point = np.repeat(point, BRANCHES)
                 node = (node[:, None] * BRANCHES + np.arange(BRANCHES)).ravel()
                 inside = node < below
                 point, node = point[inside], node[inside]
                 stack += [(level - 1, point[a:b], node[a:b]) for a, b in _ranges(len(point), PAIR_BATCH)][::-1]
                 continue
-            cell = self._order[node]
+            cell = self.order[node]
             distance = self.distances(points[point], cell)
             order = np.lexsort((cell, distance, point))
             first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
@@ -87,13 +87,14 @@ class NearestCells:
         return bounds, cells
 
     @cached_property
-    def _order(self) -> IntArray:
+    def order(self) -> IntArray:
+        """(k,) the cells along the curve."""
         return spatial_order(middles(self.corners))
 
     @cached_property
-    def _boxes(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Lowest and highest corners of the boxes of each level, cells first."""
-        sorted_corners = np.moveaxis(self.corners[self._order], 1, 0)
+    def boxes(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Lowest and highest corners of the boxes of each level, those of the cells, in this order, first."""
+        sorted_corners = np.moveaxis(self.corners[self.order], 1, 0)
         levels = [(np.asarray(reduce(np.minimum, sorted_corners)), np.asarray(reduce(np.maximum, sorted_corners)))]
         while (count := len(levels[-1][0])) > BRANCHES:
             first = np.arange(0, count, BRANCHES)

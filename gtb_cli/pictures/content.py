@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from functools import reduce
 from typing import Any, NamedTuple
@@ -11,21 +12,26 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, dot, shifted, unit
 from gtb_cli.arrays import joined as rows_joined
-from gtb_cli.errors import DomainError
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.topology import adjacent
+from gtb_cli.meshes.topology import adjacent, sides_of
+from gtb_cli.meshes.walls import wall_of_vertices
 from gtb_cli.meshes.welding import weld
 from gtb_cli.pictures.look import subscript
 from gtb_cli.pictures.nets import net_of
 from gtb_cli.pictures.sequences import Frames
 from gtb_cli.pictures.shapes import with_normals
 from gtb_cli.tessellation.attributes import with_attributes
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 NO_POINTS = np.empty((0, 3))
+MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
+PAGE_TOLERANCE = 4e-4  # of the size: less than half a pixel where a model fills a screen
+PAGE_FACES = 60_000  # of an even mesh, if nothing else is asked for
 
 EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
 
@@ -42,12 +48,13 @@ class Keyframe(NamedTuple):
 class Content:
     """The contents of a page: one keyframe, or those of a sequence, with the same (k, 3) or (k, 2) cells.
 
-    `groups` are named ranges of cells: (name, start, stop). `lines` are (m, 2) pairs of vertices: ``border`` between
-    groups, ``open`` without a neighbour, and ``folds`` within a group, where the surface turns back: by more than 90
-    degrees where its normals say that it is smooth, by more than 150 at an edge; and pairs of control points: ``net``.
-    `knots` are the (n, 3) points of the surface at the knots, and `scalars` its "mean" and "gaussian" curvature. A
-    vertex with several normals is several rows of a keyframe: `vertices` is how many there are. `normals` is a word
-    about the normals.
+    `groups` are named ranges of cells: (name, start, stop). `lines` are (m, 4) pairs of vertices and the groups on both
+    sides: ``border`` between groups and at sharp edges, ``open`` without a neighbour, and ``folds`` within a group,
+    where the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150 at
+    an edge; and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface at the knots, and
+    `scalars` its "mean" and "gaussian" curvature, or the "wall" of a solid. A vertex with several normals is several
+    rows of a keyframe: `vertices` is how many there are. `normals` is a word about the normals, and `remarks` say what
+    is unusual about the shape.
     """
 
     name: str
@@ -62,6 +69,7 @@ class Content:
     scalars: Mapping[str, FloatArray] = field(default_factory=dict)
     vertices: int = 0
     normals: str = ""
+    remarks: tuple[str, ...] = ()
     limits: Mapping[str, Any] | None = None  # see `gtb_cli.pictures.limits`
 
     @property
@@ -70,12 +78,15 @@ class Content:
         return bool(self.cells.shape[1] == 2)
 
 
-def content_of(shape: Patch | Model, resolution: int | None = None, name: str | None = None) -> Content:
-    """Return the contents for a spec: its mesh with exact normals, control net, knots and curvature."""
+def content_of(shape: Patch | Model, recipe: Recipe | None = None, name: str | None = None) -> Content:
+    """Return the contents for a spec: its mesh with exact normals, control net, knots, and curvature or wall.
+
+    Without a recipe, the mesh is fine enough for a screen.
+    """
     patches = shape.patches
-    surface = shape.dimension == 2
-    fine = 256 if not surface else 40 if len(patches) <= 4 else 14  # looks smooth; many patches are small
-    mesh = tessellate(shape, resolution or fine, parametrization="linear")
+    mesh, remarks, tolerance = _made(shape, recipe)
+    solid = recipe is not None and (recipe.radius is not None or recipe.thickness is not None)
+    surface = shape.dimension == 2 and not solid
     if surface:
         mesh = with_attributes(shape, mesh, ["mean_curvature", "gaussian_curvature"], "linear")[0]
     net: list[IntArray] = []
@@ -89,10 +100,11 @@ def content_of(shape: Patch | Model, resolution: int | None = None, name: str | 
             knot_names.append(f"{before}{subscript('a', i)} = {_tuple(knot)}, ω = {weight:.6g}")
     title = name or shape.name or patches[0].name or "patch0"
     groups = mesh.groups or ((title, 0, len(mesh.cells)),)
-    lines = sides(mesh, groups)
+    lines = sides(mesh, groups, tolerance)
     if isinstance(shape, Patch):  # its edges are not left open by mistake
-        lines |= {"border": lines["open"], "open": lines["border"]}
+        lines |= {"border": np.concatenate([lines["border"], lines["open"]]), "open": lines["open"][:0]}
     shown = mesh.split
+    scalars = {kind: shown.attributes[f"{kind}_curvature"] for kind in ("mean", "gaussian") if surface}
     return Content(
         title,
         (_keyframe(shown, np.concatenate([patch.control_points for patch in patches])),),
@@ -102,10 +114,43 @@ def content_of(shape: Patch | Model, resolution: int | None = None, name: str | 
         net_names=tuple(net_names),
         knots=np.concatenate([patch.evaluate(patch.knots) for patch in patches]),
         knot_names=tuple(knot_names),
-        scalars={kind: shown.attributes[f"{kind}_curvature"] for kind in ("mean", "gaussian") if surface},
+        scalars=scalars | _wall(shown),
         vertices=len(mesh.vertices),
         normals=_word(mesh),
+        remarks=tuple(remarks),
     )
+
+
+def _made(shape: Patch | Model, recipe: Recipe | None) -> tuple[Mesh, list[str], float]:
+    """Return a mesh, what is unusual about it, and its tolerance, if it has one: without a recipe, that of a screen."""
+    if recipe is None:
+        with suppress(ToleranceError):
+            return _made(shape, _fine(shape))
+        recipe = Recipe(14)
+    mesh, remarks = replace(recipe, normals=True).mesh(shape)
+    return mesh, remarks, recipe.tolerance_for(shape) or 0.0
+
+
+def _fine(shape: Patch | Model) -> Recipe:
+    """Return the recipe of a mesh whose outline looks smooth on a screen.
+
+    Even meshes show curvature and stripes best, and are taken where they are not too large. Their resolution follows
+    from one of 8: at an edge of length l between normals at an angle α, the surface is about l α / 8 away.
+    """
+    if shape.dimension == 1:
+        return Recipe(256)
+    coarse = tessellate(shape, 8).split
+    low, high = coarse.bounds
+    size = float(np.linalg.norm(high - low))
+    ends = coarse.vertices[coarse.edges]
+    between = ends[:, 1] - ends[:, 0]
+    turns = np.zeros_like(between) if coarse.normals is None else np.diff(coarse.normals[coarse.edges], axis=1)[:, 0]
+    chord_error = float(np.sqrt(dot(between, between) * dot(turns, turns)).max()) / 8
+    tolerance = PAGE_TOLERANCE * size
+    if not (math.isfinite(chord_error) and tolerance > 0):
+        return Recipe(14)
+    even = Recipe(int(np.clip(math.ceil(8 * math.sqrt(chord_error / tolerance)), 8, 80)))
+    return even if even.faces(shape) <= PAGE_FACES else Recipe(tolerance=tolerance, max_faces=MAX_PAGE_FACES)
 
 
 def content_of_mesh(mesh: Mesh, name: str) -> Content:
@@ -119,7 +164,8 @@ def content_of_mesh(mesh: Mesh, name: str) -> Content:
         first, labels = weld(mesh.vertices)
         mesh = with_normals(Mesh(mesh.vertices[first], labels[mesh.cells]))
     shown = mesh.split
-    return Content(name, (_keyframe(shown),), shown.cells, groups, sides(mesh, groups), vertices=count, normals=word)
+    lines, wall = sides(mesh, groups), _wall(shown)
+    return Content(name, (_keyframe(shown),), shown.cells, groups, lines, scalars=wall, vertices=count, normals=word)
 
 
 def content_of_frames(frames: Frames, name: str) -> Content:
@@ -127,16 +173,16 @@ def content_of_frames(frames: Frames, name: str) -> Content:
     first = frames.meshes[0]
     if not all(np.array_equal(mesh.cells, first.cells) for mesh in frames.meshes):
         raise DomainError("the meshes of a sequence have the same faces, and these do not: it cannot be played")
-    none = np.empty((0, 2), dtype=np.int64)
+    lines = sides(first, ((name, 0, len(first.cells)),))
     return Content(
         name,
         tuple(_keyframe(with_normals(mesh, smooth=True), frames.net_points) for mesh in frames.meshes),
         first.cells,
         ((name, 0, len(first.cells)),),
         {
-            "border": none if first.is_curve else first.open_sides,
-            "open": none,
-            "folds": none,
+            "border": lines["open"],
+            "open": lines["open"][:0],
+            "folds": lines["folds"][:0],
             "net": np.array(frames.net, dtype=np.int64).reshape(-1, 2),
         },
         labels=tuple(frames.titles),
@@ -167,16 +213,16 @@ def _beside(one: Content, other: Content) -> Content:
     """Return the contents of a page for one thing and another."""
     (frame,), (further,) = one.keyframes, other.keyframes
     vertices, cells = len(frame.vertices), len(one.cells)
-    behind = {"net": len(frame.net_points)}
+    points, groups = len(frame.net_points), len(one.groups)
+    behind = {name: np.array([vertices, vertices, groups, groups]) for name in one.lines} | {
+        "net": np.array([points] * 2)
+    }
     return Content(
         f"{one.name}, {other.name}",
         (rows_joined([frame, further]),),
         np.concatenate([one.cells, shifted(other.cells, vertices)]),
         (*one.groups, *((name, start + cells, stop + cells) for name, start, stop in other.groups)),
-        {
-            name: np.concatenate([rows, shifted(other.lines[name], behind.get(name, vertices))])
-            for name, rows in one.lines.items()
-        },
+        {name: np.concatenate([rows, other.lines[name] + behind[name]]) for name, rows in one.lines.items()},
         net_names=one.net_names + other.net_names,
         knots=np.concatenate([one.knots, other.knots]),
         knot_names=one.knot_names + other.knot_names,
@@ -186,27 +232,56 @@ def _beside(one: Content, other: Content) -> Content:
         },
         vertices=one.vertices + other.vertices,
         normals=_together(one.normals, other.normals),
+        remarks=tuple(dict.fromkeys(one.remarks + other.remarks)),
     )
 
 
-def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]]) -> dict[str, IntArray]:
-    """Return the lines of a mesh, each side once: the borders between groups, open sides, and folds within a group."""
+def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]], chord_error: float = 0.0) -> dict[str, IntArray]:
+    """Return the lines of a mesh, each side once: borders and sharp edges, open sides, and folds within a group.
+
+    A triangle that is lower than the mesh is exact may stand upright, and is not a fold.
+    """
+    none = np.empty((0, 4), dtype=np.int64)
     if mesh.is_curve:
-        return dict.fromkeys(("border", "open", "folds", "net"), np.empty((0, 2), dtype=np.int64))
+        return dict.fromkeys(("border", "open", "folds"), none) | {"net": none[:, :2]}
     group = np.repeat(np.arange(len(groups)), [stop - start for _, start, stop in groups])
     pairs, ends = adjacent(mesh.faces)
     first, second = pairs.T
     between = group[first] != group[second]
     size = float(np.abs(mesh.vertices - mesh.vertices.mean(axis=0)).max()) or 1.0
-    corners = mesh.vertices[mesh.faces] / size
-    facing = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    one, two, three = ((mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, k - 1]]) / size for k in range(3))
+    areas = cross(two, three)
+    longest = np.sqrt(np.maximum(dot(one, one), np.maximum(dot(two, two), dot(three, three))))
+    flat = np.sqrt(dot(areas, areas)) <= chord_error / size * longest
+    facing = unit(areas)
     # Both triangles have the normals of the edge's ends, so that the surface is smooth there: it turns back from 90°.
     smooth = np.ones(len(pairs), dtype=bool)
     for end in ends.T:
         rows = [mesh.normal_of[pair, (mesh.faces[pair] == end[:, None]).argmax(axis=1)] for pair in (first, second)]
         smooth &= rows[0] == rows[1]
-    back = dot(facing[first], facing[second]) < np.where(smooth, 0.0, math.cos(math.radians(150)))
-    return {"border": ends[between], "open": mesh.open_sides, "folds": ends[back & ~between], "net": ends[:0]}
+    back = (
+        ~between
+        & ~flat[pairs].any(axis=1)
+        & (dot(facing[first], facing[second]) < np.where(smooth, 0.0, math.cos(math.radians(150))))
+    )
+    lines = np.concatenate([ends, group[pairs]], axis=1)
+    found = sides_of(mesh.faces)
+    owner = group[found.open // 3]
+    return {
+        "border": lines[(between | ~smooth) & ~back],
+        "open": np.column_stack([found.directed[found.open], owner, owner]),
+        "folds": lines[back],
+        "net": none[:, :2],
+    }
+
+
+def _wall(mesh: Mesh) -> dict[str, FloatArray]:
+    """Return the thickness of the wall behind each vertex of a mesh, if it is closed."""
+    max_wall_faces = 200_000  # which take 6 s
+    if mesh.is_curve or len(mesh.cells) > max_wall_faces:
+        return {}
+    wall = wall_of_vertices(mesh)
+    return {} if wall is None else {"wall": wall}
 
 
 def _word(mesh: Mesh) -> str:

@@ -14,14 +14,17 @@ function choose(number) {
   const parts = cells.map(c => limits.cells[c]), ranges = kind => parts.map(part => part.rows[kind]);
   let end = 0;
   scene.groups = cells.map((c, n) => [everything.groups[c][0], end, end += parts[n].rows.cells[1] - parts[n].rows.cells[0]]);
+  scene.centres = cells.map(c => everything.centres[c]);
   scene.cells = rowsOf(everything.cells, scene.curve ? 2 : 3, ranges("cells"));
   const pairs = new Map(parts.flatMap(part => part.net).map(pair => [`${pair}`, pair]));
   scene.lines = { ...everything.lines, net: Uint32Array.from([...pairs.values()].flat()) };
-  for (const kind of ["border", "folds"]) scene.lines[kind] = rowsOf(everything.lines[kind], 2, ranges(kind));
+  for (const kind of ["border", "folds"]) {
+    const rows = scene.lines[kind] = rowsOf(everything.lines[kind], 4, ranges(kind));
+    for (let i = 2; i < rows.length; i += 4) rows[i] = rows[i + 1] = cells.indexOf(rows[i]);   // the group of the line
+  }
   scene.spots = rowsOf(everything.spots, 3, ranges("knots"));
   scene.knots = { ...everything.knots, names: ranges("knots").flatMap(([a, b]) => everything.knots.names.slice(a, b)) };
   version += 1;
-  gathered.clear();
   $("facts").textContent = `Limit ${k} of ${limits.list.length}, numbered from 0 as by ${limits.command}: ${cells.length} ${cells.length > 1 ? "cells" : "cell"}; `
     + `${absent.length ? `no cell has knot ${absent.join(", ")}` : "all knots used"}; liftings of dimension ${dimension}`;
   $("limit").value = k;

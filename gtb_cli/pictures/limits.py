@@ -10,6 +10,7 @@ from gtb_cli.arrays import bounds_of
 from gtb_cli.knots.all_decompositions import LiftingCone
 from gtb_cli.knots.decomposition import border_net, regular_decomposition
 from gtb_cli.pictures.content import NO_POINTS, Content, content_of, joined
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.degeneration import cells_of
 from gtb_cli.theory.patch import Patch
 
@@ -44,11 +45,11 @@ def content_of_limits(
     what the script of the page chooses by: {"knots", "cells", "list"}, the places of knots for small pictures of
     decompositions, the rows of each cell in the arrays of the page, and the cells and unused knots of each limit.
     """
-    whole = content_of(patch, 1)
+    whole = content_of(patch, Recipe(1))
     contents, cells = [], []
     rows = dict.fromkeys(("cells", "border", "folds", "knots"), 0)
     for cell, part in parts.items():
-        content = _without_net(content_of(part.patch, resolution, " ".join(map(str, cell))))
+        content = _without_net(content_of(part.patch, Recipe(resolution), " ".join(map(str, cell))))
         contents.append(replace(content, knot_names=tuple(whole.knot_names[i] for i in cell)))
         counts = {"cells": len(content.cells), "knots": len(cell)}
         counts |= {kind: len(content.lines[kind]) for kind in ("border", "folds")}

@@ -12,16 +12,24 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import bounds_of
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.solidity import CROSSES
 from gtb_cli.pictures.colours import scale_of
 from gtb_cli.pictures.content import Content, content_of, content_of_mesh
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
+COMMON = "common.js"  # the script that pages of all packages share
 
-def page(thing: Patch | Model | Mesh) -> str:
-    """Return HTML of a page that shows a patch, a model or a mesh in a browser, without a network: see `gtb view`."""
-    return page_of(content_of_mesh(thing, thing.name) if isinstance(thing, Mesh) else content_of(thing))
+
+def page(thing: Patch | Model | Mesh, recipe: Recipe | None = None) -> str:
+    """Return HTML of a page that shows a patch, a model or a mesh in a browser, without a network: see `gtb view`.
+
+    With a recipe, it shows the mesh that this makes of a patch or model, such as a solid.
+    """
+    return page_of(content_of_mesh(thing, thing.name) if isinstance(thing, Mesh) else content_of(thing, recipe))
 
 
 def frame(thing: Patch | Model | Mesh) -> str:
@@ -37,11 +45,11 @@ def page_of(content: Content) -> str:
 
 
 def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pictures") -> str:
-    """Return the text of a page with this data, by the template and the script of a package."""
+    """Return the text of a page with this data, by the template and the scripts of a package."""
     folder = files(package)
     page = folder.joinpath("page.html").read_text(encoding="utf-8")
-    names = ["common.js", *(["limits.js"] if "limits" in data else [])]
-    scripts = [*(files("gtb_cli.pictures").joinpath(name) for name in names), folder.joinpath("page.js")]
+    own = sorted(each.name for each in folder.iterdir() if each.name.endswith(".js") and each.name != COMMON)
+    scripts = [files("gtb_cli.pictures").joinpath(COMMON), *map(folder.joinpath, own)]
     script = "\n".join(each.read_text(encoding="utf-8") for each in scripts)
     # No text of a spec can end the script element that holds it.
     text = json.dumps(data, ensure_ascii=True, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -78,11 +86,14 @@ def page_data(content: Content) -> dict[str, Any]:
         frames.append(frame)
     scalars = {}
     for name, values in content.scalars.items():
-        ends = scale_of(values, "PuOr")
+        ends = (0.0, 2 * float(np.median(values))) if name == "wall" else scale_of(values, "PuOr")
         with np.errstate(over="ignore"):
-            scalars[name] = {"values": _text(values.clip(*ends).astype("<f4")), "low": ends[0], "high": ends[1]}
+            shown = values if name == "wall" else values.clip(*ends)
+            scalars[name] = {"values": _text(shown.astype("<f4")), "low": ends[0], "high": ends[1]}
     start, end = bounds_of(np.concatenate(vertices))
     lines = {name: _text(pairs.astype("<u4")) for name, pairs in content.lines.items()}
+    measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 and not content.limits else None
+    is_wide = len(vertices[0]) >= 1 << 16
     return {
         "name": content.name,
         "facts": _facts(content),
@@ -91,10 +102,16 @@ def page_data(content: Content) -> dict[str, Any]:
         "box": {
             "low": ((start - middle) / size).tolist(),
             "high": ((end - middle) / size).tolist(),
-            "texts": _corner_texts(start.tolist(), end.tolist(), size),
+            "texts": _end_texts(start.tolist(), end.tolist(), size),
         },
+        "size": size,
+        "middle": middle.tolist(),
+        "measures": _measures(measures, any(remark.startswith(CROSSES) for remark in content.remarks)),
+        "closed": measures is not None and measures.volume is not None,
+        "remarks": content.remarks,
         "frames": frames,
-        "cells": _text(content.cells.astype("<u4")),
+        "cells": _text(content.cells.astype("<u4" if is_wide else "<u2")),
+        "wide": is_wide,
         "groups": [list(group) for group in content.groups],
         "lines": lines,
         "netNames": list(content.net_names),
@@ -112,16 +129,30 @@ def _facts(content: Content) -> str:
     return f"{content.vertices} vertices, {len(content.cells)} triangles{open_sides}; normals {content.normals}"
 
 
-def _corner_texts(low: list[float], high: list[float], size: float) -> list[str]:
-    """Return the texts at the ends of the three axes, and at the corner where they start."""
+def _measures(measures: Measures | None, crosses: bool) -> list[tuple[str, str]]:
+    """Return names and texts of what a mesh measures, in model units; the volume is marked if it crosses itself."""
+    if measures is None:
+        return []
+    low, high = measures.bounds
+    found = [("size", " × ".join(f"{b - a:.5g}" for a, b in zip(low, high, strict=True)))]
+    named = {"length": measures.length, "surface": measures.area, "volume": measures.volume}
+    found += [(name, f"{value:.6g}") for name, value in named.items() if value is not None]
+    if crosses and measures.volume is not None:
+        found[-1] = ("volume", f"{measures.volume:.6g} counted with crossings")
+    if measures.volume is not None and measures.volume < 0:
+        found.append(("", "Its faces look inwards."))
+    return found
+
+
+def _end_texts(low: list[float], high: list[float], size: float) -> list[tuple[str, str]]:
+    """Return the texts at both ends of each of the three axes."""
     box_digits = 4  # digits, relative to a box's size, to which its corners are given
     step = 10.0 ** (math.floor(math.log10(size)) - box_digits + 1)
 
     def text(value: float) -> str:
         return f"{round(value / step) * step:.12g}" if abs(value) < step * 2**52 else f"{value:.6g}"
 
-    ends = [f"{name} {text(b)}" if b > a else "" for name, a, b in zip("xyz", low, high, strict=True)]
-    return [*ends, f"({', '.join(map(text, low))})"]
+    return [(text(a), text(b)) for a, b in zip(low, high, strict=True)]
 
 
 def _text(values: NDArray[Any]) -> str:

@@ -105,7 +105,7 @@ const redraw = () => { if (gl && !wanted) { wanted = true; requestAnimationFrame
 
 function choose(k) {
   if (!data.changes.length) return;
-  k = Math.min(Math.max(Math.trunc(k) || 0, 0), data.changes.length - 1);
+  k = clamp(Math.trunc(k) || 0, 0, data.changes.length - 1);
   if (k === chosen) return;
   const body = $("body");
   if (chosen >= 0) body.children[chosen].classList.remove("chosen");
@@ -137,11 +137,7 @@ function choose(k) {
 }
 
 function fit() {
-  const right = axes()[0], up = axes()[1], ends = [Infinity, -Infinity, Infinity, -Infinity];
-  for (const view of views) if (view) for (let k = 0; k < view.positions.length; k += 3) {
-    const [a, b, c] = view.positions.subarray(k, k + 3), x = right[0] * a + right[1] * b + right[2] * c, y = up[0] * a + up[1] * b + up[2] * c;
-    ends[0] = Math.min(ends[0], x); ends[1] = Math.max(ends[1], x); ends[2] = Math.min(ends[2], y); ends[3] = Math.max(ends[3], y);
-  }
+  const ends = extents(views.filter(view => view).map(view => view.positions));
   if (ends[0] === Infinity) return redraw();
   Object.assign(state, { zoom: 1 });
   const { width, height, scale } = frame();
@@ -150,26 +146,13 @@ function fit() {
   redraw();
 }
 
-const fingers = new Map();
-canvas.addEventListener("pointerdown", e => { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, e); canvas.focus(); });
-for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, e => fingers.delete(e.pointerId));
-canvas.addEventListener("pointermove", e => {
-  const old = fingers.get(e.pointerId);
-  if (!old) return;
-  const dx = e.clientX - old.clientX, dy = e.clientY - old.clientY;
-  if (e.shiftKey || old.buttons & 6 || fingers.size > 1) { state.panX += dx; state.panY -= dy; }
-  else { state.azimuth -= dx * 0.4; state.elevation = Math.min(Math.max(state.elevation + dy * 0.4, -90), 90); }
-  fingers.set(e.pointerId, e);
-  redraw();
-});
-canvas.addEventListener("contextmenu", e => e.preventDefault());
-canvas.addEventListener("dblclick", fit);
-canvas.addEventListener("wheel", e => {
-  e.preventDefault();
-  const factor = Math.exp(-Math.min(Math.max(e.deltaY, -200), 200) * 0.002);
+function scaled(x, y, factor) {
   for (const name of ["zoom", "panX", "panY"]) state[name] *= factor;
   redraw();
-}, { passive: false });
+}
+
+steer({ fit, zoom: scaled, move: (dx, dy) => { state.panX += dx; state.panY -= dy; redraw(); },
+  turn: (dx, dy) => { state.azimuth -= dx; state.elevation = clamp(state.elevation + dy, -90, 90); redraw(); } });
 addEventListener("keydown", e => {
   if (e.ctrlKey || e.metaKey || e.altKey) return;
   const steps = { j: 1, n: 1, ArrowDown: 1, k: -1, p: -1, ArrowUp: -1 };

@@ -197,6 +197,37 @@ resolution_option = click.option(
     help=f"Segments along each edge of the domain; {RESOLUTION} without this option.",
 )
 
+tolerance_option = click.option(
+    "--tolerance",
+    callback=tolerance_of,
+    metavar="T",
+    help="Instead of -n: largest distance between mesh and surface, in model units or such as 1% of the size.",
+)
+
+# Those that make a solid of a curve or surface
+solid_options = (
+    click.option(
+        "--radius",
+        callback=length_of,
+        metavar="R",
+        help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not checked.",
+    ),
+    click.option(
+        "--thickness",
+        callback=length_of,
+        metavar="D",
+        help="Make a solid of this thickness, in model units, on the side of the normals, or the other if "
+        "negative. A message reports folds, and distant parts that meet.",
+    ),
+    click.option(
+        "--rim",
+        type=click.Choice(RIMS),
+        default=RIMS[0],
+        help="How the rims of such a solid lie: along the normals (the default); or flat, in the plane of the "
+        "surface's rim, so that it stands on an area.",
+    ),
+)
+
 max_faces_option = click.option(
     "--max-faces",
     type=WholeNumber(min=1),
@@ -302,7 +333,8 @@ def spec_from_spec(function: Callable[..., Spec]) -> Function:
     return command
 
 
-def _recipe(resolution: int | None, **values: Any) -> Recipe:
+def recipe_of(resolution: int | None, **values: Any) -> Recipe:
+    """Return the recipe for the values of options."""
     if resolution is not None and values["tolerance"] is not None:
         raise click.UsageError("-n and --tolerance exclude each other")
     return Recipe(resolution or RESOLUTION, **values)
@@ -312,14 +344,9 @@ def mesh_options(*more: str) -> Option:
     """Add the options of a mesh in a mesh format, or one of `more`; the command gets them as `options`."""
     recipe = gathered(
         "recipe",
-        _recipe,
+        recipe_of,
         resolution_option,
-        click.option(
-            "--tolerance",
-            callback=tolerance_of,
-            metavar="T",
-            help="Instead of -n: largest distance between mesh and surface, in model units or such as 1% of the size.",
-        ),
+        tolerance_option,
         click.option(
             "--certify",
             is_flag=True,
@@ -329,27 +356,7 @@ def mesh_options(*more: str) -> Option:
         parametrization_option,
         click.option("--normals", is_flag=True, help="Write the unit normals of the surface at each vertex."),
         max_faces_option,
-        click.option(
-            "--radius",
-            callback=length_of,
-            metavar="R",
-            help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not "
-            "checked.",
-        ),
-        click.option(
-            "--thickness",
-            callback=length_of,
-            metavar="D",
-            help="Make a solid of this thickness, in model units, on the side of the normals, or the other if "
-            "negative. A message reports folds, and distant parts that meet.",
-        ),
-        click.option(
-            "--rim",
-            type=click.Choice(RIMS),
-            default=RIMS[0],
-            help="How the rims of such a solid lie: along the normals (the default); or flat, in the plane of the "
-            "surface's rim, so that it stands on an area.",
-        ),
+        *solid_options,
         click.option(
             "--attribute",
             "attributes",

@@ -104,7 +104,7 @@ def test_pages_shade_each_side_by_itself(angle, source):
     """A file has no normals: below 35 degrees its triangles look like one smooth surface."""
     mesh = tessellate(bent(angle), SIDES)
     if source == "spec":
-        content = content_of(bent(angle), SIDES)
+        content = content_of(bent(angle), Recipe(SIDES))
     else:
         content = content_of_mesh(Mesh(mesh.vertices, mesh.cells), "file")
     data = page_data(content)
@@ -112,7 +112,7 @@ def test_pages_shade_each_side_by_itself(angle, source):
         np.frombuffer(base64.b64decode(data["frames"][0][name]), "<f4").reshape(-1, 3)
         for name in ("positions", "normals")
     )
-    cells = np.frombuffer(base64.b64decode(data["cells"]), "<u4").reshape(-1, 3)
+    cells = np.frombuffer(base64.b64decode(data["cells"]), "<u2").reshape(-1, 3)
     assert len(positions) == len(normals) == 45 + (5 if angle > (0 if source == "spec" else 35) else 0)
     assert data["facts"].startswith("45 vertices, 64 triangles")
     assert ("normals exact at vertices" in data["facts"]) == (source == "spec")

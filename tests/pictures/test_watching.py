@@ -14,6 +14,7 @@ from gtb_cli.commands.view import content_of_paths
 from gtb_cli.pictures.content import Content
 from gtb_cli.shell.limits import LimitRequest
 from gtb_cli.shell.watching import HOST, Watch, handler
+from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import SPECS, gtb
 
 GOOD = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
@@ -28,7 +29,7 @@ def spec(tmp_path):
 
 def watch_of(path) -> Watch:
     def see() -> Content:
-        return content_of_paths((str(path),), 3, None, LimitRequest((), None, {}, None))
+        return content_of_paths((str(path),), Recipe(3), None, LimitRequest((), None, {}, None))
 
     return Watch([str(path)], see)
 
@@ -39,7 +40,7 @@ def test_an_edit_is_news_and_nothing_else(spec):
     spec.write_text(GOOD.format(25), encoding="utf-8")
     news = watch.state(1)
     assert news["version"] == 2
-    assert news["data"]["box"]["texts"][2] == "z 25"
+    assert news["data"]["box"]["texts"][2] == ("0", "25")
 
 
 def test_an_error_has_its_line_and_the_last_good_mesh_stays(spec):
