@@ -1,6 +1,26 @@
-"""Generalized toric-Bézier patches: from a short text description to a mesh.
+"""Generalized toric-Bézier patches: from a short text description to a mesh, and the theory as functions.
 
-The names below are the public API. They are imported when first used, so that ``import gtb_cli`` costs nothing.
+These are the public names; each has its shapes, units, errors and source in its own help, and all of them are in
+specs/PYTHON.md with examples. They are imported when first used, so that ``import gtb_cli`` costs nothing.
+
+Specs and files
+    load, load_patch, load_model, from_dict, to_dict, save, import_file, Imported
+Patches
+    Patch, Model, Domain, domain, Curvature, boundary, unity_coefficients, quadrature, Quadrature
+Limits
+    regular_decomposition, RegularDecomposition, regular_decompositions, LiftingCone, convergence_rate,
+    degenerate, regular_control_surface, degeneration, MeshSequence, Member, MeasuredRate,
+    merge_knots, move_knots, knot_limit, KnotLimit, Film, knot_sequence
+Other patches
+    elevate, isocurve, bezier_pieces, split_curve, fit, Fit, fill, Filling, fair, Fairing
+Meshes
+    tessellate, Recipe, Mesh, write_mesh, read_mesh
+Measurements
+    distance, Distance, diff, Difference, joints, Seam, check, Report, ModelReport, Finding
+Pictures
+    plot, page
+Errors
+    GtbError, SpecError, DomainError, ToleranceError, ExportError, RequirementError, Fault
 """
 
 from typing import TYPE_CHECKING
@@ -9,11 +29,20 @@ from gtb_cli.display import register
 from gtb_cli.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from gtb_cli.assembly.seams import Seam as Seam
     from gtb_cli.assembly.seams import joints as joints
     from gtb_cli.bezier.elevation import elevate as elevate
+    from gtb_cli.bezier.pieces import bezier_pieces as bezier_pieces
+    from gtb_cli.bezier.pieces import split_curve as split_curve
     from gtb_cli.checks.check import check as check
+    from gtb_cli.checks.report import Finding as Finding
+    from gtb_cli.checks.report import ModelReport as ModelReport
+    from gtb_cli.checks.report import Report as Report
+    from gtb_cli.design.fill import Filling as Filling
     from gtb_cli.design.filling import fill as fill
+    from gtb_cli.design.fit import Fit as Fit
     from gtb_cli.design.fit import fit as fit
+    from gtb_cli.design.isocurve import isocurve as isocurve
     from gtb_cli.distances.comparison import diff as diff
     from gtb_cli.distances.comparison import distance as distance
     from gtb_cli.errors import DomainError as DomainError
@@ -23,83 +52,110 @@ if TYPE_CHECKING:
     from gtb_cli.errors import RequirementError as RequirementError
     from gtb_cli.errors import SpecError as SpecError
     from gtb_cli.errors import ToleranceError as ToleranceError
+    from gtb_cli.fairing.fair import Fairing as Fairing
     from gtb_cli.fairing.fair import fair as fair
     from gtb_cli.formats.export import write_mesh as write_mesh
     from gtb_cli.formats.meshfiles import read_mesh as read_mesh
+    from gtb_cli.imports.readers import Imported as Imported
+    from gtb_cli.imports.readers import import_file as import_file
+    from gtb_cli.knots.all_decompositions import LiftingCone as LiftingCone
     from gtb_cli.knots.all_decompositions import regular_decompositions as regular_decompositions
     from gtb_cli.knots.convergence import convergence_rate as convergence_rate
+    from gtb_cli.knots.decomposition import RegularDecomposition as RegularDecomposition
     from gtb_cli.knots.decomposition import regular_decomposition as regular_decomposition
+    from gtb_cli.knots.domain import Domain as Domain
+    from gtb_cli.knots.domain import domain as domain
     from gtb_cli.language.loading import from_dict as from_dict
     from gtb_cli.language.loading import load as load
+    from gtb_cli.language.loading import load_model as load_model
+    from gtb_cli.language.loading import load_patch as load_patch
     from gtb_cli.language.writer import save as save
     from gtb_cli.language.writer import to_dict as to_dict
+    from gtb_cli.meshes.difference import Difference as Difference
+    from gtb_cli.meshes.hausdorff import Distance as Distance
     from gtb_cli.meshes.mesh import Mesh as Mesh
     from gtb_cli.pictures.figures import plot as plot
     from gtb_cli.pictures.page import frame as frame
     from gtb_cli.pictures.page import page as page
+    from gtb_cli.sequences.rates import MeasuredRate as MeasuredRate
+    from gtb_cli.sequences.sequence import Member as Member
+    from gtb_cli.sequences.sequence import MeshSequence as MeshSequence
+    from gtb_cli.sequences.sequence import degeneration as degeneration
+    from gtb_cli.sequences.sequence import knot_sequence as knot_sequence
     from gtb_cli.tessellation.recipe import Recipe as Recipe
     from gtb_cli.tessellation.tessellate import tessellate as tessellate
+    from gtb_cli.theory.basis import unity_coefficients as unity_coefficients
+    from gtb_cli.theory.curvature import Curvature as Curvature
     from gtb_cli.theory.degeneration import degenerate as degenerate
     from gtb_cli.theory.degeneration import regular_control_surface as regular_control_surface
+    from gtb_cli.theory.knot_limit import Film as Film
+    from gtb_cli.theory.knot_limit import KnotLimit as KnotLimit
+    from gtb_cli.theory.knot_limit import knot_limit as knot_limit
     from gtb_cli.theory.knot_limit import merge_knots as merge_knots
     from gtb_cli.theory.knot_limit import move_knots as move_knots
     from gtb_cli.theory.model import Model as Model
     from gtb_cli.theory.patch import Patch as Patch
+    from gtb_cli.theory.quadrature import Quadrature as Quadrature
+    from gtb_cli.theory.quadrature import quadrature as quadrature
 
-_ROOMS = {
-    "DomainError": "errors",
-    "ExportError": "errors",
-    "Fault": "errors",
-    "GtbError": "errors",
-    "Mesh": "meshes.mesh",
-    "Model": "theory.model",
-    "Patch": "theory.patch",
-    "Recipe": "tessellation.recipe",
-    "RequirementError": "errors",
-    "SpecError": "errors",
-    "ToleranceError": "errors",
-    "check": "checks.check",
-    "convergence_rate": "knots.convergence",
-    "degenerate": "theory.degeneration",
-    "diff": "distances.comparison",
-    "distance": "distances.comparison",
-    "elevate": "bezier.elevation",
-    "fair": "fairing.fair",
-    "fill": "design.filling",
-    "fit": "design.fit",
-    "frame": "pictures.page",
-    "from_dict": "language.loading",
-    "joints": "assembly.seams",
-    "load": "language.loading",
-    "merge_knots": "theory.knot_limit",
-    "move_knots": "theory.knot_limit",
-    "page": "pictures.page",
-    "plot": "pictures.figures",
-    "read_mesh": "formats.meshfiles",
-    "regular_control_surface": "theory.degeneration",
-    "regular_decomposition": "knots.decomposition",
-    "regular_decompositions": "knots.all_decompositions",
-    "save": "language.writer",
-    "tessellate": "tessellation.tessellate",
-    "to_dict": "language.writer",
-    "write_mesh": "formats.export",
-}
+    boundary = Patch.boundary
+else:
+    # Public names by the modules that have them
+    _ROOMS = {
+        "assembly.seams": "Seam joints",
+        "bezier.elevation": "elevate",
+        "bezier.pieces": "bezier_pieces split_curve",
+        "checks.check": "check",
+        "checks.report": "Finding ModelReport Report",
+        "design.fill": "Filling",
+        "design.filling": "fill",
+        "design.fit": "Fit fit",
+        "design.isocurve": "isocurve",
+        "distances.comparison": "diff distance",
+        "errors": "DomainError ExportError Fault GtbError RequirementError SpecError ToleranceError",
+        "fairing.fair": "Fairing fair",
+        "formats.export": "write_mesh",
+        "formats.meshfiles": "read_mesh",
+        "imports.readers": "Imported import_file",
+        "knots.all_decompositions": "LiftingCone regular_decompositions",
+        "knots.convergence": "convergence_rate",
+        "knots.decomposition": "RegularDecomposition regular_decomposition",
+        "knots.domain": "Domain domain",
+        "language.loading": "from_dict load load_model load_patch",
+        "language.writer": "save to_dict",
+        "meshes.difference": "Difference",
+        "meshes.hausdorff": "Distance",
+        "meshes.mesh": "Mesh",
+        "pictures.figures": "plot",
+        "pictures.page": "frame page",
+        "sequences.rates": "MeasuredRate",
+        "sequences.sequence": "Member MeshSequence degeneration knot_sequence",
+        "tessellation.recipe": "Recipe",
+        "tessellation.tessellate": "tessellate",
+        "theory.basis": "unity_coefficients",
+        "theory.curvature": "Curvature",
+        "theory.degeneration": "degenerate regular_control_surface",
+        "theory.knot_limit": "Film KnotLimit knot_limit merge_knots move_knots",
+        "theory.model": "Model",
+        "theory.patch": "Patch",
+        "theory.quadrature": "Quadrature quadrature",
+    }
+    _HOMES = {name: room for room, names in _ROOMS.items() for name in names.split()}
 
-__all__ = ["__version__", *(name for name in _ROOMS if name != "frame")]
+    def __getattr__(name):
+        if name == "boundary":
+            return __getattr__("Patch").boundary
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from importlib import import_module
 
+        value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+        globals()[name] = value
+        return value
 
-def __getattr__(name: str) -> object:
-    if name not in _ROOMS:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
+    __all__ = ["__version__", "boundary", *(name for name in _HOMES if name != "frame")]
 
-    value = getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
-    globals()[name] = value
-    return value
+    register(__getattr__)
 
-
-register(__getattr__)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+    def __dir__():
+        return sorted(__all__)

@@ -36,5 +36,5 @@ def measured_roughly(monkeypatch: pytest.MonkeyPatch) -> None:
     from gtb_cli.sequences import sequence
 
     rough = sequence.Accuracy(chord_error=0.02, cells=16, points_in_all=100)
-    for name in ("degeneration_sequence", "knot_sequence"):
+    for name in ("degeneration", "knot_sequence"):
         monkeypatch.setattr(sequence, name, partial(getattr(sequence, name), accuracy=rough))

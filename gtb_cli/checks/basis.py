@@ -7,7 +7,7 @@ from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, largest, points_at_toru
 from gtb_cli.checks.report import Finding, at_most, not_applicable, number, within_rounding
 from gtb_cli.errors import DomainError
 from gtb_cli.moment.solve import RESIDUAL
-from gtb_cli.theory.basis import partition_of_unity_coefficients, torus_coordinates
+from gtb_cli.theory.basis import torus_coordinates, unity_coefficients
 
 
 def definition(probe: Probe) -> Finding:
@@ -137,7 +137,7 @@ def coefficients_of_unity(probe: Probe) -> Finding:
         return not_applicable(f"solved for at most {most} knots")
     try:
         with np.errstate(over="ignore", invalid="ignore"):
-            c = partition_of_unity_coefficients(domain)
+            c = unity_coefficients(domain)
     except DomainError as error:
         return number(None, str(error).removeprefix("coefficients: "))
     return number(float(c.min()), "smallest of the coefficients, which are all positive")

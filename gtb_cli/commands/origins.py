@@ -191,7 +191,7 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
     """
     from gtb_cli.design.fill import fill_loop
     from gtb_cli.design.loops import SUFFIXES, loop_from_text
-    from gtb_cli.imports.readers import import_file
+    from gtb_cli.imports.readers import import_data
     from gtb_cli.language.writer import dump
 
     source = shown_input(file)
@@ -208,7 +208,7 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
             "edges and ribbons are kept; the inside is made fair and is not that of the file's scheme",
         )
     else:
-        found = import_file(source, data, format)
+        found = import_data(source, data, format)
         remarks = found.remarks
         with about(source):
             text = dump(found.shape)

@@ -199,14 +199,14 @@ def coefficients(spec: Spec, at: tuple[float, ...] | None) -> Spec:
     """
     import numpy as np
 
-    from gtb_cli.theory.basis import partition_of_unity_coefficients
+    from gtb_cli.theory.basis import unity_coefficients
 
     patch = single(spec)
     if at is not None and len(at) != patch.knots.size:
         raise SpecError(f"--at: expected {patch.knots.size} numbers, {len(patch.knots)} parameters, got {len(at)}")
     places = None if at is None else np.array(at).reshape(patch.knots.shape)
     with np.errstate(over="ignore", invalid="ignore"):  # the solution is judged afterwards
-        return patch.replace(coefficients=partition_of_unity_coefficients(patch.domain, places))
+        return patch.replace(coefficients=unity_coefficients(patch.domain, places))
 
 
 @click.command

@@ -80,12 +80,12 @@ def degenerate(
     if out.emits_spec and len(set(xs)) != 1:
         raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
     out.check_length(xs)
-    from gtb_cli.sequences.sequence import degeneration_sequence
+    from gtb_cli.sequences.sequence import degeneration
 
     with out.streams.spec_of(spec) as loaded:
         patch = single(loaded)
         heights = heights_of(patch, lifting) if number is None else _heights_to(patch, int(number), out)
-        sequence = out.made(degeneration_sequence, patch, xs, heights)
+        sequence = out.made(degeneration, patch, xs, heights)
         text = _spec(patch, xs[0], heights) if out.emits_spec else ""
     # A file that cannot be written is not the spec's fault.
     out.write(sequence, "x", spec, text)

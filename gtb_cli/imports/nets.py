@@ -52,4 +52,4 @@ def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _lattice(knots: FloatArray, points: FloatArray, weights: FloatArray | None, name: str | None) -> Patch:
-    return Patch(knots, points, weights, "binomial", name=name)  # type: ignore[arg-type]
+    return Patch(knots, points, weights, "binomial", name=name)

@@ -5,6 +5,7 @@ from importlib import import_module
 from typing import NamedTuple
 
 from gtb_cli.errors import Fault, SpecError
+from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES, kind_of
 from gtb_cli.language.loading import stem_of
 from gtb_cli.language.reader import MAX_PATCHES
@@ -37,8 +38,33 @@ SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": n
 NUMBER_FORMATS = ("trp", "bv", "bpt", "bzr")
 
 
-def import_file(path: str, data: bytes, format: str | None = None) -> Imported:
-    """Read a file of another program; its format is a key of `READERS`, or found from the content or the suffix.
+def import_file(path: str | os.PathLike[str], format: str | None = None) -> Imported:
+    """Read a file of another program as a patch or a model.
+
+    Parameters
+    ----------
+    path : path
+    format : {"trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl"}, optional
+        By default it is found from the content or the suffix.
+
+    Returns
+    -------
+    Imported
+        ``found.shape``, and ``found.remarks`` on what the file has that a patch cannot hold, such as trimming.
+
+    Raises
+    ------
+    SpecError
+        The file cannot be read: file, line and what was found.
+    """
+    if format is not None and format not in READERS:
+        raise SpecError(f"format: expected one of {', '.join(READERS)}, got {format!r}")
+    source = os.fspath(path)
+    return import_data(source, read_file(source, MAX_BYTES + 1), format)
+
+
+def import_data(path: str, data: bytes, format: str | None = None) -> Imported:
+    """Read the content of a file of another program, as `import_file` does.
 
     Curves and surfaces cannot be mixed in a model: if a file has both, only the surfaces are read. A `SpecError` names
     the file, the line and what was found.

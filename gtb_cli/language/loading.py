@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.errors import SpecError
+from gtb_cli.errors import Fault, SpecError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES, Document, Faults, error_about, read, spec_format_of
 from gtb_cli.language.includes import Library
@@ -39,6 +39,20 @@ def load(path: str | os.PathLike[str]) -> Patch | Model:
     """
     source = os.fspath(path)
     return parse(read_file(source, MAX_BYTES + 1), source, spec_format_of(source))
+
+
+def load_patch(path: str | os.PathLike[str]) -> Patch:
+    """Read a spec file of a single patch, as `load` does; a `SpecError` is also raised for a model."""
+    spec = load(path)
+    if isinstance(spec, Model):
+        raise SpecError(Fault(f"expected a single patch, this is a model of {len(spec)}", os.fspath(path)))
+    return spec
+
+
+def load_model(path: str | os.PathLike[str]) -> Model:
+    """Read a spec file, as `load` does; a single patch becomes a model of one."""
+    spec = load(path)
+    return Model(spec.patches, spec.name) if isinstance(spec, Patch) else spec
 
 
 def parse(text: bytes | str, source: str = "<spec>", format: Format | None = None) -> Patch | Model:

@@ -11,7 +11,8 @@ from gtb_cli.knots.hull import convex_hull
 from gtb_cli.language.document import shown
 from gtb_cli.language.scanner import Path
 from gtb_cli.language.values import COORDINATE, POSITIVE, SCALE, Check, Table, Values
-from gtb_cli.theory.patch import COEFFICIENTS, Patch
+from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.weights import COEFFICIENTS
 
 MAX_PATCHES = 20_000  # patches in a model, copies and included files counted
 PATCH_KEYS = frozenset(
@@ -78,13 +79,13 @@ class Reader:
             patch = Patch(
                 knots,
                 points,
-                weights,  # type: ignore[arg-type]
+                weights,
                 np.ones(len(knots)) if coefficients is None else coefficients,
                 edge_normals=cast(EdgeNormals, normals or "auto"),
                 edge_scale=1.0 if scale is None else scale,
                 lifting=lifting,
                 name=title,
-                log_weights=logarithms,  # type: ignore[arg-type]
+                log_weights=logarithms,
             )
             if named is not None:
                 patch = patch.replace(coefficients=_coefficients(patch.domain, named))

@@ -20,7 +20,7 @@ from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_num
 from gtb_cli.pictures.nets import is_flat, net_of
 from gtb_cli.pictures.scene import HIDDEN_STRENGTH, Surface, plain, plane_view, space_views
 from gtb_cli.pictures.shapes import surface_of, with_normals
-from gtb_cli.sequences.sequence import MeshSequence, degeneration_sequence
+from gtb_cli.sequences.sequence import MeshSequence, degeneration
 from gtb_cli.theory.degeneration import lifting_of
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -178,7 +178,7 @@ def frames_of_degeneration(
 ) -> Frames:
     """Return the meshes of a degeneration, by the patch's own lifting if none is given, with the net of its limit."""
     heights = lifting_of(patch, lifting)
-    found = degeneration_sequence(patch, xs, heights, resolution, distances=distances)
+    found = degeneration(patch, xs, heights, resolution, distances=distances)
     return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
 
 

@@ -175,9 +175,9 @@ def number(value: float) -> float | int:
     return int(value) if value.is_integer() and abs(value) < 2**53 else value
 
 
-def degeneration_sequence(
+def degeneration(
     patch: Patch,
-    x: Iterable[float],
+    xs: Iterable[float],
     lifting: ArrayLike | None = None,
     resolution: int = 32,
     tolerance: float | None = None,
@@ -189,20 +189,47 @@ def degeneration_sequence(
 ) -> MeshSequence:
     """Mesh the patches with weights x^λ ω, and their limit, the regular control curve or surface.
 
-    All x are from 1 to inf, or all from 0 to 1; inf or 0 is the limit itself. They are sorted, and repeated ones count
-    once; without any, only the limit for x → ∞ is made. λ is the (n,) lifting, by default the patch's own. There are
-    `resolution` cells along each edge of each cell of the regular decomposition; with a tolerance, one triangulation is
-    refined instead until it is fine enough for all surfaces, the limit included. All meshes together have at most
-    `max_faces`. Distances from the limit take longer than the meshes.
+    Parameters
+    ----------
+    patch : Patch
+    xs : iterable of float
+        All from 1 to inf, or all from 0 to 1; inf or 0 is the limit itself. They are sorted, and repeated ones count
+        once; without any, only the limit for x → ∞ is made.
+    lifting : (n,) float, optional
+        λ, by default the patch's own.
+    resolution : int
+        Cells along each edge of each cell of the regular decomposition.
+    tolerance : float, optional
+        One triangulation is refined instead until it is fine enough for all surfaces, the limit included.
+    normals, distances : bool
+        Whether meshes have normals, and distances from the limit are measured, which takes longer than the meshes.
+    max_faces : int
+        Of all meshes together.
+    accuracy : Accuracy, optional
+        Of the distances.
 
+    Returns
+    -------
+    MeshSequence
+        ``found.meshes`` and ``found.distances``, or the members one by one by iteration.
+
+    Raises
+    ------
+    DomainError
+        Some x are on both sides of 1, or not positive, or there is no lifting.
+    ToleranceError
+        There are too many faces.
+
+    Notes
+    -----
     Vertex i has the same parameter, a point of Δ, in all meshes: corners and edges of the regular decomposition are
-    vertices and edges of the meshes. On the border of a cell, the limit depends only on the data of the border
-    (Thm 3.2, Thm 4.2, Ex. 3.4, Ex. 4.4).
+    vertices and edges of the meshes. On the border of a cell, the limit depends only on the data of the border.
 
-    Raises `DomainError` for x on both sides of 1, or not positive, or without a lifting, and `ToleranceError` for too
-    many faces.
+    References
+    ----------
+    Thm 3.2, Thm 4.2, Ex. 3.4, Ex. 4.4.
     """
-    values = sorted({float(value) for value in x})
+    values = sorted({float(value) for value in xs})
     upward = _is_upward(values)
     values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, INF)]
     exponents = lifting_of(patch, lifting)
@@ -233,7 +260,7 @@ def knot_sequence(
     """Mesh the patches whose knots are on the way to others, as `merge_knots` takes the moves, and the merged patch.
 
     Steps are from 0 to 1, which is the limit. They are sorted, and repeated ones count once. Other arguments are those
-    of `degeneration_sequence`. Vertex i of all meshes has the same parameter, a point of Δ. There are films where the
+    of `degeneration`. Vertex i of all meshes has the same parameter, a point of Δ. There are films where the
     convergence is not uniform (Thm 3.1, Thm 4.1, Ex. 3.2, Ex. 3.3, Ex. 4.2).
 
     Raises `DomainError` for steps outside [0, 1], or moves that `merge_knots` refuses, and `ToleranceError` for too

@@ -53,13 +53,28 @@ def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> Float
     return np.where(vanishes, 0.0, beta)
 
 
-def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray:
-    """Solve ``Σ_j β_j(u_i) = 1`` at n distinct parameters for the (n,) coefficients c (eq. 8, Thm 2.2).
+def unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray:
+    """Solve ``Σ_j β_j(u_i) = 1`` at n distinct parameters for the (n,) coefficients c.
 
-    The default parameters are the inner Chebyshev points of Δ for curves, and the knots moved by 10 % towards the
-    middle of Δ for surfaces. `DomainError` is raised if knots are repeated, so that the system is singular, or the
-    solution is not positive, hence not a basis. The paper does not guarantee a positive one; knots {0, 1, 3} with
-    t = (1.5, 2, 2.25) do not have one.
+    Parameters
+    ----------
+    domain : Domain
+        Δ with its knots and edge functions: ``patch.domain``.
+    u : (n, d) float, optional
+        Default: the inner Chebyshev points of Δ for curves, the knots moved by 10 % towards its middle for surfaces.
+
+    Raises
+    ------
+    DomainError
+        Knots are repeated, so that the system is singular, or the solution is not positive, hence not a basis.
+
+    Notes
+    -----
+    The paper does not guarantee a positive solution: knots {0, 1, 3} with u = (1.5, 2, 2.25) do not have one.
+
+    References
+    ----------
+    Eq. 8, Thm 2.2.
     """
     n = len(domain.knots)
     if u is None and domain.dimension == 1:

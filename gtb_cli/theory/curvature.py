@@ -19,12 +19,11 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.differences import PARALLEL_SINE, cleared, coordinate_rounding
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, neighbourhoods
-from gtb_cli.theory.parametrization import Parametrization
-from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.parametrization import Blend, Parametrization
 
 
 class Curvature(NamedTuple):
-    """(m,) curvatures of a surface at points; NaN without a finite limit.
+    """(…) curvatures of a surface at points; NaN without a finite limit. Found by `Patch.curvature`.
 
     K = κ₁ κ₂ is in units of 1 / length², H = (κ₁ + κ₂) / 2 in units of 1 / length. H is positive if the surface bends
     away from its normal: 1 / R for a sphere with outward normals.
@@ -34,23 +33,14 @@ class Curvature(NamedTuple):
     mean: FloatArray
 
 
-def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
-    """Gaussian and mean curvature of a surface at (m, 2) parameters, with respect to the normals of `Patch.normals`.
-
-    Values on edges and at corners are limits, computed by formula. Let δ < δ' be the distances of the two layers of
-    knots next to an edge. The curvature across the edge has a limit if δ' ≥ 2δ. If δ' < 2δ, it generally grows like
-    h^(δ'/δ − 2), where h is the distance in the linear parametrisation. At a corner the condition must hold for both
-    edges, and no knot inside may be nearer to either than the first layer. Without a limit or a normal, values are NaN.
-
-    The relative error inside is a few roundings divided by the sine of the angle between the derivatives, however near
-    the boundary is. `DomainError` is raised for a curve, and for a parameter outside Δ.
-    """
-    columns = patch.domain.columns(u)
+def curvature(patch: Blend, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
+    """Gaussian and mean curvature of a surface at (…, 2) parameters; see `Patch.curvature`."""
+    columns, grid = patch.rational_basis.domain.grid(u)
     found = curvatures_at([patch], patch.rational_basis.locations(columns, parametrization), len(columns))
-    return Curvature(found.gaussian[0], found.mean[0])
+    return Curvature(found.gaussian[0].reshape(grid), found.mean[0].reshape(grid))
 
 
-def curvatures_at(patches: Sequence[Patch], where: Iterable[Location], count: int) -> Curvature:
+def curvatures_at(patches: Sequence[Blend], where: Iterable[Location], count: int) -> Curvature:
     """(q, count) curvatures of q patches that share one rational basis: what does not depend on points is made once."""
     field = _CurvatureField(patches)
     gaussian, mean = np.empty((len(patches), count)), np.empty((len(patches), count))
@@ -62,11 +52,10 @@ def curvatures_at(patches: Sequence[Patch], where: Iterable[Location], count: in
 class _CurvatureField:
     """Curvatures of q patches with one basis; data that do not depend on the place are computed once."""
 
-    def __init__(self, patches: Sequence[Patch]) -> None:
-        if patches[0].dimension == 1:
+    def __init__(self, patches: Sequence[Blend]) -> None:
+        self.domain, self.log_weights = patches[0].rational_basis.domain, patches[0].rational_basis.log_weights
+        if self.domain.dimension == 1:
             raise DomainError("curvature: Gaussian and mean curvature are a surface's, this is a curve")
-        self.domain = patches[0].domain
-        self.log_weights = patches[0].log_products
         points = np.array([patch.control_points for patch in patches])
         points -= (points.min(axis=1, keepdims=True) + points.max(axis=1, keepdims=True)) / 2
         # If points have size 1, no product of derivatives leaves the range of floats.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,6 +79,18 @@ class RationalBasis:
             sums[1:] /= sums[0]
             result[rows] = sums[1:].T
         return result
+
+
+class Blend(Protocol):
+    """A patch, for the rooms that it enters itself: control points under a rational basis."""
+
+    @property
+    def rational_basis(self) -> RationalBasis:
+        """The functions T_i."""
+
+    @property
+    def control_points(self) -> FloatArray:
+        """(n, 3) b_i."""
 
 
 def blend_each(

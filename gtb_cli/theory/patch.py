@@ -11,19 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, positive, read_only
+from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, read_only
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
-from gtb_cli.knots.lattice import binomial_coefficients
-from gtb_cli.theory.basis import Location, partition_of_unity_coefficients
+from gtb_cli.theory.basis import Location, gt_bernstein
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis
+from gtb_cli.theory.weights import CoefficientRule, both_weights, coefficients_of
 from gtb_cli.values import by_value, frozen
 
-# By their names in specs.
-COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": partition_of_unity_coefficients}
-
 if TYPE_CHECKING:
+    from gtb_cli.theory.curvature import Curvature
     from gtb_cli.theory.derivatives import DerivativeField, Order
     from gtb_cli.theory.normals import NormalField
 
@@ -81,6 +79,23 @@ class Patch:
     log_weights: FloatArray = field(default=None, kw_only=True)  # type: ignore[arg-type]
     rational_basis: RationalBasis = field(default=None, kw_only=True, compare=False)  # type: ignore[assignment]
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            knots: ArrayLike,
+            control_points: ArrayLike,
+            weights: ArrayLike | None = None,
+            coefficients: ArrayLike | CoefficientRule | None = None,
+            *,
+            edge_normals: EdgeNormals = "auto",
+            edge_scale: ArrayLike = 1.0,
+            lifting: ArrayLike | None = None,
+            name: str | None = None,
+            log_weights: ArrayLike | None = None,
+            rational_basis: RationalBasis | None = None,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         set_field = object.__setattr__
         shape = self._domain()
@@ -93,15 +108,10 @@ class Patch:
         if points.shape[1] == 2:
             points = read_only(np.column_stack([points, np.zeros(len(points))]))
         set_field(self, "control_points", points)
-        weights, logarithms = _both_weights(self.weights, self.log_weights, n)
+        weights, logarithms = both_weights(self.weights, self.log_weights, n)
         set_field(self, "weights", weights)
         set_field(self, "log_weights", logarithms)
-        coefficients: ArrayLike | str = np.ones(n) if self.coefficients is None else self.coefficients
-        if isinstance(coefficients, str):
-            if coefficients not in COEFFICIENTS:
-                raise DomainError(f"coefficients: expected numbers, {' or '.join(COEFFICIENTS)}, got {coefficients!r}")
-            coefficients = COEFFICIENTS[coefficients](shape)
-        set_field(self, "coefficients", positive("coefficients", coefficients))
+        set_field(self, "coefficients", coefficients_of(shape, self.coefficients))
         if self.lifting is not None:
             set_field(self, "lifting", finite("lifting", self.lifting))
         for label in ("control_points", "weights", "coefficients", "lifting"):
@@ -206,6 +216,20 @@ class Patch:
         basis = self.rational_basis
         return basis.values(basis.locations(columns, parametrization), len(columns)).reshape(*grid, len(self.knots))
 
+    def beta(self, u: ArrayLike) -> FloatArray:
+        """(…, n) GT-Bernstein basis ``β_i(u) = c_i Π_j h_j(u)^{h_j(a_i)}``, not normalised (eq. 201, eq. 204).
+
+        Unlike `basis`, it depends on the scale of the edge functions; entries beyond the range of floats are 0 or inf.
+        """
+        columns, grid = self.domain.grid(u)
+        return gt_bernstein(self.domain, self.coefficients, columns).reshape(*grid, len(self.knots))
+
+    def moment(self, u: ArrayLike) -> FloatArray:
+        """(…, d) points ``Σ_i T_i(u) a_i`` of Δ: the linear parameters of toric ones (Birch's theorem)."""
+        columns, grid = self.domain.grid(u)
+        found = self.rational_basis.blend(self.knots, self.rational_basis.locations(columns), len(columns))
+        return found.reshape(*grid, self.dimension)
+
     def points_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, 3) points at locations found by any parametrisation."""
         return self.rational_basis.blend(self.control_points, locations, count)
@@ -290,6 +314,46 @@ class Patch:
         """(count, 3) unit normals, like `normals`, at locations found by any parametrisation."""
         return self._normal_field.at(locations, count)
 
+    def curvature(self, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
+        """Gaussian and mean curvature of a surface; see `gtb_cli.Curvature`.
+
+        Parameters
+        ----------
+        u : (…, 2) float
+        parametrization : {"toric", "linear"}
+
+        Returns
+        -------
+        Curvature
+            ``found.gaussian`` and ``found.mean``, (…) each; NaN without a normal or a finite limit.
+
+        Raises
+        ------
+        DomainError
+            The patch is a curve, or a parameter lies outside Δ.
+
+        Notes
+        -----
+        Values on edges and at corners are limits. Across an edge there is one if the second layer of knots next to it
+        is at least twice as far as the first; otherwise the curvature generally grows like h^(r − 2), r the ratio and h
+        the distance in linear parameters. At a corner that must hold for both edges, and no knot inside may be nearer
+        than the first layer. The relative error is a few roundings, over the sine between the derivatives.
+        """
+        from gtb_cli.theory.curvature import curvature
+
+        return curvature(self, u, parametrization)
+
+    def tangents(self, t: ArrayLike | None = None, parametrization: Parametrization = "toric") -> FloatArray:
+        """(…, 3) unit tangents of a curve at (…) parameters, in the direction of increasing ones; by default its ends'.
+
+        They are NaN where the derivative vanishes. At an end they are limits: the direction from its control point to
+        the nearest knot's different control point, where repeated knots count with their mean (property (c) of
+        GT-Bézier curves, eq. 302). `DomainError` is raised for a surface, and for a parameter outside Δ.
+        """
+        from gtb_cli.theory.tangents import tangents
+
+        return tangents(self, self.domain.vertices if t is None else t, parametrization)
+
     def boundary(self, edge: int) -> Patch:
         """Return the curve of an edge: the patch of the knots on it, measured from its first corner (Thm 4.0).
 
@@ -330,21 +394,3 @@ class Patch:
         from gtb_cli.theory.normals import NormalField  # most meshes do not need them
 
         return NormalField(self.domain, self.log_products, self.control_points)
-
-
-def _both_weights(weights: FloatArray | None, logarithms: FloatArray | None, n: int) -> tuple[FloatArray, FloatArray]:
-    """(n,) weights, and (n,) their logarithms, from either or both; by default 1 and 0."""
-    if logarithms is None:
-        weights = positive("weights", np.ones(n) if weights is None else weights)
-        return weights, read_only(np.log(weights))
-    logarithms = finite("log_weights", logarithms)
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        powers = read_only(np.exp(logarithms))
-        weights = powers if weights is None else read_only(weights)
-        if weights.shape == powers.shape:  # others are refused later
-            equal = (weights == powers) | (
-                np.abs(weights - powers) <= 1e-9 * np.minimum(weights, powers) + np.finfo(float).tiny
-            )
-            if not equal.all():
-                raise DomainError("weights: disagree with log_weights; `Patch.replace` changes both")
-    return weights, logarithms

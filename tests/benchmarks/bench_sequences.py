@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from gtb_cli.sequences.sequence import MeshSequence, degeneration_sequence, knot_sequence
+from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, paired, sized
 from tests.benchmarks.bench_evaluate import spec
@@ -17,7 +17,7 @@ def rows() -> Iterator[Row]:
     for what, x, runs in (("x = 5, 100, 600", [5.0, 100.0, 600.0], 3), (f"{steps} steps from 1 to 1e6", sweep, 1)):
         yield with_distances(
             f"Example 4.4 -n 8, {what}",
-            lambda distances, x=x: degeneration_sequence(example, x, resolution=8, distances=distances),  # type: ignore[misc]
+            lambda distances, x=x: degeneration(example, x, resolution=8, distances=distances),  # type: ignore[misc]
             runs,
         )
     yield with_distances("Example 4.2 -n 8, 3 steps of a knot", lambda distances: moving(other, distances), 3)

@@ -9,7 +9,7 @@ import pytest
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nurbs import span_matrices, spans
-from gtb_cli.imports.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_file
+from gtb_cli.imports.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_data
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.theory.model import Model
@@ -23,7 +23,7 @@ PLACES = [(Fraction(1, 3), Fraction(1, 7)), (Fraction(4, 5), Fraction(2, 3)), (F
 
 
 def patches_of(name: str) -> tuple[Patch, ...]:
-    return import_file(name, FILES[name]).shape.patches
+    return import_data(name, FILES[name]).shape.patches
 
 
 def assert_near(found: np.ndarray, expected: Sequence[Fraction]) -> None:
@@ -101,7 +101,7 @@ def test_unclamped_and_repeated_knots() -> None:
 
 
 def test_iges_says_what_is_left_out() -> None:
-    found = import_file("part.igs", FILES["part.igs"])
+    found = import_data("part.igs", FILES["part.igs"])
     assert found.remarks == (
         "its unit of length is millimetres",
         "surfaces are whole, not trimmed; entities that are left out: 1 of type 110",
@@ -115,7 +115,7 @@ def test_a_format_is_known_by_content_and_by_suffix_and_its_spec_is_read_back(na
     path.write_bytes(FILES[name])
     result = gtb("import", path)
     assert result.status == 0, result.err
-    for other in (import_file("<stdin>", FILES[name]).shape, parse(result.text)):
+    for other in (import_data("<stdin>", FILES[name]).shape, parse(result.text)):
         for first, second in zip(other.patches, patches_of(name), strict=True):
             np.testing.assert_array_equal(first.control_points, second.control_points)
             np.testing.assert_array_equal(first.coefficients, second.coefficients)
@@ -155,7 +155,7 @@ def test_a_format_is_known_by_content_and_by_suffix_and_its_spec_is_read_back(na
 def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) -> None:
     assert old in FILES[name]
     with pytest.raises(SpecError, match=message):
-        import_file(name, FILES[name].replace(old, new, 1))
+        import_data(name, FILES[name].replace(old, new, 1))
 
 
 @pytest.mark.parametrize(
@@ -172,7 +172,7 @@ def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) 
 )
 def test_what_is_not_such_a_file(path: str, data: bytes, message: str) -> None:
     with pytest.raises(SpecError, match=message):
-        import_file(path, data)
+        import_data(path, data)
 
 
 def test_nurbs_have_limits() -> None:

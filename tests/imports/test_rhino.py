@@ -9,13 +9,13 @@ import pytest
 from gtb_cli.errors import SpecError
 from gtb_cli.imports import rhino, rhino_process
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS
-from gtb_cli.imports.readers import import_file
+from gtb_cli.imports.readers import import_data
 from gtb_cli.theory.model import Model
 from tests.foreign import rhino as small_file
 
 
 def test_rhino_files() -> None:
-    found = import_file("ball.3dm", small_file())
+    found = import_data("ball.3dm", small_file())
     assert isinstance(found.shape, Model)
     assert [patch.name for patch in found.shape] == [f"ball-{k}" for k in range(8)]
     points = np.concatenate([patch.evaluate([[0.3, 1.7], [2, 2], [1, 0.5]]) for patch in found.shape])
@@ -30,7 +30,7 @@ def test_rhino_files() -> None:
 @pytest.mark.parametrize("data", [b"3D Geometry File Format        7", b"3D Geometry File Format" + bytes(500)])
 def test_damaged_files(data: bytes) -> None:
     with pytest.raises(SpecError, match=r"x\.3dm: "):
-        import_file("x.3dm", data)
+        import_data("x.3dm", data)
 
 
 def process(folder: Path, monkeypatch: pytest.MonkeyPatch, **changes: str) -> None:
@@ -56,20 +56,20 @@ def test_a_process_that_needs_too_much_or_fails_is_a_damaged_file(
 ) -> None:
     process(tmp_path, monkeypatch, read=read)
     with pytest.raises(SpecError, match=r"^x\.3dm: is not a \.3dm file, or is damaged"):
-        import_file("x.3dm", small_file())
+        import_data("x.3dm", small_file())
 
 
 def test_without_the_extra_there_is_a_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     process(tmp_path, monkeypatch, library='"rhino3dm_that_is_not_there"')
     with pytest.raises(SpecError, match=r"x\.3dm: \.3dm files need the extra gtb-cli\[rhino\]: pip install"):
-        import_file("x.3dm", small_file())
+        import_data("x.3dm", small_file())
 
 
 def test_a_process_that_only_waits_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     process(tmp_path, monkeypatch, run='__import__("time").sleep(60)')
     monkeypatch.setattr(rhino, "PATIENCE_SECONDS", 0.1)
     with pytest.raises(SpecError, match=r"it is not read within 0\.1 s"):
-        import_file("x.3dm", small_file())
+        import_data("x.3dm", small_file())
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_what_is_wrong_with_a_form_is_said(
     entry = {"name": "", "trimmed": False, "forms": [line | form]}
     process(tmp_path, monkeypatch, run=f"print({json.dumps(entry)!r}); print('{{}}')")
     with pytest.raises(SpecError, match=rf"^x\.3dm: objects\[0\]: {message}"):
-        import_file("x.3dm", small_file())
+        import_data("x.3dm", small_file())
 
 
 def test_the_limits_of_both_processes_are_one() -> None:
@@ -104,4 +104,4 @@ def test_a_curve_of_many_control_points_is_read(tmp_path: Path) -> None:
     places = [rhino3dm.Point3d(k, k * k % 3, 0) for k in range(400)]
     file.Objects.Add(rhino3dm.NurbsCurve.Create(False, 3, places))
     file.Write(str(path), 7)
-    assert len(import_file("x.3dm", path.read_bytes()).shape) == 397
+    assert len(import_data("x.3dm", path.read_bytes()).shape) == 397

@@ -22,7 +22,7 @@ from gtb_cli.sequences.family import approaching
 from gtb_cli.sequences.film import film_mesh
 from gtb_cli.sequences.measurement import Accuracy
 from gtb_cli.sequences.rates import measured_rate
-from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
+from gtb_cli.sequences.sequence import degeneration, knot_sequence
 from gtb_cli.theory.knot_limit import knot_limit
 from tests.marks import long, mostly_long
 
@@ -41,7 +41,7 @@ def test_the_corner_of_the_limit_is_farthest(x):
     angle, size = np.meshgrid(np.arange(0, 2 * np.pi, 0.02), np.geomspace(1e-9, 0.5, 200))
     u = patch.knots[3] + np.stack([size * np.cos(angle), size * np.sin(angle)], axis=-1)
     nearest = np.linalg.norm(member.evaluate(u, "linear") - corner, axis=-1).min()
-    distance = degeneration_sequence(patch, [x], resolution=1).distances[0]
+    distance = degeneration(patch, [x], resolution=1).distances[0]
     assert distance == pytest.approx(nearest, rel=3 * THREE_DIGITS)
 
 
@@ -62,7 +62,7 @@ def test_points_between_vertices_may_be_farthest(seed, x):
     knots = np.stack(np.meshgrid(np.arange(3.0), np.arange(4.0), indexing="ij"), axis=-1).reshape(-1, 2)
     patch = Patch(knots, rng.normal(size=(12, 3)), np.exp(rng.normal(size=12)), lifting=rng.integers(0, 4, size=12))
     limit = np.concatenate([grid(cell) for cell in regular_control_surface(patch).patches])
-    distance = degeneration_sequence(patch, [x], resolution=1).distances[0]
+    distance = degeneration(patch, [x], resolution=1).distances[0]
     member = grid(degenerate(patch, x))
     there, back = cKDTree(limit).query(member)[0].max(), cKDTree(member).query(limit)[0].max()
     assert distance == pytest.approx(max(there, back), rel=ROUGH)
@@ -73,7 +73,7 @@ def figures(patch, scale=1.0):
     large = patch.replace(knots=scale * (patch.knots + 7), control_points=scale * (patch.control_points + 1e3))
     rough = Accuracy(chord_error=1e-2, cells=256, points_in_all=1000)  # of meshes; what they are is what matters
     moving = knot_sequence(large, {6: 3}, [0.5], resolution=1, accuracy=rough)
-    going = degeneration_sequence(large, [5, 100], np.arange(8) % 3, resolution=1)
+    going = degeneration(large, [5, 100], np.arange(8) % 3, resolution=1)
     return [distance / scale for distance in (*going.distances, *moving.distances, *moving.film_distances)]
 
 
@@ -194,7 +194,7 @@ def test_distances_fall_as_the_lifting_says(seed, dimension):
         rng.random((5, dimension)), rng.normal(size=(5, 3)), np.exp(rng.normal(size=5)), lifting=rng.random(5)
     )
     rate = convergence_rate(regular_decomposition(patch.knots, patch.lifting))
-    found = degeneration_sequence(patch, np.exp(np.array([8, 9.5, 11]) / rate), resolution=1)
+    found = degeneration(patch, np.exp(np.array([8, 9.5, 11]) / rate), resolution=1)
     assert found.predicted_rate == rate
     assert found.rate.exponent == pytest.approx(rate, rel=THREE_DIGITS)
 

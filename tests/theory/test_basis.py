@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.torus import BLOCK_NUMBERS
-from gtb_cli.theory.basis import gt_bernstein, partition_of_unity_coefficients
+from gtb_cli.theory.basis import gt_bernstein, unity_coefficients
 from tests.laws import inner_parameters
 from tests.patches import NAMES, bezier_triangle, bicubic, named
 
@@ -210,15 +210,15 @@ def test_integer_knots_have_the_binomial_coefficients_for_every_choice_of_parame
     t = degree * (np.arange(degree + 1) + np.random.default_rng(seed).uniform(0.2, 0.8, degree + 1)) / (degree + 1)
     expected = [math.comb(degree, i) / degree**degree for i in range(degree + 1)]
     shape = domain(range(degree + 1))
-    assert partition_of_unity_coefficients(shape, t) == pytest.approx(expected, rel=1e-9)
-    assert partition_of_unity_coefficients(shape) == pytest.approx(expected, rel=1e-9)
+    assert unity_coefficients(shape, t) == pytest.approx(expected, rel=1e-9)
+    assert unity_coefficients(shape) == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_solution_that_is_not_positive_is_refused_with_its_values():
     with pytest.raises(
         DomainError, match=r"would need \(-0.0740741, 0.314815, 0.0555556\), which are not all positive"
     ):
-        partition_of_unity_coefficients(domain([0, 1, 3]), [1.5, 2, 2.25])
+        unity_coefficients(domain([0, 1, 3]), [1.5, 2, 2.25])
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.5])
@@ -229,13 +229,13 @@ def test_example_2_1s_knots_have_no_positive_solution_at_other_scales(scale, see
     if np.diff(t).min() < 0.02:
         t = np.linspace(t[0], t[-1] + 0.01, 5)
     with pytest.raises(DomainError, match="not all positive"):
-        partition_of_unity_coefficients(domain(ROOTS, edge_scale=scale), t)
+        unity_coefficients(domain(ROOTS, edge_scale=scale), t)
 
 
 def test_a_solution_is_one_at_its_parameters():
     t = np.array([0.2, 0.8, 1.4, 2.8])
     shape = domain([0, 1, 1.9, 3])
-    c = partition_of_unity_coefficients(shape, t)
+    c = unity_coefficients(shape, t)
     assert (c > 0).all()
     assert gt_bernstein(shape, c, t).sum(axis=1) == pytest.approx(1, rel=1e-13)
 
@@ -244,7 +244,7 @@ def test_a_lattice_square_has_a_solution():
     # (h_0 + h_2)² (h_1 + h_3)² / 16 = 1: coefficients C(2, i) C(2, j) / 16.
     knots = [(i, j) for j in range(3) for i in range(3)]
     expected = [math.comb(2, i) * math.comb(2, j) / 16 for i, j in knots]
-    assert partition_of_unity_coefficients(domain(knots)) == pytest.approx(expected, rel=1e-9)
+    assert unity_coefficients(domain(knots)) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -260,17 +260,17 @@ def test_a_lattice_square_has_a_solution():
 )
 def test_partition_of_unity_that_cannot_be_solved_is_refused(shape, t, message):
     with pytest.raises(DomainError, match=message):
-        partition_of_unity_coefficients(shape, t)
+        unity_coefficients(shape, t)
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
 def test_coefficients_that_are_zero_to_rounding_are_not_positive(unit):
     with pytest.raises(DomainError, match=r"would need \(\S+, 0, \S+, \S+\), which are not all positive"):
-        partition_of_unity_coefficients(domain([0, unit, 2 * unit, 4 * unit], edge_scale=1 / unit))
+        unity_coefficients(domain([0, unit, 2 * unit, 4 * unit], edge_scale=1 / unit))
 
 
 def test_tiny_coefficients_are_positive():
-    c = partition_of_unity_coefficients(domain([0, 1, 2, 3], edge_scale=30))
+    c = unity_coefficients(domain([0, 1, 2, 3], edge_scale=30))
     assert (c > 0).all()
     assert c.max() < 1e-40
     np.testing.assert_allclose(c / c[0], [1, c[1] / c[0], c[1] / c[0], 1], rtol=1e-9)

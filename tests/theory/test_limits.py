@@ -16,7 +16,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import depth_in
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.sequences.film import film_mesh
-from gtb_cli.sequences.sequence import degeneration_sequence
+from gtb_cli.sequences.sequence import degeneration
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.degeneration import degenerate, regular_control_surface
 from gtb_cli.theory.knot_limit import knot_limit, merge_knots, move_knots
@@ -66,7 +66,7 @@ def test_ordinary_weights_stay_floats():
 def test_vertices_of_a_sequence_are_points_of_the_degenerated_patch(x):
     """The meshes evaluate each cell with a lifting of its own; the gaps of these are not 0 and 1 only."""
     patch = dataclasses.replace(spec("example-4.4"), lifting=spec("example-4.4").lifting * 1.7)
-    mesh = degeneration_sequence(patch, [x], resolution=3).meshes[0]
+    mesh = degeneration(patch, [x], resolution=3).meshes[0]
     inside = (patch.domain.heights_of_columns(mesh.parameters) > 0).all(axis=0)
     assert inside.sum() > 5
     expected = linear_points(degenerate(patch, x), mesh.parameters[inside])
@@ -421,7 +421,7 @@ def test_the_limit_as_a_set_is_the_merged_patch_with_its_films(patch, moves):
 def test_the_limit_of_a_sequence_is_the_mesh_of_the_control_surface(name):
     """The one joins cells by the decomposition, the other by their edges' curves: the same vertices and cells."""
     patch = spec(name)
-    limit = degeneration_sequence(patch, [], resolution=3, normals=False, distances=False).meshes[-1]
+    limit = degeneration(patch, [], resolution=3, normals=False, distances=False).meshes[-1]
     model = tessellate(regular_control_surface(patch), 3, normals=False)
     np.testing.assert_array_equal(model.cells, limit.cells)
     np.testing.assert_array_equal(model.vertices, limit.vertices)

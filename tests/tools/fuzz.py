@@ -22,7 +22,7 @@ from pathlib import Path
 
 from gtb_cli.design.loops import SUFFIXES, loop_from_text
 from gtb_cli.errors import SpecError
-from gtb_cli.imports.readers import import_file
+from gtb_cli.imports.readers import import_data
 from gtb_cli.language.writer import dump
 from gtb_cli.vocabulary import SEQUENCE_RECORD
 from tests import foreign
@@ -135,7 +135,7 @@ def read_foreign(name: str, data: bytes) -> None:
     if os.path.splitext(name)[1] in SUFFIXES:
         loop_from_text(data, name)
     else:
-        dump(import_file(name, data).shape)
+        dump(import_data(name, data).shape)
 
 
 def memory() -> float:

@@ -16,7 +16,7 @@ from gtb_cli.formats.vtu import encode_vtu
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.sequences.sequence import degeneration_sequence
+from gtb_cli.sequences.sequence import degeneration
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
@@ -69,7 +69,7 @@ class Film(Kind):
     def all_made(self) -> dict[str, Mesh]:
         """The meshes, by the names that they have in the file; the first is the one that is shown at first."""
         patch = load(SPECS / f"{self.spec}.toml")
-        sequence = degeneration_sequence(patch, (1, 100), resolution=self.options.recipe.resolution)
+        sequence = degeneration(patch, (1, 100), resolution=self.options.recipe.resolution)
         return dict(zip(("x=1", "x=100", "limit"), sequence.meshes, strict=True))
 
     @functools.cached_property
