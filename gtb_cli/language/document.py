@@ -155,7 +155,9 @@ def _decode(data: bytes | str, source: str) -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = error.object[error.start]
-        raise SpecError(Fault(f"is not UTF-8 text, byte 0x{byte:02x} ({error.reason})", source, line)) from None
+        raise SpecError(
+            Fault(f"is not UTF-8 text, byte 0x{byte:02x} ({error.reason}): save it as UTF-8", source, line)
+        ) from None
 
 
 def _measure(text: str, source: str, format: Format) -> tuple[tuple[Path, int, str], ...]:
@@ -209,4 +211,6 @@ def _malformed(text: str, source: str, language: str, line: int, column: int, re
     is_value &= not reason.startswith("Expected newline") or before[-1:].isdigit()
     if is_value and re.match(r"[ \t]*(?:[-+*(A-Za-z_]|/(?![/*]))", rest):
         reason += " (names and expressions go in quotes; numbers have no unit)"
+    elif before[-1:].isdigit() and re.match(r",\d", rest):
+        reason += " (decimals have a point)"
     return SpecError(Fault(f"is not valid {language}, {reason[:1].lower()}{reason[1:]}", source, line, column))

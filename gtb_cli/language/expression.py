@@ -44,7 +44,8 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
         _refuse(words, "is empty")
     for word in _WORDS.finditer(words):
         if word["other"]:
-            _refuse(words, f"unexpected {word['other']!r}")
+            hint = ", decimals have a point" if re.search(r"\d,\d", words) else ""
+            _refuse(words, f"unexpected {word['other']!r}{hint}")
         if word["name"] and not any(word["name"] in known for known in (FUNCTIONS, CONSTANTS, names)):
             _refuse(words, _unknown(word["name"], names))
     parentheses = max(accumulate((sign == "(") - (sign == ")") for sign in words))
@@ -67,6 +68,8 @@ def names_in(text: str) -> list[str]:
 def _unknown(word: str, names: Mapping[str, float]) -> str:
     import difflib
 
+    if word in ("mm", "cm", "m", "inch", "in"):
+        return f"unknown name {word!r}, lengths are numbers without a unit"
     likely = difflib.get_close_matches(word, names, n=1)
     if likely:
         return f"unknown name {word!r}, did you mean {likely[0]}?"

@@ -10,7 +10,7 @@ from gtb_cli.knots.domain import Domain, EdgeNormals
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.language.document import shown
 from gtb_cli.language.scanner import Path
-from gtb_cli.language.values import COORDINATE, POSITIVE, SCALE, Check, Table, Values
+from gtb_cli.language.values import COORDINATE, POSITIVE, SCALE, Check, Table, Values, decimal_commas
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.weights import COEFFICIENTS
 
@@ -159,7 +159,7 @@ def _is_list(table: Table, key: str, n: int | None) -> bool:
     if not isinstance(entries, list):
         table.fault(key, f"must be a list with an entry for each knot, got {shown(entries)}")
     elif n is not None and len(entries) != n:
-        table.fault(key, f"must have {n} entries, one for each knot, got {len(entries)}")
+        table.fault(key, f"must have {n} entries, one for each knot, got {len(entries)}{decimal_commas(entries, n)}")
     return isinstance(entries, list)
 
 

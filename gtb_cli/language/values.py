@@ -80,7 +80,8 @@ class Values:
         """Read a list of one of the given sizes."""
         if isinstance(entry, list) and len(entry) in sizes:
             return self.numbers(entry, path, check)
-        self.faults.add(path, f"must be a list of {' or '.join(map(str, sizes))} coordinates, got {shown(entry)}")
+        hint = decimal_commas(entry, 3) if isinstance(entry, list) else ""
+        self.faults.add(path, f"must be a list of {' or '.join(map(str, sizes))} coordinates, got {shown(entry)}{hint}")
         return None
 
     def numbers(self, entries: list[object], path: Path, check: Check) -> FloatArray | None:
@@ -181,6 +182,12 @@ class Table:
         if key not in self.entries:
             return None
         return self.values.coordinates(self.entries[key], (*self.path, key), sizes, check)
+
+
+def decimal_commas(entries: list[object], expected: int) -> str:
+    """Return a hint for a list that is longer than expected, and may be so by decimal commas; or nothing."""
+    is_likely = expected < len(entries) < 2 * expected and all(isinstance(entry, int) for entry in entries)
+    return " (decimals have a point, not a comma)" if is_likely else ""
 
 
 def name_fault(name: str) -> str | None:

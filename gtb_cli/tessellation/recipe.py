@@ -180,6 +180,8 @@ class Recipe:
             folds += crossings
         if self.thickness is not None and folds and not faults:
             folds[-1] += f"; {_smaller_thickness(spec, surface, self.thickness, self.rim, held, bool(crossings))}"
+        if self.radius is not None and folds:
+            folds[-1] += f"; {self._smaller_radius(spec, surface, self.radius, tolerance, held)}"
         if self.require:
             from gtb_cli.assembly.requirements import require
 
@@ -187,8 +189,10 @@ class Recipe:
         return mesh, remarks + faults + folds + thin
 
     def _remarks_on_surface(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
-        """Remarks on the seams of a model, and on how its mesh is spread."""
-        remarks: list[str] = []
+        """Remarks on corners, on the seams of a model, and on how its mesh is spread."""
+        from gtb_cli.tessellation.corners import doubtful_corners
+
+        remarks = doubtful_corners(spec)
         model = _model(spec)
         if model is not None:
             from gtb_cli.assembly.openings import seam_remarks
@@ -216,6 +220,18 @@ class Recipe:
         if len(folded):
             remarks.append(f"a radius of {radius:g} is more than that of the curve's bends: {where(mesh, folded)}")
         return tube(mesh, radius, tolerance=tolerance, tangents=tangents, max_faces=self.max_faces), remarks
+
+    def _smaller_radius(
+        self, spec: Patch | Model, curve: Mesh, radius: float, tolerance: float | None, held: Held | None
+    ) -> str:
+        def is_solid(radius: float) -> bool:
+            try:
+                mesh, folds = self._tube(spec, curve, radius, tolerance)
+            except (DomainError, ToleranceError):
+                return False
+            return not folds and not _crossings(mesh, *(held(mesh) if held else (mesh, "")))
+
+        return _smaller("radius", radius, is_solid, len(curve.cells))
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
@@ -297,10 +313,10 @@ def _rimmed(solid: Mesh, thickness: float, rim: Rim) -> Mesh:
 def _smaller_thickness(
     spec: Patch | Model, surface: Mesh, thickness: float, rim: Rim, held: Held | None, crosses: bool
 ) -> str:
-    """Name the largest of a few smaller thicknesses that makes a solid of a surface, or say that none does.
+    """Name a smaller thickness that makes a solid of a surface, or say that none was found.
 
-    Each is judged as one that is asked for. The first are 1/2, 1/8, 1/64, …; when one is solid, it is bisected upwards.
-    A surface that passes through itself, which only a solid that `crosses` has, is a side of all: none is tried.
+    Each is judged as one that is asked for. A surface that passes through itself, which only a solid that `crosses`
+    has, is a side of all: none is tried.
     """
     from gtb_cli.assembly.requirements import require
     from gtb_cli.meshes.crossings import crossing_pairs
@@ -320,16 +336,24 @@ def _smaller_thickness(
 
     if crosses and len(crossing_pairs(surface.vertices, surface.faces)[0]):
         return "no thickness is solid, as the surface passes through itself"
-    many = 20_000  # faces from which on a try takes as long as the mesh
-    tries, low, high = 4 if len(surface.cells) < many else 1, 0.0, thickness
+    return _smaller("thickness", thickness, is_solid, len(surface.cells))
+
+
+def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: int) -> str:
+    """Name the largest of a few smaller values that make a solid, or say that none does.
+
+    The first are 1/2, 1/8, 1/64, …; when one is solid, it is bisected upwards.
+    """
+    many = 20_000  # cells from which on a try takes as long as the mesh
+    tries, low, high = 4 if cells < many else 1, 0.0, value
     for k in range(tries):
         middle = float(f"{(low + high) / 2 if low else high / 2 ** (k + 1):.3g}")
         low, high = (middle, high) if is_solid(middle) else (low, middle)
     if low:
-        return f"`thickness` {low:g} was tried and is solid"
+        return f"{'a radius of' if name == 'radius' else '`thickness`'} {low:g} was tried and is solid"
     if tries == 1:
-        return f"a thickness of {high:g} was tried and is not solid"
-    return f"{tries} thicknesses down to {high:g} were tried, and none is solid"
+        return f"a {name} of {high:g} was tried and is not solid"
+    return f"{tries} {'radii' if name == 'radius' else 'thicknesses'} down to {high:g} were tried, and none is solid"
 
 
 def _model(spec: Patch | Model) -> Model | None:

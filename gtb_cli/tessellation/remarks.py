@@ -66,6 +66,10 @@ def offset_folds(spec: Patch | Model, mesh: Mesh, thickness: float) -> list[str]
     facts = [where(mesh, folded)] if len(folded) else []
     if radius < math.inf:
         facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {point(place)}")
+    extents = mesh.bounds[1] - mesh.bounds[0]
+    if facts and abs(thickness) > extents.max():
+        size = " × ".join(f"{extent:.3g}" for extent in extents)
+        facts.append(f"it is more than the whole surface, which is {size}: are these metres?")
     return [f"with a thickness of {thickness:g} the offset folds: {'; '.join(facts)}"] if facts else []
 
 

@@ -1,0 +1,106 @@
+"""What happens to people who start: each accident with the sentence that helps, and no file where it is an error."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from gtb_cli.language.loading import load
+from gtb_cli.tessellation.corners import doubtful_corners
+from gtb_cli.theory.patch import Patch
+from tests.shell import gtb
+from tests.specs import GOOD_SPECS
+
+DOME = """name = "dome"
+knots          = [[0, 0],    [40, 0],    [40, 40],    [0, 40],    [20, 20]]
+control_points = [[0, 0, 0], [40, 0, 0], [40, 40, 0], [0, 40, 0], [20, 20, 30]]
+weights = [1, 1, 1, 1, 5]
+"""
+HANDLE = 'knots = [0, 1, 2]\ncontrol_points = [[0, 0], [48, 60], [96, 0]]\n'  # fmt: skip
+IN_METRES = re.sub(r"(\d)0(?=[],])", r"0.0\1", DOME.split("control_points")[1])
+SOLID = "--thickness 2 -n 8 --require solid"
+
+# What is replaced in the dome, by what, with which options, and the sentence; those with a ! write a file
+ACCIDENTS = [
+    ("1, 5]", "5]", "", "dome.toml:4: weights: must have 5 entries, one for each knot, got 4"),
+    ("1, 5]", "1, 1,5]", "", "one for each knot, got 6 (decimals have a point, not a comma)"),
+    ("30]", "30,5]", "", "control_points[4]: must be a list of 3 coordinates, got a list of 4 (decimals have a point"),
+    ("30]", '"30,5"]', "", "control_points[4][2]: expression '30,5': unexpected ',', decimals have a point"),
+    ("30]", '"30 mm"]', "", "expression '30 mm': unknown name 'mm', lengths are numbers without a unit"),
+    ("30]", "30mm]", "", "unclosed array (names and expressions go in quotes; numbers have no unit)"),
+    ("weights =", "R = 40mm\nweights =", "", "4:7: is not valid TOML, expected newline or end of document"),
+    ("weights =", "R = 1,5\nweights =", "", "after a statement (decimals have a point)"),
+    ("ß", "", "--thickness 2mm", "'2mm': expression '2mm': unknown name 'mm', lengths are numbers without a unit"),
+    ("ß", "", "--thickness 2,5", "'2,5': expression '2,5': unexpected ',', decimals have a point"),
+    ("[40, 40, 0], [0, 40, 0]", "[0, 40, 0], [40, 40, 0]", "", "! cross, as if control points 2 and 3 were exchanged"),
+    ("[40, 40, 0]", "[40, 0, 0]", "", "! control points 1 and 2 are the same, so that the edge between"),
+    ("[40, 40],", "[40, 0],", "", "! knots 1 and 2 are one corner, and the surface passes between"),
+    ("ß", "", "--thickness 80", "! was tried and is solid"),
+    ("ß", "", "--thickness 80 --require solid", "dome.toml: not solid: with a thickness of 80 the offset folds"),
+    (DOME.split("control_points")[1], IN_METRES, "--thickness 2",
+     "! it is more than the whole surface, which is 0.04 × 0.04 × 0.0167: are these metres?"),
+    (DOME.split("control_points")[1], IN_METRES, "--thickness 0.001", "! closed, 0.04166 × 0.04166 × 0.01767, volume"),
+    ('"dome"', "Schüssel", "", "dome.toml:1:8: is not valid TOML, invalid value (names and expressions go in quotes"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "options", "sentence"), ACCIDENTS)
+def test_an_accident_has_the_sentence_that_helps(old, new, options, sentence, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert old == "ß" or old in DOME
+    Path("dome.toml").write_text(DOME.replace(old, new), encoding="utf-8")
+    is_made = sentence.startswith("! ")
+    done = gtb("mesh", "dome.toml", "-n", 8, *options.split(), "-o", "dome.stl")
+    refusal = 1 if "require" in options else 2
+    assert (done.status, Path("dome.stl").exists()) == ((0, True) if is_made else (refusal, False))
+    assert sentence.removeprefix("! ") in done.err
+
+
+def test_a_curve_too_thick_for_its_bends_has_a_radius_that_is_tried(tmp_path):
+    (tmp_path / "handle.toml").write_text(HANDLE, encoding="utf-8")
+    done = gtb("mesh", tmp_path / "handle.toml", "--radius", 50, "-o", tmp_path / "handle.stl", status=0)
+    radius = re.search(r"a radius of (\S+) was tried and is solid", done.err)[1]
+    assert float(radius) > 10
+    gtb("mesh", tmp_path / "handle.toml", "--radius", radius, "--require", "solid", "-o", tmp_path / "x.stl", status=0)
+
+
+def test_files_of_windows_and_names_with_umlauts_and_blanks_are_well(tmp_path):
+    """A byte order mark, ends of lines of Windows, and a name that the groups of a mesh file can hold."""
+    text = DOME.replace("dome", "Schüssel für Ömi").replace("\n", "\r\n")
+    path = tmp_path / "Schüssel für Ömi.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    meshes = [tmp_path / f"Schüssel für Ömi.{suffix}" for suffix in ("obj", "stl", "ply", "glb")]
+    for mesh in meshes:
+        done = gtb("mesh", path, "-n", 4, "-o", mesh, status=0)
+        assert "warning" not in done.err
+        assert re.search("^vertices +25$", gtb("info", mesh, status=0).text, re.MULTILINE)
+    path.write_bytes(text.encode("latin1"))
+    assert "byte 0xfc (invalid start byte): save it as UTF-8" in gtb("mesh", path, status=2).err
+
+
+def test_an_inverted_patch_of_a_model_is_turned(tmp_path):
+    """The sides of a model agree where they can: the same solid comes of it."""
+    text = gtb("new", "bowl", 5).text
+    floor = "[[0, 0], [0, 1], [0, 2], [0, 3], [1, 0], [1, 1], [1, 2], [2, 0], [2, 1], [3, 0]]"
+    lines = []
+    for spec in (text, text.replace(floor, re.sub(r"\[(\d), (\d)\]", r"[\2, \1]", floor))):
+        (tmp_path / "bowl.toml").write_text(spec, encoding="utf-8")
+        done = gtb("mesh", tmp_path / "bowl.toml", *SOLID.split(), "-o", tmp_path / "bowl.stl", status=0)
+        lines.append(done.err.split("bowl.stl: ")[1])
+    assert lines[0] == lines[1]
+    assert "closed, 115.4" in lines[0]
+
+
+@pytest.mark.parametrize("path", GOOD_SPECS, ids=lambda path: path.stem)
+def test_no_corner_of_a_good_spec_is_doubtful(path):
+    assert doubtful_corners(load(path)) == []
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_exchanged_corners_are_found_at_any_scale_and_place(scale):
+    around = [[1, 0, 0], [2, 0, 1], [3, 2, 0], [1, 3, 0], [0, 2, 1]]
+    for order, sentence in (([0, 1, 2, 3, 4], None), ([0, 1, 2, 4, 3], "control points 3 and 4 were exchanged")):
+        points = [[scale * x + 1e7 * scale for x in around[k]] for k in order]
+        knots = [[x, y] for x, y, _ in around]
+        found = doubtful_corners(Patch(knots, points))
+        assert [line.split("as if ")[-1] for line in found] == ([sentence] if sentence else [])
