@@ -87,6 +87,10 @@ RESOLUTION = 32  # segments along each edge of the domain if neither a number no
 MAX_FACES = 5_000_000  # largest number of cells of a mesh unless the caller allows more
 # Colour maps, by their names in matplotlib: readable in print and with colour-blindness
 COLOUR_MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
+PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "decompositions", "sequence", "distance")
+SIZE_LIMITS = ((0.5, 40.0),) * 2  # of a picture, in inches
+CAMERA_LIMITS = ((-360.0, 360.0), (-90.0, 90.0))  # azimuth and elevation in degrees
+STRETCH_LIMITS = ((1e-6, 1e6),) * 3
 
 
 def plain_name(name: str) -> str:

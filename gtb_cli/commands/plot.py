@@ -5,35 +5,18 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any
 
 import click
 
-from gtb_cli.errors import DomainError
 from gtb_cli.shell.console import STANDARD
-from gtb_cli.shell.limits import LimitRequest, heights_of, limit_options, refuse_limit
+from gtb_cli.shell.limits import LimitRequest, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, gathered, numbers_of, spec_format_option
-from gtb_cli.shell.streams import Streams, about, format_of, refuse_terminal, single, write_blocks
-from gtb_cli.vocabulary import COLOUR_MAPS, SEQUENCE_RECORD
+from gtb_cli.shell.streams import Streams, about, format_of, refuse_terminal, write_blocks
+from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SEQUENCE_RECORD, SIZE_LIMITS, STRETCH_LIMITS
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from gtb_cli.pictures.look import Look
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
-
-FIGURE_FORMATS = ("png", "svg", "pdf")  # the default first
-PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "decompositions", "sequence", "distance")
-
-
-class Variation(NamedTuple):
-    """One number of a spec, and the values it takes."""
-
-    key: Literal["knots", "weights", "coefficients"]
-    knot: int
-    values: tuple[float, ...]
-    texts: tuple[str, ...]
+FIGURE_FORMATS = ("png", "svg", "pdf", "pgf")  # the default first
+FILM_FORMATS = ("gif", "apng", "mp4")
 
 
 def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., tuple[float, ...]]:
@@ -48,8 +31,10 @@ def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., tup
     return read
 
 
-def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Variation | None:
-    """Read the number that varies, and its values."""
+def variation_of(
+    ctx: click.Context, param: click.Parameter, value: str | None
+) -> tuple[str, int, tuple[float, ...], tuple[str, ...]] | None:
+    """Read the number that varies, its values, and their texts."""
     if value is None:
         return None
     match = re.fullmatch(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", value, re.ASCII | re.DOTALL)
@@ -57,7 +42,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
         raise click.BadParameter(f"{value!r}: expected KEY[I]=V,…, such as weights[2]=1,5,25", ctx, param)
     values = numbers_of(ctx, param, match[3]) or ()
     texts = tuple(part.strip() for part in match[3].split(","))
-    return Variation(match[1], int(match[2]), values, texts)  # type: ignore[arg-type]
+    return match[1], int(match[2]), values, texts
 
 
 @click.command
@@ -68,17 +53,20 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     metavar="FIG",
     default=STANDARD,
     type=OUTPUT,
-    help="Write to this file: PNG, SVG or PDF, by its suffix. Without it, or with -, to standard output.",
+    help="Write to this file: PNG, SVG, PDF, PGF or a film, by its suffix. Without it, or with -, to standard output.",
 )
 @click.option(
     "--what", type=click.Choice(PLOT_KINDS), help="What to draw; by default a curve, a surface or a sequence."
 )
 @click.option(
-    "-f", "--format", type=click.Choice(FIGURE_FORMATS), help="Format, whatever FIG is called; png on standard output."
+    "-f",
+    "--format",
+    type=click.Choice((*FIGURE_FORMATS, *FILM_FORMATS)),
+    help="Format, whatever FIG is called; png on standard output.",
 )
 @click.option(
     "--size",
-    callback=several_of("width,height in inches, such as 6,4.5", (0.5, 40), (0.5, 40)),
+    callback=several_of("width,height in inches, such as 6,4.5", *SIZE_LIMITS),
     default="6,4.5",
     show_default=True,
     metavar="W,H",
@@ -87,7 +75,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.option("--dpi", type=WholeNumber(20, 1200), default=150, show_default=True, metavar="N", help="Pixels per inch.")
 @click.option(
     "--camera",
-    callback=several_of("azimuth,elevation in degrees, such as -60,30", (-360, 360), (-90, 90)),
+    callback=several_of("azimuth,elevation in degrees, such as -60,30", *CAMERA_LIMITS),
     default="-60,30",
     show_default=True,
     metavar="AZ,EL",
@@ -95,7 +83,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 )
 @click.option(
     "--stretch",
-    callback=several_of("three positive factors, such as 1,1,0.2", *[(1e-6, 1e6)] * 3),
+    callback=several_of("three positive factors, such as 1,1,0.2", *STRETCH_LIMITS),
     default="1,1,1",
     show_default=True,
     metavar="X,Y,Z",
@@ -104,7 +92,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.option("--labels/--no-labels", default=None, help="Number points, knots and edges; by default if they are few.")
 @click.option("--net/--no-net", default=None, help="Draw control points and net; by default for a single patch.")
 @click.option("--curvature", type=click.Choice(["gaussian", "mean"]), help="Colour a surface by its curvature.")
-@click.option("--colours", "colour_map", type=click.Choice(COLOUR_MAPS), help="Map of numbers to colours.")
+@click.option("--colours", type=click.Choice(COLOUR_MAPS), help="Map of numbers to colours.")
 @click.option(
     "--isolines",
     type=WholeNumber(0, 200),
@@ -114,7 +102,6 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 )
 @click.option(
     "--index",
-    "indices",
     type=WholeNumber(0),
     multiple=True,
     metavar="I",
@@ -126,7 +113,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     "--vary",
     callback=variation_of,
     metavar="KEY[I]=V,…",
-    help="Draw a curve, or its basis, for several values of one of its knots, weights or coefficients.",
+    help="Draw a curve, a surface or its basis for several values of a weight, a coefficient, or a knot of a curve.",
 )
 @click.option(
     "-n",
@@ -142,14 +129,15 @@ def plot(
     what: str | None,
     format: str | None,
     limit: LimitRequest,
-    vary: Variation | None,
+    vary: tuple[str, int, tuple[float, ...], tuple[str, ...]] | None,
     streams: Streams,
     **looks: Any,
 ) -> None:
     """\b
     Example: gtb plot specs/pentagon.toml -o pentagon.png
 
-    Draw a spec, or a sequence of meshes, as a figure for print: PNG, SVG or PDF.
+    Draw a spec, or a sequence of meshes, as a figure for print: PNG, SVG, PDF or, for LaTeX, PGF (without surfaces).
+    A sequence may also be a film: FIG is .gif or .apng or, where ffmpeg is installed, .mp4.
 
     \b
     curve, surface  with control points and the net of the lifting or, without one, of the lattice;
@@ -159,7 +147,8 @@ def plot(
     decomposition   cells, λ at the knots, knots in no cell hollow; with --lifted the upper hull
     decompositions  all regular ones, numbered as by gtb decompose --all; of more than 100, the first
     sequence        panels of a degeneration (-x, --lifting), of a knot limit (--merge, --steps), or of a
-                    FOLDER's sequence.json, which has no net; the limit's net is drawn over each
+                    FOLDER's sequence.json, which has no net; the limit's net is drawn over each, and
+                    at step 0 the patch's own
     distance        of such a sequence from its limit, with logarithmic axes
 
     Shading uses the surface's own normals at the vertices of a mesh, interpolated between them, and means of the faces'
@@ -168,85 +157,46 @@ def plot(
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
     output = streams.output
-    kind = format_of(output, format, FIGURE_FORMATS)
-    if kind != "svg":
+    kind = format_of(output, format, (*FIGURE_FORMATS, *FILM_FORMATS))
+    if kind not in ("svg", "pgf"):
         refuse_terminal(output, kind, "-o FIG")
-    look = _look(**looks)
-    if os.path.isdir(spec) or os.path.basename(spec) == SEQUENCE_RECORD:
-        from gtb_cli.pictures.sequences import figure_of_frames, read_frames
-
-        refuse_limit(limit, spec)
-        if what not in (None, "sequence", "distance"):
-            raise click.UsageError(f"{spec} is a sequence, and --what {what} is for a spec")
-        frames = read_frames(spec)
-        with about(spec):
-            figure = figure_of_frames(frames, what or "sequence", look)
-    else:
-        with streams.spec_of(spec) as loaded:
-            figure = _of_spec(loaded, what, look, limit, vary)
     from gtb_cli.pictures.look import encoded, settings
-
-    with settings():
-        data = encoded(figure, kind)
-    write_blocks(output, [data])
-    streams.console.report(output, f"{len(data) / 1000:.0f} kB")
-
-
-def _look(
-    camera: tuple[float, float], stretch: tuple[float, float, float], size: tuple[float, float], dpi: int, **others: Any
-) -> Look:
-    if size[0] * size[1] * dpi * dpi > 60e6:
-        raise click.UsageError(f"--size {size[0]:g},{size[1]:g} at {dpi} dpi is more than 60M pixels")
-    from gtb_cli.pictures.look import Camera, Look, settings
 
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
     with settings():  # a missing matplotlib is reported before anything is computed
-        return Look(size=size, dpi=dpi, camera=Camera(*camera, stretch), **others)
+        pass
+    from gtb_cli.pictures.figures import Variation, figure_of, frames_of_picture, picture_of
+    from gtb_cli.pictures.film import encoded_film
+    from gtb_cli.pictures.look import look_of
+    from gtb_cli.pictures.sequences import figure_of_frames, film_of_frames, read_frames
 
-
-def _of_spec(shape: Patch | Model, what: str | None, look: Look, limit: LimitRequest, vary: Variation | None) -> Figure:
-    from gtb_cli.pictures.figures import default_picture, figure_of, figure_of_variants
-    from gtb_cli.theory.patch import Patch
-
-    what = what or ("sequence" if limit.xs or limit.moves else default_picture(shape))
-    sequence, cells = what in ("sequence", "distance"), what == "decomposition"
-    for name, given in (("--index", look.indices), ("--unnormalised", look.unnormalised)):
-        if given and what != "basis":
-            raise click.UsageError(f"{name} is for --what basis, and this is {what}")
-    for name in limit.given():
-        if not (sequence or (cells and name == "--lifting")):
-            cells_too = "decomposition, " if name == "--lifting" else ""
-            raise click.UsageError(f"{name} is for --what {cells_too}sequence and distance")
-    if vary is not None:
-        if what not in ("curve", "basis") or not isinstance(shape, Patch):
-            raise click.UsageError("--vary is for a single curve, or its basis")
-        variants, names = _variants(shape, vary)
-        if what == "basis" and not look.indices:
-            from dataclasses import replace
-
-            look = replace(look, indices=(vary.knot,))
-        return figure_of_variants(variants, names, what, look)
-    if sequence:
-        from gtb_cli.pictures.sequences import default_resolution, default_values, figure_of_frames
-
-        xs, steps = default_values(what)
-        fine = look.resolution or default_resolution(shape.dimension)
-        frames = limit.frames(shape, fine, xs=xs, steps=steps, distances=what == "distance")
-        return figure_of_frames(frames, what, look)
-    heights = None if limit.lifting is None else heights_of(single(shape), limit.lifting)
-    return figure_of(shape, what, look, lifting=heights)
-
-
-def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
-    from gtb_cli.pictures.look import subscript
-
-    variants = []
-    for value in vary.values:
-        numbers = getattr(patch, vary.key).copy()
-        if vary.knot >= len(numbers) or patch.dimension == 2:
-            raise DomainError(f"--vary {vary.key}[{vary.knot}]: expected a curve, and an index below {len(numbers)}")
-        numbers[vary.knot] = value
-        variants.append(patch.replace(**{vary.key: numbers}))
-    symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
-    pretty = [re.sub(r"sqrt\((\d+)\)", r"√\1", text) for text in vary.texts]
-    return variants, [f"{symbol} = {text}" for text in pretty]
+    is_folder = os.path.isdir(spec) or os.path.basename(spec) == SEQUENCE_RECORD
+    if is_folder:
+        refuse_limit(limit, spec)
+        if what not in (None, "sequence", "distance"):
+            raise click.UsageError(f"{spec} is a sequence, and --what {what} is for a spec")
+    film = kind if kind in FILM_FORMATS else None
+    if film and what not in (None, "sequence"):
+        raise click.UsageError(f"a film shows a sequence, and this is {what}")
+    if is_folder:
+        look, frames = look_of(looks), read_frames(spec)
+        with about(spec):
+            if not film:
+                figure = figure_of_frames(frames, what or "sequence", look)
+    else:
+        with streams.spec_of(spec) as loaded:
+            variation = Variation(*vary) if vary else None
+            wanted = "sequence" if film else what
+            picture = picture_of(loaded, wanted, {**looks, "vary": variation, **vars(limit.approach)})
+            look = picture.look
+            if film:
+                frames = frames_of_picture(loaded, picture, "film")
+            else:
+                figure = figure_of(loaded, picture)
+    if film:
+        data = encoded_film(film_of_frames(frames, look), film)
+    else:
+        with settings():
+            data = encoded(figure, kind)
+    write_blocks(output, [data])
+    streams.console.report(output, f"{len(data) / 1000:.0f} kB")

@@ -207,7 +207,7 @@ def _content(path: str, recipe: Recipe | None, spec_format: str | None, limit: L
         if limit.given():
             _refuse_solid(recipe, f"shows one mesh, and {limit.given()[0]} a sequence")
             fine = sequence_resolution if recipe is None else recipe.resolution
-            frames = limit.frames(spec, fine, xs=PAGE_X, steps=PAGE_STEPS, distances=False)
+            frames = limit.approach.frames(single(spec), fine, x=PAGE_X, steps=PAGE_STEPS, distances=False)
             _refuse_too_many(len(frames.meshes[0].cells))
             return content_of_frames(frames, name)
         content = content_of(spec, recipe, name)

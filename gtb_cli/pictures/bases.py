@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import FAINT, INK, line_style
-from gtb_cli.pictures.look import Look, panels, subscript
+from gtb_cli.pictures.look import Look, subscript
 from gtb_cli.pictures.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, View, note, space_views
 from gtb_cli.pictures.shapes import surface_of, with_normals
 from gtb_cli.tessellation.tessellate import tessellate
@@ -22,7 +22,6 @@ from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 def basis_values(patch: Patch, u: FloatArray, unnormalised: bool) -> FloatArray:
@@ -33,10 +32,10 @@ def basis_values(patch: Patch, u: FloatArray, unnormalised: bool) -> FloatArray:
 def chosen(look: Look, patch: Patch) -> tuple[int, ...]:
     """Return the indices of the basis functions to draw."""
     count = len(patch.knots)
-    for index in look.indices:
+    for index in look.index:
         if not 0 <= index < count:
             raise DomainError(f"index: expected 0 … {count - 1}, got {index}")
-    return look.indices or tuple(range(count))
+    return look.index or tuple(range(count))
 
 
 def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
@@ -75,33 +74,43 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
             note(ax, subscript("a", i), (place, 0.0), beside, color="#555555")
 
 
-def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
-    """Draw basis functions of a surface as graphs over Δ, each with a scale of its own, from 0 to its maximum."""
-    indices = chosen(look, patch)
+def draw_bases(
+    axes_of: Callable[[list[str]], list[Axes]], variants: Sequence[Patch], look: Look, names: Sequence[str]
+) -> None:
+    """Draw basis functions of a surface, or of variants of it, as graphs over Δ, each on axes of its own.
+
+    Each has a scale of its own, from 0 to its maximum. `axes_of` returns axes with titles.
+    """
+    indices = chosen(look, variants[0])
     symbol = "β" if look.unnormalised else "T"
-    flat = Patch(patch.knots, patch.knots, patch.weights, patch.coefficients, log_weights=patch.log_weights)
-    fine = look.resolution or (64 if len(indices) <= 4 else 48)
-    fine = min(fine, math.ceil(max(look.size) * look.dpi / math.sqrt(len(indices))))  # a pixel is enough for a segment
-    mesh = tessellate(flat, fine, parametrization="toric", normals=False)
-    assert mesh.parameters is not None
-    rim = _rim(patch)
-    places = (mesh.parameters, patch.domain.vertices, patch.knots, rim)
-    plane, corners, knots, edge = ((place - patch.domain.center) / patch.domain.size for place in places)
-    values = basis_values(patch, mesh.parameters, look.unnormalised)[:, list(indices)]
-    colour_map = look.colour_map or "viridis"
-    highest = np.where(values.max(axis=0) > 0, values.max(axis=0), 1.0)
-    surfaces = []
-    for column in (values / highest).T:
-        graph = with_normals(Mesh(np.column_stack([plane, GRAPH_HEIGHT * column]), mesh.faces), smooth=True)
-        surfaces.append(replace(surface_of(graph), scalars=column.clip(0, 1), colour_map=colour_map))
+    fine = look.resolution or (64 if len(indices) * len(variants) <= 4 else 48)
+    # A pixel is enough for a segment.
+    fine = min(fine, math.ceil(max(look.size) * look.dpi / math.sqrt(len(indices) * len(variants))))
+    surfaces, titles, rims = [], [], []
+    for patch, name in zip(variants, names, strict=True):
+        flat = Patch(patch.knots, patch.knots, patch.weights, patch.coefficients, log_weights=patch.log_weights)
+        mesh = tessellate(flat, fine, parametrization="toric", normals=False)
+        assert mesh.parameters is not None
+        around = _rim(patch)
+        for index in indices:
+            values, rim = (basis_values(patch, u, look.unnormalised)[:, index] for u in (mesh.parameters, around))
+            highest = values.max()
+            column = values / (highest or 1.0)
+            plane = (mesh.parameters - patch.domain.center) / patch.domain.size
+            graph = with_normals(Mesh(np.column_stack([plane, GRAPH_HEIGHT * column]), mesh.faces), smooth=True)
+            colours = look.colours or "viridis"
+            surfaces.append(replace(surface_of(graph), scalars=column.clip(0, 1), colour_map=colours))
+            edge = (around - patch.domain.center) / patch.domain.size
+            rims.append(np.column_stack([edge, GRAPH_HEIGHT * rim / (highest or 1.0)]))
+            titles.append(f"{name}{': ' if name else ''}{subscript(symbol, index)}, up to {highest:.3g}")
+    domain = variants[0].domain
+    corners, knots = ((place - domain.center) / domain.size for place in (domain.vertices, variants[0].knots))
     floor = np.column_stack([corners, np.zeros(len(corners))])
     box = np.concatenate([floor, floor + np.array([0, 0, GRAPH_HEIGHT])])
-    names = [f"{subscript(symbol, i)}, up to {top:.3g}" for i, top in zip(indices, values.max(axis=0), strict=True)]
-    rim_heights = GRAPH_HEIGHT * basis_values(patch, rim, look.unnormalised)[:, list(indices)] / highest
-    drawn = space_views(panels(figure, names), look.camera, surfaces, [box])
-    for view, index, above in zip(drawn, indices, rim_heights.T, strict=True):
+    drawn = space_views(axes_of(titles), look.camera, surfaces, [box])
+    for view, index, rim in zip(drawn, indices * len(variants), rims, strict=True):
         view.lines([np.vstack([floor, floor[:1]])], colour=FAINT, width=0.7, hidden=0.6)
-        view.lines([np.column_stack([edge, above])], width=0.8, hidden=HIDDEN_STRENGTH)
+        view.lines([rim], width=0.8, hidden=HIDDEN_STRENGTH)
         spots = np.column_stack([knots, np.zeros(len(knots))])
         view.points(np.delete(spots, index, axis=0), edge=FAINT, size=2.6)
         view.points(spots[[index]], colour=INK, edge="white", size=4.2)

@@ -2,32 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from numpy.typing import ArrayLike
+import numpy as np
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.bases import draw_bases, draw_basis
 from gtb_cli.pictures.domains import draw_decomposition, draw_domain, draw_lifted
-from gtb_cli.pictures.look import Look, empty_figure, settings, whole, with_numbers
+from gtb_cli.pictures.look import Look, empty_figure, look_of, panels, settings, subscript, whole, with_numbers
 from gtb_cli.pictures.nets import is_flat
 from gtb_cli.pictures.plates import draw_all_decompositions
-from gtb_cli.pictures.sequences import default_resolution, default_values, figure_of_frames, frames_of_degeneration
-from gtb_cli.pictures.shapes import draw_curves, draw_mesh, draw_surface
-from gtb_cli.theory.degeneration import lifting_of
+from gtb_cli.pictures.sequences import Approach, Frames, default_resolution, default_values, figure_of_frames
+from gtb_cli.pictures.shapes import draw_curves, draw_mesh, draw_surfaces
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import PLOT_KINDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+OF_ONE_PATCH = ("basis", "domain", "decomposition", "decompositions", "sequence", "distance")
+
+
+class Variation(NamedTuple):
+    """A number of a patch that takes several values: ``getattr(patch, key)[knot]``, and the values as texts."""
+
+    key: str
+    knot: int
+    values: tuple[float, ...]
+    texts: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """The number, as in a spec."""
+        return f"{self.key}[{self.knot}]"
+
+
+class Picture(NamedTuple):
+    """A request for a picture of a patch, a model or a mesh."""
+
+    what: str
+    look: Look
+    approach: Approach
+    vary: Variation | None = None
+
 
 def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
-    """Draw a patch, a model or a mesh with matplotlib.
+    """Draw a patch, a model or a mesh with matplotlib, as ``gtb plot`` does.
 
     Parameters
     ----------
@@ -36,13 +63,16 @@ def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None =
         Where to draw. Default: axes of a new figure, ``ax.figure``, without a window. Axes of a surface get limits and
         an aspect that suit it, and show no numbers; they are not axes of `mpl_toolkits.mplot3d`.
     what : {"curve", "surface", "basis", "domain", "decomposition", "decompositions", "sequence", "distance"}, optional
-        Default: a curve or a surface. A "sequence" is the degeneration by the patch's lifting, "distance" that from its
-        limit, and "decompositions" are all regular ones. They, and the "basis" of a surface, make a figure, the first
-        of whose axes are returned.
+        Default: a curve or a surface, or with `x` or `merge` a "sequence". A sequence, the "distance" from its limit,
+        all "decompositions", several functions of the "basis" of a surface and variants of a surface make a figure of
+        their own, the first of whose axes are returned.
     **options
-        ``size`` (width and height in inches), ``dpi``, ``camera`` (azimuth and elevation in degrees), ``labels`` and
-        ``net`` (bool), ``curvature`` ("gaussian" or "mean"), ``colour_map``, ``isolines`` (their number),
-        ``indices`` (of basis functions), ``unnormalised``, ``lifted`` (bool), ``resolution``.
+        Those of the command, by their names. ``size`` (width and height in inches), ``dpi``, ``camera`` (azimuth and
+        elevation in degrees), ``stretch`` (three factors), ``labels`` and ``net`` (bool), ``curvature`` ("gaussian" or
+        "mean"), ``colours`` (a map), ``isolines`` (their number), ``index`` (of basis functions), ``unnormalised`` and
+        ``lifted`` (bool), ``resolution``, ``vary`` (such as ``{"weights[2]": [1, 5, 25]}``). Of a sequence: ``x``,
+        ``lifting`` ((n,) values, or the index of the knot whose weight grows), ``merge`` (``{3: 1}``: knot 3 moves to
+        knot 1) and ``steps``.
 
     Returns
     -------
@@ -51,89 +81,154 @@ def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None =
     Raises
     ------
     DomainError
-        An option is unknown, or `what` does not fit.
+        An option is unknown or for another picture, or `what` does not fit.
     ExportError
         matplotlib is not installed.
     """
-    unknown = sorted(options.keys() - Look.__dataclass_fields__.keys())
-    if unknown:
-        raise DomainError(f"options: expected some of {', '.join(Look.__dataclass_fields__)}, got {unknown[0]!r}")
-    look, what = Look(**options), what or default_picture(thing)
+    picture = picture_of(thing, what, options)
     if ax is None:
-        return figure_of(thing, what, look).axes[0]
-    if what in ("decompositions", "sequence", "distance") or (what == "basis" and _is_surface(thing)):
-        raise DomainError(f"ax: {what!r} makes a figure of its own")
+        return figure_of(thing, picture).axes[0]
+    if ax.name != "rectilinear":
+        raise DomainError(f"ax: expected axes as of figure.add_subplot(), got {ax.name} axes")
+    if makes_figure(thing, picture):
+        raise DomainError(f"ax: {picture.what!r} makes a figure of its own")
     with settings():
-        _draw_on(ax, thing, what, look)
+        _draw_on(ax, thing, picture)
         return ax
 
 
-def figure_of(thing: Patch | Model | Mesh, what: str, look: Look, *, lifting: ArrayLike | None = None) -> Figure:
-    """Draw a spec or a mesh; `lifting` is (n,) for a decomposition, instead of the patch's own.
+def picture_of(thing: Patch | Model | Mesh, what: str | None, options: Mapping[str, Any]) -> Picture:
+    """Return the request that options make; a `DomainError` says what is unknown, or does not fit."""
+    rest = dict(options)
+    approach = Approach(**{name: rest.pop(name) for name in Approach.__dataclass_fields__ if name in rest})
+    vary = rest.pop("vary", None)
+    known = [*Look.__dataclass_fields__, "stretch", "vary", *Approach.__dataclass_fields__]
+    if unknown := sorted(rest.keys() - set(known)):
+        raise DomainError(f"options: expected some of {', '.join(known)}, got {unknown[0]!r}")
+    variation = vary if vary is None or isinstance(vary, Variation) else _variation_of(vary)
+    what = what or ("sequence" if len(approach.x) or approach.merge else default_picture(thing))
+    picture = Picture(what, look_of(rest), approach, variation)
+    _check(thing, picture)
+    return picture
 
-    Raises a `DomainError` if the picture does not fit the shape, such as a surface picture of a curve.
-    """
-    if what in ("sequence", "distance") and isinstance(thing, Patch):
-        resolution = look.resolution or default_resolution(thing.dimension)
-        xs = default_values(what)[0]
-        frames = frames_of_degeneration(thing, xs, lifting, resolution, distances=what == "distance")
-        return figure_of_frames(frames, what, look)
+
+def _variation_of(given: object) -> Variation:
+    if isinstance(given, Mapping) and len(given) == 1:
+        ((name, values),) = given.items()
+        match = re.fullmatch(r"(knots|weights|coefficients)\[(\d+)\]", str(name))
+        numbers = np.asarray(values, dtype=np.float64)
+        if match and numbers.ndim == 1 and len(numbers):
+            return Variation(match[1], int(match[2]), tuple(numbers.tolist()), tuple(f"{x:.6g}" for x in numbers))
+    raise DomainError(
+        f"`vary`: expected one number and its values, such as {{'weights[2]': [1, 5, 25]}}, got {given!r}"
+    )
+
+
+def _check(thing: Patch | Model | Mesh, picture: Picture) -> None:
+    """Refuse options that are not for a picture, and pictures that a thing does not have."""
+    what, look, approach, vary = picture
+    kind = default_picture(thing)
+    if what not in ((*PLOT_KINDS, "mesh") if isinstance(thing, Mesh) else PLOT_KINDS):
+        raise DomainError(f"what: expected {', '.join(PLOT_KINDS[:-1])} or {PLOT_KINDS[-1]}, got {what!r}")
+    if isinstance(thing, Mesh) and what != "mesh":
+        raise DomainError(f"what: a mesh has one picture, and none is called {what!r}")
+    for name, is_given in (("index", look.index), ("unnormalised", look.unnormalised)):
+        if is_given and what != "basis":
+            raise DomainError(f"`{name}` is for `what` basis, and this is {what}")
+    for name in approach.given:
+        if what not in ("sequence", "distance") and not (what == "decomposition" and name == "lifting"):
+            cells_too = "decomposition, " if name == "lifting" else ""
+            raise DomainError(f"`{name}` is for `what` {cells_too}sequence and distance")
+    if what in ("curve", "surface") and kind != what:
+        raise DomainError(f"is a {kind}, and has no picture as a {what}: expected `what` {kind}")
+    if what in OF_ONE_PATCH and isinstance(thing, Model):
+        raise DomainError(f"is a model of {len(thing.patches)} patches, and `what` {what} is for one")
+    if vary is not None and (what not in ("curve", "surface", "basis") or not isinstance(thing, Patch)):
+        raise DomainError("`vary` is for a single curve or surface, or its basis")
+
+
+def makes_figure(thing: Patch | Model | Mesh, picture: Picture) -> bool:
+    """Tell whether a picture has axes of its own."""
+    if picture.what in ("decompositions", "sequence", "distance"):
+        return True
+    several = len(picture.look.index) != 1 or picture.vary is not None
+    return _is_surface(thing) and (picture.vary is not None or (picture.what == "basis" and several))
+
+
+def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
+    """Draw a spec or a mesh."""
+    what, look, _, vary = picture
+    if what in ("sequence", "distance"):
+        return figure_of_frames(frames_of_picture(thing, picture), what, look)
     with settings():
         figure = empty_figure(look)
-        if what == "basis" and isinstance(thing, Patch) and thing.dimension == 2:
-            draw_bases(figure, thing, look)
-            return figure
         if what == "decompositions" and isinstance(thing, Patch):
             draw_all_decompositions(figure, thing)
-            return figure
-        in_space = what in ("mesh", "surface") or (what == "curve" and not _is_plane(thing))
-        in_space |= what == "decomposition" and look.lifted and _is_surface(thing)
-        _draw_on(whole(figure) if in_space else with_numbers(figure), thing, what, look, lifting)
+        elif makes_figure(thing, picture) and isinstance(thing, Patch):
+            variants, names = _variants(thing, vary) if vary else ([thing], [""])
+            if what == "basis":
+                draw_bases(lambda titles: panels(figure, titles), variants, _with_index(look, vary), names)
+            else:
+                draw_surfaces(panels(figure, names), variants, look)
+        else:
+            in_space = what in ("mesh", "surface") or (what == "curve" and not _is_plane(thing))
+            in_space |= _is_surface(thing) and (what == "basis" or (what == "decomposition" and look.lifted))
+            _draw_on(whole(figure) if in_space else with_numbers(figure), thing, picture)
         return figure
 
 
-def _draw_on(ax: Axes, thing: Patch | Model | Mesh, what: str, look: Look, lifting: ArrayLike | None = None) -> None:
-    """Draw a spec or a mesh on axes; what makes a figure of its own is drawn by `figure_of`."""
-    kind, kinds = default_picture(thing), ("curve", "surface", "basis", "domain", "decomposition", "decompositions")
-    if look.indices and what != "basis":
-        raise DomainError(f"indices: are of basis functions, and this is a picture of a {what}")
+def frames_of_picture(thing: Patch | Model | Mesh, picture: Picture, kind: str | None = None) -> Frames:
+    """Return the meshes of a sequence, its distances, or of the kind "film"."""
+    assert isinstance(thing, Patch)
+    xs, steps = default_values(kind or picture.what)
+    resolution = picture.look.resolution or default_resolution(thing.dimension)
+    return picture.approach.frames(thing, resolution, x=xs, steps=steps, distances=picture.what == "distance")
+
+
+def _draw_on(ax: Axes, thing: Patch | Model | Mesh, picture: Picture) -> None:
+    """Draw a spec or a mesh on axes."""
+    what, look, approach, vary = picture
     if isinstance(thing, Mesh):
-        if what != "mesh":
-            raise DomainError(f"what: a mesh has one picture, and none is called {what!r}")
         draw_mesh(ax, thing, look)
-        return
-    if what not in (*kinds, "sequence", "distance"):
-        raise DomainError(f"what: expected {', '.join(kinds)}, sequence or distance, got {what!r}")
-    if what in ("curve", "surface"):
-        if kind != what:
-            raise DomainError(f"is a {kind}, and has no picture as a {what}: expected `what` {kind}")
-        if kind == "curve":
-            draw_curves(ax, thing.patches, look)
+    elif what == "surface":
+        draw_surfaces([ax], [thing], look)
+    elif what == "curve" and vary is None:
+        draw_curves(ax, thing.patches, look)
+    elif isinstance(thing, Patch):
+        if what == "domain":
+            draw_domain(ax, thing, look)
+        elif what == "decomposition":
+            draw = draw_lifted if look.lifted and thing.dimension == 2 else draw_decomposition
+            draw(ax, regular_decomposition(thing.knots, approach.heights(thing)), look)
+        elif thing.dimension == 2:
+            draw_bases(lambda _: [ax], [thing], look, [""])
         else:
-            draw_surface(ax, thing, look)
-    elif isinstance(thing, Model):
-        raise DomainError(f"is a model of {len(thing.patches)} patches, and `what` {what} is for one")
-    elif what == "domain":
-        draw_domain(ax, thing, look)
-    elif what == "basis":
-        draw_basis(ax, [thing], look)
-    else:
-        draw = draw_lifted if look.lifted and thing.dimension == 2 else draw_decomposition
-        draw(ax, regular_decomposition(thing.knots, lifting_of(thing, lifting)), look)
+            variants, names = _variants(thing, vary) if vary else ([thing], [])
+            if what == "basis":
+                draw_basis(ax, variants, _with_index(look, vary), names)
+            else:
+                draw_curves(ax, variants, look, names)
 
 
-def figure_of_variants(variants: Sequence[Patch], names: Sequence[str], what: str, look: Look) -> Figure:
-    """Draw variants of a curve, or their basis functions, in one picture."""
-    if variants[0].dimension == 2:
-        raise DomainError("variants are drawn of a curve, or of its basis; this is a surface")
-    with settings():
-        figure = empty_figure(look)
-        ax = with_numbers(figure)
-        if what == "basis":
-            draw_basis(ax, variants, look, names)
-        else:
-            draw_curves(ax, variants, look, names)
-        return figure
+def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
+    """Return a patch with each value of a number, and names."""
+    if vary.key == "knots" and patch.dimension == 2:
+        raise DomainError(f"`vary` {vary.name}: a knot of a surface is a point, and `merge` moves it")
+    if vary.knot >= len(patch.knots):
+        raise DomainError(f"`vary` {vary.name}: expected an index below {len(patch.knots)}")
+    variants = []
+    for value in vary.values:
+        numbers = getattr(patch, vary.key).copy()
+        numbers[vary.knot] = value
+        variants.append(patch.replace(**{vary.key: numbers}))
+    symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
+    pretty = [re.sub(r"sqrt\((\d+)\)", r"√\1", text) for text in vary.texts]
+    return variants, [f"{symbol} = {text}" for text in pretty]
+
+
+def _with_index(look: Look, vary: Variation | None) -> Look:
+    """Return a look that shows the function of the knot that varies, if none was chosen."""
+    return replace(look, index=(vary.knot,)) if vary is not None and not look.index else look
 
 
 def default_picture(thing: Patch | Model | Mesh) -> str:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ExportError
 from gtb_cli.pictures.colours import INK
-from gtb_cli.vocabulary import COLOUR_MAPS
+from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, SIZE_LIMITS, STRETCH_LIMITS
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Curvature: TypeAlias = Literal["gaussian", "mean"]
+
+
+MAX_PIXELS = 60_000_000
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,11 @@ class Camera:
 
     azimuth: float = -60.0
     elevation: float = 30.0
-    stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    stretch: tuple[float, ...] = (1.0, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        _numbers("camera", (self.azimuth, self.elevation), CAMERA_LIMITS)
+        object.__setattr__(self, "stretch", _numbers("stretch", self.stretch, STRETCH_LIMITS))
 
     @property
     def axes(self) -> FloatArray:
@@ -44,37 +51,57 @@ class Camera:
         return np.array([right, up, [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]])
 
 
+def _numbers(name: str, given: object, limits: Sequence[tuple[float, float]]) -> tuple[float, ...]:
+    """Return as many numbers as there are limits, each within its own."""
+    try:
+        values = np.asarray(given)
+    except ValueError:
+        values = np.empty(0)
+    fits = values.shape == (len(limits),) and values.dtype.kind in "iuf"
+    if not fits or not all(low <= value <= high for value, (low, high) in zip(values, limits, strict=True)):
+        ranges = ", ".join(f"{low:g} … {high:g}" for low, high in limits)
+        raise DomainError(f"{name}: expected {len(limits)} numbers, within {ranges}, got {given!r}")
+    return tuple(values.tolist())
+
+
 @dataclass(frozen=True)
 class Look:
     """The look of a picture. None, where it may stand, is what suits."""
 
-    size: tuple[float, float] = (6.0, 4.5)  # width and height in inches
+    size: tuple[float, ...] = (6.0, 4.5)  # width and height in inches
     dpi: int = 150
     camera: Camera = field(default_factory=Camera)  # or a pair of its azimuth and elevation
     labels: bool | None = None  # number points and edges; None: if there are not too many
     net: bool | None = None  # draw control points and the lines between them; None: for a single patch
     curvature: Curvature | None = None  # which colours a surface
-    colour_map: str | None = None  # one of `gtb_cli.vocabulary.COLOUR_MAPS`
+    colours: str | None = None  # one of `gtb_cli.vocabulary.COLOUR_MAPS`
     isolines: int = 0  # number of lines of constant u, and of constant v
-    indices: tuple[int, ...] = ()  # basis functions to draw; empty: all
+    index: tuple[int, ...] = ()  # basis functions to draw; empty: all
     unnormalised: bool = False  # draw β_i instead of T_i
     lifted: bool = False  # draw the lifted knots and their upper hull above the decomposition
     resolution: int | None = None  # segments of each edge of the mesh
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
-            angles = np.asarray(self.camera) if np.shape(self.camera) == (2,) else np.empty(0)
-            if angles.dtype.kind not in "iuf" or not len(angles) or not np.isfinite(angles).all():
-                raise DomainError(f"camera: expected a Camera, or azimuth and elevation, got {self.camera!r}")
-            object.__setattr__(self, "camera", Camera(*angles.tolist()))
-        for name, least in (("resolution", 1), ("isolines", 0)):
-            value = getattr(self, name)
+            object.__setattr__(self, "camera", Camera(*_numbers("camera", self.camera, CAMERA_LIMITS)))
+        object.__setattr__(self, "size", _numbers("size", self.size, SIZE_LIMITS))
+        object.__setattr__(self, "index", tuple(np.atleast_1d(np.asarray(self.index, dtype=object)).tolist()))
+        least_and_most = [("resolution", (1, 1000)), ("isolines", (0, 200)), ("dpi", (20, 1200))]
+        for name, value, (least, most) in [
+            *((name, getattr(self, name), ends) for name, ends in least_and_most),
+            *(("index", value, (0, 10**6)) for value in self.index),
+        ]:
             whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-            if value is not None and not (whole and value >= least):
-                raise DomainError(f"{name}: expected a whole number of at least {least}, got {value!r}")
-        for name, choice in (("curvature", get_args(Curvature)), ("colour_map", COLOUR_MAPS)):
+            if not (whole and least <= value <= most) and not (value is None and name == "resolution"):
+                raise DomainError(f"{name}: expected a whole number from {least} to {most}, got {value!r}")
+        for name, choice in (("curvature", get_args(Curvature)), ("colours", COLOUR_MAPS)):
             if getattr(self, name) not in (None, *choice):
                 raise DomainError(f"{name}: expected one of {', '.join(choice)}, got {getattr(self, name)!r}")
+        if self.size[0] * self.size[1] * self.dpi**2 > MAX_PIXELS:
+            width, height = self.size
+            raise DomainError(
+                f"`size` {width:g},{height:g} at {self.dpi} dpi is more than {MAX_PIXELS // 10**6}M pixels"
+            )
 
     def numbers(self, count: int) -> bool:
         """Tell whether this many points are numbered: by default, up to 30 are."""
@@ -83,6 +110,13 @@ class Look:
     def draws_net(self, patches: int) -> bool:
         """Tell whether the nets of this many patches are drawn."""
         return patches == 1 if self.net is None else self.net
+
+
+def look_of(options: Mapping[str, Any]) -> Look:
+    """Return the look with these options, of which `stretch` belongs to the camera."""
+    others = {name: value for name, value in options.items() if name != "stretch"}
+    look = Look(**others)
+    return replace(look, camera=replace(look.camera, stretch=options.get("stretch", look.camera.stretch)))
 
 
 def settings() -> AbstractContextManager[None]:
@@ -119,7 +153,7 @@ def empty_figure(look: Look) -> Figure:
     """Return a figure of the given size, without a window."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=look.size, dpi=look.dpi)
+    return Figure(figsize=(look.size[0], look.size[1]), dpi=look.dpi)
 
 
 def whole(figure: Figure) -> Axes:
@@ -162,12 +196,33 @@ def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> lis
 
 
 def encoded(figure: Figure, kind: str) -> bytes:
-    """Return a figure as "png", "svg" or "pdf" bytes, the same for the same figure, matplotlib and fonts."""
+    """Return a figure as "png", "svg", "pdf" or "pgf" bytes, the same for the same figure, matplotlib and fonts.
+
+    An `ExportError` says that PGF, for LaTeX, needs LaTeX here too, or that it cannot hold the image of a surface.
+    """
     # Metadata that would change from day to day, or from one version of matplotlib to the next
     changing = {"png": ["Software"], "svg": ["Date", "Creator"], "pdf": ["CreationDate"]}
+    if kind == "pgf":
+        return _pgf(figure)
     buffer = io.BytesIO()
     figure.savefig(buffer, format=kind, metadata=dict.fromkeys(changing[kind]))
     return buffer.getvalue()
+
+
+def _pgf(figure: Figure) -> bytes:
+    import shutil
+
+    import matplotlib
+
+    if any(ax.images for ax in figure.axes):
+        raise ExportError("PGF holds lines and text, and a shaded surface is an image: use PDF, which LaTeX takes too")
+    systems = [name for name in ("xelatex", "lualatex", "pdflatex") if shutil.which(name)]
+    if not systems:
+        raise ExportError("PGF needs LaTeX to measure its texts, and none is installed: use PDF, which LaTeX takes too")
+    text = io.StringIO()
+    with matplotlib.rc_context({"pgf.texsystem": systems[0], "pgf.rcfonts": False}):
+        figure.savefig(text, format="pgf")
+    return text.getvalue().encode("utf-8")
 
 
 def subscript(symbol: str, index: int) -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
-from dataclasses import field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,14 +14,16 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, shifted
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.files import read_file
+from gtb_cli.knots.decomposition import lifting_of_knot
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import LINE_COLOURS, NET
 from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_numbers
 from gtb_cli.pictures.nets import is_flat, net_of
 from gtb_cli.pictures.scene import HIDDEN_STRENGTH, Surface, plain, plane_view, space_views
 from gtb_cli.pictures.shapes import surface_of, with_normals
-from gtb_cli.sequences.sequence import MeshSequence, degeneration
+from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
 from gtb_cli.theory.degeneration import lifting_of
+from gtb_cli.theory.knot_limit import knot_limit
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import SEQUENCE_RECORD
@@ -35,7 +37,8 @@ class Frames:
     """Meshes of a sequence, the limit last, for values of the parameter `key`, "x" or "step".
 
     Their distances from the limit, and from it with its film, are empty or None where they are not known. `net` are
-    pairs of the (n, 3) control points of the limit's net. `film` is the part of the limit that its last mesh lacks.
+    pairs of the (n, 3) control points of the limit's net, and `own_net` the net of the patch before any knot moves, as
+    paths. `film` is the part of the limit that its last mesh lacks.
     """
 
     key: str
@@ -46,6 +49,7 @@ class Frames:
     net_points: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
     net: tuple[tuple[int, int], ...] = ()
     film: Mesh | None = None
+    own_net: tuple[FloatArray, ...] = ()
 
     @property
     def titles(self) -> list[str]:
@@ -76,26 +80,39 @@ def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
     max_panels = 24  # panels of one figure
     if len(frames.meshes) > max_panels:
         raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
-    if look.net is False:
-        frames = replace(frames, net_points=frames.net_points[:0], net=())
-    net = [frames.net_points[list(pair)] for pair in frames.net]
-    clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points]
+    return _figure_of_members(frames, range(len(frames.meshes)), look)
+
+
+def film_of_frames(frames: Frames, look: Look) -> Iterator[Figure]:
+    """Draw the meshes one by one, all with one camera and one scale."""
+    for member in range(len(frames.meshes)):
+        yield _figure_of_members(frames, [member], look)
+
+
+def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
+    """Draw some meshes of a sequence side by side, with a scale that suits all."""
+    clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points, *frames.own_net]
     limit, film = frames.meshes[-1], frames.film
     flat = limit.is_curve and is_flat(clouds)
     with settings():
         figure = empty_figure(look)
-        axes = panels(figure, frames.titles, plane=flat)
+        axes = panels(figure, [frames.titles[member] for member in members], plane=flat)
+        meshes = [frames.meshes[member] for member in members]
         if flat:
             views = [plane_view(ax, np.concatenate(clouds)) for ax in axes]
         else:
-            smooth = [with_normals(mesh, smooth=True) for mesh in frames.meshes]
+            smooth = [with_normals(mesh, smooth=True) for mesh in meshes]
             surfaces = [None if mesh.is_curve else surface_of(mesh) for mesh in smooth]
-            if film is not None and surfaces[-1] is not None:
+            if film is not None and surfaces[-1] is not None and meshes[-1] is limit:
                 surfaces[-1] = _with_film(surfaces[-1], with_normals(film, smooth=True))
             views = space_views(axes, look.camera, surfaces, clouds)
-        for view, mesh in zip(views, frames.meshes, strict=True):
-            view.lines(net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
-            view.points(frames.net_points, edge=NET, size=3.6 if mesh.is_curve else 2.6)
+        for member, view, mesh in zip(members, views, meshes, strict=True):
+            if look.net is not False:
+                is_own = frames.own_net and mesh is not limit and frames.values[member] == 0
+                net = frames.own_net if is_own else [frames.net_points[list(pair)] for pair in frames.net]
+                spots = np.unique(np.concatenate(net), axis=0) if is_own else frames.net_points
+                view.lines(net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
+                view.points(spots, edge=NET, size=3.6 if mesh.is_curve else 2.6)
             if mesh.is_curve:
                 beside = limit if mesh is not limit else film
                 if beside is not None:
@@ -162,9 +179,11 @@ def _refuse_pipe(path: str) -> None:
 
 
 def default_values(what: str) -> tuple[list[float], list[float]]:
-    """Return the x of a degeneration, and the steps of a knot limit, of a "sequence" or a "distance" picture."""
+    """Return the x of a degeneration, and the steps of a knot limit, of a "sequence", a "film" or a "distance"."""
     if what == "distance":
         return [10 ** (k / 2) for k in range(9)], [1 - 10 ** (-k / 2) for k in range(7)]
+    if what == "film":
+        return [10 ** (k / 8) for k in range(25)], [1 - 10 ** (-k / 8) for k in range(25)]
     return [1.0, 10.0, 100.0], [0.0, 0.4, 0.8]
 
 
@@ -173,13 +192,52 @@ def default_resolution(dimension: int) -> int:
     return 128 if dimension == 1 else 24
 
 
-def frames_of_degeneration(
-    patch: Patch, xs: Sequence[float], lifting: ArrayLike | None, resolution: int, *, distances: bool
-) -> Frames:
-    """Return the meshes of a degeneration, by the patch's own lifting if none is given, with the net of its limit."""
-    heights = lifting_of(patch, lifting)
-    found = degeneration(patch, xs, heights, resolution, distances=distances)
-    return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
+@dataclass(frozen=True)
+class Approach:
+    """The degeneration (x, lifting) or knot limit (merge, steps) that a sequence shows; empty or None is what suits.
+
+    The lifting is (n,) values, or the index of the knot whose weight alone grows; None is that of the patch. `merge`
+    leads from knots to the knots at whose places they arrive, and `steps` are fractions of the way.
+    """
+
+    x: Sequence[float] = ()
+    lifting: ArrayLike | None = None
+    merge: Mapping[int, int] = field(default_factory=dict)
+    steps: Sequence[float] | None = None
+
+    @property
+    def given(self) -> list[str]:
+        """The names of what is given."""
+        named = {"x": len(self.x) > 0, "lifting": self.lifting is not None}
+        named |= {"merge": bool(self.merge), "steps": self.steps is not None}
+        return [name for name, is_given in named.items() if is_given]
+
+    def heights(self, patch: Patch) -> FloatArray:
+        """(n,) the lifting; a `DomainError` says that there is none, or that it does not fit."""
+        if isinstance(self.lifting, int | np.integer):
+            return lifting_of_knot(len(patch.knots), int(self.lifting))
+        return lifting_of(patch, self.lifting)
+
+    def frames(
+        self, patch: Patch, resolution: int, *, x: Sequence[float], steps: Sequence[float], distances: bool
+    ) -> Frames:
+        """Return meshes on the way to the limit, and its net; `x` and `steps` are the defaults.
+
+        Raises a `DomainError` if the patch has no lifting, a move is not possible, or the two limits are mixed.
+        """
+        if self.merge and (len(self.x) or self.lifting is not None):
+            raise DomainError("`merge` is a knot limit, and `x` and `lifting` are for degenerations")
+        if self.steps is not None and not self.merge:
+            raise DomainError("`steps` is for a knot limit, with `merge`")
+        if self.merge:
+            limit = knot_limit(patch, self.merge).merged
+            values = steps if self.steps is None else self.steps
+            found = knot_sequence(patch, self.merge, values, resolution, distances=distances)
+            own = tuple(patch.control_points[list(pair)] for pair in net_of(patch))
+            return replace(frames_of(found, limit, net_of(limit)), own_net=own)
+        heights = self.heights(patch)
+        found = degeneration(patch, self.x if len(self.x) else x, heights, resolution, distances=distances)
+        return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
 
 
 def _figure_of_distances(frames: Frames, look: Look) -> Figure:

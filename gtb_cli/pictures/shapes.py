@@ -44,30 +44,29 @@ def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[s
     view.triad()
 
 
-def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
-    """Draw a surface, or the patches of a model, shaded by its exact normals."""
+def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: Look) -> None:
+    """Draw surfaces, or the patches of models, shaded by their exact normals, each on axes of its own."""
     parameter_lines = "#1F3A52"
-    patches = shape.patches
-    fine = look.resolution or (16 if len(patches) > 4 else 64)  # segments of each edge
-    mesh = tessellate(shape, fine, parametrization="linear").split
-    surface = surface_of(mesh, len(patches))
-    if look.curvature is not None:
-        surface = _by_curvature(ax, shape, mesh, surface, look)
-    with_net = look.draws_net(len(patches))
-    points = [patch.control_points for patch in patches] if with_net else []
-    (view,) = space_views([ax], look.camera, [surface], points)
-    for patch in patches if look.isolines else ():
-        paths = isoparametric_paths(patch, look.isolines)
-        view.lines(paths, colour=parameter_lines, width=0.6)
-    shared, free = borders(shape)
-    view.lines(shared, width=0.9)
-    if isinstance(shape, Model):
-        view.lines(free, colour=OPEN, width=2.0, hidden=HIDDEN_STRENGTH, order=4)
-    else:
-        view.lines(free, width=1.2, hidden=HIDDEN_STRENGTH)
-    if with_net:
-        draw_net(view, patches, look)
-    view.triad()
+    surfaces = []
+    for ax, shape in zip(axes, shapes, strict=True):
+        fine = look.resolution or (16 if len(shape.patches) > 4 else 64)  # segments of each edge
+        mesh = tessellate(shape, fine, parametrization="linear").split
+        surface = surface_of(mesh, len(shape.patches))
+        surfaces.append(surface if look.curvature is None else _by_curvature(ax, shape, mesh, surface, look))
+    with_net = look.draws_net(len(shapes[0].patches))
+    points = [patch.control_points for shape in shapes for patch in shape.patches] if with_net else []
+    for view, shape in zip(space_views(axes, look.camera, surfaces, points), shapes, strict=True):
+        for patch in shape.patches if look.isolines else ():
+            view.lines(isoparametric_paths(patch, look.isolines), colour=parameter_lines, width=0.6)
+        shared, free = borders(shape)
+        view.lines(shared, width=0.9)
+        if isinstance(shape, Model):
+            view.lines(free, colour=OPEN, width=2.0, hidden=HIDDEN_STRENGTH, order=4)
+        else:
+            view.lines(free, width=1.2, hidden=HIDDEN_STRENGTH)
+        if with_net:
+            draw_net(view, shape.patches, look)
+        view.triad()
 
 
 def draw_mesh(ax: Axes, mesh: Mesh, look: Look) -> None:
@@ -130,7 +129,7 @@ def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: Surface, 
 
     name = f"{look.curvature}_curvature"
     values = with_attributes(shape, mesh, [name], "linear")[0].attributes[name]
-    colour_map = look.colour_map or "PuOr"
+    colour_map = look.colours or "PuOr"
     low, high = scale_of(values, colour_map)
     figure = ax.get_figure()
     assert figure is not None

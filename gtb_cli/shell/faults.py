@@ -60,7 +60,8 @@ def in_options(message: str) -> str:
         "thickness": "--thickness",
         "tolerance": "--tolerance",
         "weld": "--weld",
-        "what": "--what",
+        **{name: f"--{name}" for name in ("what", "index", "unnormalised", "lifted", "vary", "merge", "steps", "size")},
+        "x": "-x",
     }
     return re.sub("`([^`\n]+)`", lambda found: options.get(found[1], found[0]), message)
 

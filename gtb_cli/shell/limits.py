@@ -9,17 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.options import evaluated, gathered, numbers_of
-from gtb_cli.shell.streams import single
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from gtb_cli.arrays import FloatArray
     from gtb_cli.knots.all_decompositions import LiftingCone
-    from gtb_cli.pictures.sequences import Frames
+    from gtb_cli.pictures.sequences import Approach
     from gtb_cli.shell.console import Console
-    from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
 
@@ -89,11 +86,7 @@ def all_decompositions(
 
 @dataclass(frozen=True)
 class LimitRequest:
-    """The degeneration (x, lifting) or knot limit (moves, steps) that the options ask for.
-
-    The lifting is values, or the index of a knot; `moves` lead from knots to the knots at whose places they arrive, and
-    `steps` are fractions of the way.
-    """
+    """The degeneration or knot limit that the options ask for: see `Approach`."""
 
     xs: tuple[float, ...]
     lifting: tuple[float, ...] | int | None
@@ -102,35 +95,14 @@ class LimitRequest:
 
     def given(self) -> list[str]:
         """Return the names of the options that were given."""
-        named = {"-x": bool(self.xs), "--lifting": self.lifting is not None}
-        named |= {"--merge": bool(self.moves), "--steps": self.steps is not None}
-        return [name for name, is_given in named.items() if is_given]
+        return [in_options(f"`{name}`") for name in self.approach.given]
 
-    def frames(
-        self, shape: Patch | Model, resolution: int, *, xs: Sequence[float], steps: Sequence[float], distances: bool
-    ) -> Frames:
-        """Return meshes on the way to the limit, and its net; `xs` and `steps` are the defaults.
+    @property
+    def approach(self) -> Approach:
+        """The same for the library."""
+        from gtb_cli.pictures.sequences import Approach
 
-        Raises a `SpecError` or `DomainError` if the shape is a model or has no lifting, or a move is not possible, and
-        a usage error if the options mix the two kinds of limits.
-        """
-        from gtb_cli.pictures.nets import net_of
-        from gtb_cli.pictures.sequences import frames_of, frames_of_degeneration
-        from gtb_cli.sequences.sequence import knot_sequence
-
-        patch = single(shape)
-        if self.moves and (self.xs or self.lifting is not None):
-            raise click.UsageError("--merge is a knot limit, and -x and --lifting are for degenerations")
-        if self.steps is not None and not self.moves:
-            raise click.UsageError("--steps is for a knot limit, with --merge")
-        if self.moves:
-            from gtb_cli.theory.knot_limit import knot_limit
-
-            limit = knot_limit(patch, self.moves).merged
-            found = knot_sequence(patch, self.moves, self.steps or steps, resolution, distances=distances)
-            return frames_of(found, limit, net_of(limit))
-        heights = heights_of(patch, self.lifting)
-        return frames_of_degeneration(patch, self.xs or xs, heights, resolution, distances=distances)
+        return Approach(self.xs, self.lifting, self.moves, self.steps)
 
 
 def refuse_limit(limit: LimitRequest, path: str) -> None:

@@ -1,14 +1,17 @@
 """Pictures in Python: names and numbers are checked, and `what` is what is drawn."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from PIL import Image
 
 from gtb_cli import DomainError, Patch
 from gtb_cli.pictures.look import Camera, Look
 from tests.marks import long
 from tests.patches import bicubic, cubic_curve, pentagon
-from tests.shell import SPECS
+from tests.shell import SPECS, gtb
 from tests.specs import load
 
 
@@ -16,15 +19,29 @@ from tests.specs import load
     ("options", "message"),
     [
         ({"what": "nonsense"}, "what: expected curve, surface, .* got 'nonsense'"),
-        ({"camera": "above"}, "camera: expected a Camera, or azimuth and elevation, got 'above'"),
-        ({"camera": (1, 2, 3)}, "camera: expected a Camera, or azimuth and elevation"),
-        ({"camera": (1, float("nan"))}, "camera: expected a Camera, or azimuth and elevation"),
-        ({"resolution": 0}, "resolution: expected a whole number of at least 1, got 0"),
-        ({"resolution": True}, "resolution: expected a whole number of at least 1, got True"),
-        ({"isolines": -1}, "isolines: expected a whole number of at least 0, got -1"),
+        ({"camera": "above"}, "camera: expected 2 numbers, within -360 … 360, -90 … 90, got 'above'"),
+        ({"camera": (1, 2, 3)}, "camera: expected 2 numbers"),
+        ({"camera": (1, float("nan"))}, "camera: expected 2 numbers"),
+        ({"resolution": 0}, "resolution: expected a whole number from 1 to 1000, got 0"),
+        ({"resolution": True}, "resolution: expected a whole number from 1 to 1000, got True"),
+        ({"isolines": -1}, "isolines: expected a whole number from 0 to 200, got -1"),
         ({"curvature": "most"}, "curvature: expected one of gaussian, mean, got 'most'"),
-        ({"colour_map": "jet"}, "colour_map: expected one of PuOr, .* got 'jet'"),
-        ({"indices": (99,)}, "indices: are of basis functions, and this is a picture of a surface"),
+        ({"colours": "jet"}, "colours: expected one of PuOr, .* got 'jet'"),
+        ({"camera": (0, 91)}, "camera: expected 2 numbers, within .* got"),
+        ({"size": (3,)}, "size: expected 2 numbers, within 0.5 … 40, 0.5 … 40"),
+        ({"size": (40, 40), "dpi": 1200}, "`size` 40,40 at 1200 dpi is more than 60M pixels"),
+        ({"dpi": 10}, "dpi: expected a whole number from 20 to 1200, got 10"),
+        ({"stretch": (1, 1, 0)}, "stretch: expected 3 numbers"),
+        ({"index": 3}, "`index` is for `what` basis, and this is surface"),
+        ({"what": "basis", "index": (3, 99)}, "index: expected 0 … 7, got 99"),
+        ({"what": "domain", "unnormalised": True}, "`unnormalised` is for `what` basis, and this is domain"),
+        ({"what": "domain", "lifting": [1]}, "`lifting` is for `what` decomposition, sequence and distance"),
+        ({"merge": {3: 1}, "x": [2]}, "`merge` is a knot limit, and `x` and `lifting` are for degenerations"),
+        ({"what": "sequence", "steps": [0.5]}, "`steps` is for a knot limit, with `merge`"),
+        ({"vary": "weights[2]"}, "`vary`: expected one number and its values"),
+        ({"vary": {"knots[2]": [1]}}, "`vary` knots.2.: a knot of a surface is a point"),
+        ({"vary": {"weights[9]": [1]}}, "`vary` weights.9.: expected an index below 8"),
+        ({"what": "domain", "vary": {"weights[2]": [1]}}, "`vary` is for a single curve or surface, or its basis"),
         ({"view": "above"}, "options: expected some of size, .* got 'view'"),
     ],
     ids=str,
@@ -62,6 +79,7 @@ def test_a_sequence_is_of_a_patch_with_a_lifting_and_makes_its_own_figure():
         (load(SPECS / "teapot.toml"), None, "`what` sequence is for one"),
         (pentagon().replace(lifting=np.arange(len(pentagon().knots))), Figure().add_subplot(), "figure of its own"),
         (pentagon(), None, "lifting"),
+        (pentagon(), Figure().add_subplot(projection="polar"), "expected axes as of figure.add_subplot"),
     ):
         with pytest.raises((DomainError, ValueError), match=message):
             shape.plot(ax, what="sequence")
@@ -73,8 +91,48 @@ def test_graphs_of_basis_functions_are_no_finer_than_pixels(monkeypatch):
     asked = []
     tessellate = bases.tessellate
     monkeypatch.setattr(bases, "tessellate", lambda *args, **how: asked.append(args[1]) or tessellate(*args, **how))
-    from gtb_cli.pictures.figures import figure_of
-
     patch = pentagon()
-    figure_of(patch, "basis", Look(size=(1.0, 1.0), dpi=40, resolution=1000))
+    patch.plot(what="basis", size=(1.0, 1.0), dpi=40, resolution=1000)
     assert asked == [int(np.ceil(40 / len(patch.knots) ** 0.5))]
+
+
+def test_one_function_of_a_surface_is_drawn_on_given_axes():
+    ax = Figure().add_subplot()
+    assert pentagon().plot(ax, "basis", index=3, resolution=2) is ax
+    assert len(ax.images) == 1
+    with pytest.raises(DomainError, match="ax: 'basis' makes a figure of its own"):
+        pentagon().plot(ax, "basis", index=(3, 4))
+
+
+@pytest.mark.parametrize("what", ["surface", "basis"])
+def test_a_number_of_a_surface_varies_in_panels_of_one_scale(what):
+    axes = pentagon().plot(what=what, vary={"weights[3]": [1, 50]}, resolution=4, size=(4, 2)).figure.axes
+    names = ["ω₃ = 1", "ω₃ = 50"]
+    assert [ax.get_title().split(":")[0] for ax in axes] == names
+    assert axes[0].get_xlim() == axes[1].get_xlim()
+    one, other = (np.asarray(ax.images[0].get_array()) for ax in axes)
+    assert (one != other).any()
+
+
+def test_before_a_knot_moves_the_net_is_the_patchs_own():
+    patch = pentagon().replace(weights=np.arange(1.0, 9))
+    axes = patch.plot(merge={3: 1}, steps=[0, 0.5], resolution=2, size=(6, 2)).figure.axes
+    assert [ax.get_title() for ax in axes] == ["step = 0", "step = 0.5", "limit"]
+    counts = [sum(len(line.get_xdata()) for line in ax.get_lines()) for ax in axes]
+    assert counts == [8, 7, 7]  # control points
+
+
+@long
+def test_a_film_shows_each_mesh_once(tmp_path):
+    for kind in ("gif", "apng"):
+        films = [tmp_path / f"{name}.{kind}" for name in "ab"]
+        for film in films:
+            gtb("plot", SPECS / "example-3.4.toml", "-x", 2, "-x", 9, "--size", "2,1", "-o", film, status=0)
+        assert films[0].read_bytes() == films[1].read_bytes()
+        with Image.open(films[0]) as image:
+            assert (image.n_frames, image.size) == (3, (300, 150))
+            pictures = []
+            for number in range(3):
+                image.seek(number)
+                pictures.append(np.asarray(image.convert("RGB")).copy())
+        assert all((one != other).any() for one, other in pairwise(pictures))

@@ -9,8 +9,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import gtb_cli
 from gtb_cli.pictures.colours import OPEN, TWO_SIDED, scale_of
-from gtb_cli.pictures.figures import figure_of
-from gtb_cli.pictures.look import Look
 from gtb_cli.vocabulary import COLOUR_MAPS
 from tests.marks import long, mostly_long
 from tests.pictures.images import near, pixels
@@ -56,7 +54,7 @@ def test_every_spec_is_drawn(name, what):
     ],
 )
 def test_texts_do_not_cover_each_other(name, what, width):
-    figure = figure_of(gtb_cli.load(SPECS / f"{name}.toml"), what, Look(size=(width, 0.75 * width), dpi=100))
+    figure = gtb_cli.load(SPECS / f"{name}.toml").plot(what=what, size=(width, 0.75 * width), dpi=100).figure
     FigureCanvasAgg(figure).draw()
     texts = [text for ax in figure.axes for text in (*ax.texts, ax.title) if text.get_text()]
     assert len(texts) > 3
