@@ -168,8 +168,8 @@ def test_a_text_of_a_room_names_no_option():
             alone = {id(node.value) for node in nodes(tree) if isinstance(node, ast.Expr)}  # docstrings
             texts = [node for node in nodes(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
             found |= {name for text in texts if id(text) not in alone and option.search(text.value)}
-    # A comment of a spec that `gtb new` writes, and an option of the Python interpreter.
-    assert found == {"language.starter", "imports.rhino"}
+    # A comment of a spec that `gtb new` writes, and options of the Python interpreter and of ffmpeg.
+    assert found == {"language.starter", "imports.rhino", "pictures.film"}
 
 
 def test_slow_packages_are_imported_when_they_are_used():
