@@ -47,7 +47,7 @@ def test_a_control_point_that_moves_by_a_millionth_shows_in_every_spec(tmp_path)
     folders["specs"].mkdir()
     for path in GOOD_SPECS:
         (folders["specs"] / path.name).write_text(dump(nudged(load(path))), encoding="utf-8")
-    options = ("-n", 8, "-q")
+    options = ("-n", 4, "-q")
     assert gtb("mesh", *GOOD_SPECS, *options, "-o", folders["golden"]).status == 0
     assert gtb("mesh", *folders["specs"].iterdir(), *options, "-o", folders["out"]).status == 0
     result = gtb("diff", folders["golden"], folders["out"])

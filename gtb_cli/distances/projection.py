@@ -77,7 +77,7 @@ def _descent(
     mixed, x_bend, y_bend = 2 * cos * sin * bends[2], bends[0], bends[1]
     high, gain = _along(apart, along, cos**2 * x_bend + sin**2 * y_bend + mixed, reach)
     low, more = _along(apart, across, sin**2 * x_bend + cos**2 * y_bend - mixed, reach)
-    return np.stack([cos * high - sin * low, sin * high + cos * low]), gain + more
+    return np.array([cos * high - sin * low, sin * high + cos * low]), gain + more
 
 
 def _along(apart: FloatArray, first: FloatArray, bend: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -80,9 +80,8 @@ class Strata:
         about = self.control_points - points[:, None]
         x, y = (a - (shares * a).sum(axis=0) for a in self.knots)
         sx, sy = shares * x, shares * y
-        first = np.stack([_sums(about, sx), _sums(about, sy)])
-        second = np.stack([_sums(about, weights) for weights in (sx * x, sy * y, sx * y)])
-        return Derivatives(points, first, second)
+        sums = np.einsum("xnm,wnm->wxm", about, np.array([sx, sy, sx * x, sy * y, sx * y]))
+        return Derivatives(points, sums[:2], sums[2:])
 
 
 def _sums(values: FloatArray, weights: FloatArray) -> FloatArray:

@@ -82,7 +82,7 @@ def paired(
     The ratio leaves out `allowance` seconds of `measured`.
     """
     pairs = []
-    for _ in range(1 + (runs if _scale == 1 else 1)):
+    for _ in range(1 + runs if _scale == 1 else 1):
         seconds = []
         for run in (measured, beside):
             if _scale == 1:
@@ -91,8 +91,9 @@ def paired(
             run()
             seconds.append(time.perf_counter() - start)
         pairs.append(seconds)
-    ours, theirs = (statistics.median(seconds) for seconds in zip(*pairs[1:], strict=True))
-    ratio = statistics.median((first - allowance) / second for first, second in pairs[1:])
+    counted = pairs[1:] or pairs
+    ours, theirs = (statistics.median(seconds) for seconds in zip(*counted, strict=True))
+    ratio = statistics.median((first - allowance) / second for first, second in counted)
     return Row(what, ours, theirs, ratio, budget, apart)
 
 

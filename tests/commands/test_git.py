@@ -1,6 +1,7 @@
 """Git shows changes of meshes, with the configuration that the README gives."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -12,9 +13,10 @@ IDENTITY = "git -c user.name=a -c user.email=a@b.c -c commit.gpgsign=false"
 CONFIGURATION = "\n".join(re.findall(r"^    (git config .*)$", (REPOSITORY / "README.md").read_text(), re.MULTILINE))
 
 
-@pytest.fixture
-def repository(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A repository with a mesh of which there is a newer version."""
+    folder = tmp_path_factory.mktemp("repository")
     lines = f"""
     export GIT_CONFIG_GLOBAL=/dev/null
     git init -q . && echo '*.obj diff=gtb' > .gitattributes
@@ -23,8 +25,13 @@ def repository(tmp_path: Path) -> Path:
     git add '*.obj' .gitattributes && {IDENTITY} commit -qm one
     sed -i 's/"8\\/7", 5/"8\\/7", 7/' p.toml && gtb mesh -q p.toml -n 4 -o 'a mesh.obj'
     """
-    assert shell(lines, tmp_path).status == 0
-    return tmp_path
+    assert shell(lines, folder).status == 0
+    return folder
+
+
+@pytest.fixture
+def repository(made: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(made, tmp_path / "repository", symlinks=True)
 
 
 def test_git_diff_shows_a_change_as_text(repository):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.marks import mostly_long
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 from tests.specs import load
 
@@ -40,13 +41,13 @@ def test_a_large_model_is_described_in_few_words(tmp_path):
     assert len(json.loads(gtb("info", spec, "--json").text)["joints"]) == 59
 
 
-@pytest.mark.parametrize("command", [("check",), ("check", "--json"), ("info", "--long"), ("info", "--json")])
+@pytest.mark.parametrize("command", mostly_long(["check", "info --json", "check --json", "info --long"], 2))
 def test_processes_that_share_reports_change_nothing(command, tmp_path):
     """Neither what is printed, nor errors and their order, nor standard input, which the first process reads."""
     bad = tmp_path / "bad.toml"
     bad.write_text("knots = 1")
     given = ("-", bad, BICUBIC, CURVE)
-    alone, shared = (gtb(*command, *given, "-j", jobs, stdin=Path(PENTAGON).read_bytes()) for jobs in (1, 3))
+    alone, shared = (gtb(*command.split(), *given, "-j", jobs, stdin=Path(PENTAGON).read_bytes()) for jobs in (1, 3))
     assert (alone.status, alone.text, alone.err) == (2, shared.text, shared.err)
     assert shared.status == 2
     assert all(name in alone.text for name in ("<stdin>", "bicubic.toml", "cubic-bezier.toml"))

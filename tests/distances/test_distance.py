@@ -25,7 +25,7 @@ def test_a_patch_is_where_its_other_descriptions_are(name):
     """Raised in degree, with weights that are e^<a, s> times the others, and in any order of the knots."""
     patch = named(name)
     tilted = patch.log_weights + (patch.knots - patch.domain.center) @ np.ones(patch.dimension) / patch.domain.size
-    few = patch.part(np.arange(min(len(patch.knots), 20)))  # sixty raised ones are 605, which take most of a minute
+    few = patch.part(np.arange(min(len(patch.knots), 12)))  # sixty raised ones are 605, which take most of a minute
     same = [(patch, patch.replace(log_weights=tilted)), (patch, patch.part(np.arange(len(patch.knots))[::-1]))]
     for one, other in (*same, (few, elevate(few))):
         found = distance(one, other)
@@ -33,7 +33,7 @@ def test_a_patch_is_where_its_other_descriptions_are(name):
         assert not found.is_proved
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("scale", mostly_long([1e-9, 1e9, 1.0], 2))
 def test_the_distance_of_a_flat_patch_from_a_copy_above_it(scale):
     patch = pentagon()
     flat = patch.replace(control_points=scale * (patch.control_points * [1, 1, 0] + [3, 5, 7]))
@@ -57,14 +57,14 @@ def test_two_surfaces_beside_their_samples(seed):
     a, b = random_patch(seed, 3 + seed % 4), random_patch(100 + seed, 4 + seed % 3)
     found = distance(a, b)
     size = np.linalg.norm(np.ptp(a.control_points, axis=0))
-    here, back = (tessellate(each, 150, normals=False).vertices for each in (a, b))
+    here, back = (tessellate(each, 100, normals=False).vertices for each in (a, b))
     for way, points, others in ((found.forward, here, back), (found.backward, back, here)):
         there = cKDTree(others)
         assert way.distance == pytest.approx(there.query(points)[0].max(), abs=SAMPLED * size)
         assert there.query(way.at)[0] == pytest.approx(way.distance, abs=SAMPLED * size)
 
 
-@pytest.mark.parametrize("count", mostly_long((8, 12, 10, 16)))
+@pytest.mark.parametrize("count", [8, 12, 16])
 @long
 def test_weights_far_apart_do_not_keep_a_nearest_point_from_being_reached(count):
     """With weights from 1e-12 to 1e12, surfaces end in thin layers along edges, many steps away."""
@@ -145,13 +145,13 @@ def test_one_aspect_may_be_ignored_by_its_name():
 
 
 def test_what_diff_compares():
-    patch = load(SPECS / "hexagon.toml")
+    patch = load(SPECS / "bezier-triangle.toml")
     raised = elevate(patch)
     found = diff(patch, raised, kind="surface")
     assert (found.same, found.method, found.is_proved, found.distance) == (True, "patches", False, 0.0)
     assert found.bound < 1e-9
     assert diff(patch, raised).method == "vertices"
-    assert diff(patch, raised).distance == pytest.approx(0.486, abs=1e-3)
+    assert diff(patch, raised).distance == pytest.approx(0.0747, abs=1e-4)
     assert not diff(patch, load(SPECS / "example-3.1.toml"), "1000%", kind="surface").same
     meshes = tessellate(patch, 3), tessellate(patch, 3)
     assert [diff(*meshes, kind=kind).method for kind in ("auto", "vertices", "surface")] == [

@@ -201,6 +201,7 @@ def test_meshes_that_cannot_be_morphed():
 # --- the commands
 
 
+@pytest.mark.usefixtures("measured_roughly")
 @pytest.mark.parametrize(
     ("arguments", "mode", "labels"),
     [
@@ -238,6 +239,7 @@ def test_the_file_has_the_meshes_of_the_folder(arguments, mode, labels, tmp_path
         assert f"gtb: {out}: {label}: " in result.err
 
 
+@pytest.mark.usefixtures("measured_roughly")
 def test_the_same_bytes_to_a_file_and_to_standard_output(tmp_path):
     merge_on_a_line = ["knot-limit", str(SPECS / "example-3.1.toml"), "--merge", "1:2", "-n5"]
     out = tmp_path / "a.GLB"

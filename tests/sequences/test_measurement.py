@@ -170,20 +170,20 @@ def farthest_refined(patch, other):
     vertices, mesh = tessellate(patch, 60, normals=False).vertices, tessellate(other, 60)
     tree = NearestCells(mesh.vertices[mesh.cells])
     rough = tree.search(vertices, *tree.start(vertices))[0]
-    return max(refined(vertices[k], other, mesh) for k in np.argsort(-rough)[:200:20])
+    return refined(vertices[np.argsort(-rough)[:200:20]], other, mesh).max()
 
 
-def refined(point, patch, mesh):
-    """The distance of a point from a patch, by smaller and smaller grids around the parameters of near vertices."""
+def refined(points, patch, mesh):
+    """Distances of points from a patch, by smaller and smaller grids around the parameters of near vertices."""
     offsets = np.stack(np.meshgrid(*[np.linspace(-1, 1, 5)] * 2), axis=-1).reshape(-1, 2)
-    near = mesh.parameters[np.argsort(np.linalg.norm(mesh.vertices - point, axis=1))[:4]]
+    near = mesh.parameters[cKDTree(mesh.vertices).query(points, 4)[1]]
     for reach in 0.05 * 0.6 ** np.arange(28):
-        u = near[:, None] + reach * offsets
-        heights = np.einsum("pgvx,vx->pgv", u[:, :, None] - patch.domain.vertices, patch.domain.normals)
-        u = np.where((heights >= 0).all(axis=2)[..., None], u, near[:, None])
-        away = np.linalg.norm(patch.evaluate(u, "linear") - point, axis=-1)
-        near = u[np.arange(len(u)), away.argmin(axis=1)]
-    return away.min()
+        u = near[..., None, :] + reach * offsets
+        heights = np.einsum("kpgvx,vx->kpgv", u[..., None, :] - patch.domain.vertices, patch.domain.normals)
+        u = np.where((heights >= 0).all(axis=-1)[..., None], u, near[..., None, :])
+        away = np.linalg.norm(patch.evaluate(u, "linear") - points[:, None, None], axis=-1)
+        near = np.take_along_axis(u, away.argmin(axis=2)[..., None, None], axis=2)[:, :, 0]
+    return away.min(axis=(1, 2))
 
 
 @pytest.mark.parametrize(("seed", "dimension"), mostly_long([(0, 2), (5, 1), (1, 2), (4, 2)]))

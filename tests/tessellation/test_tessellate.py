@@ -216,9 +216,9 @@ def test_patches_with_equal_knots_are_sampled_with_their_own_weights(options):
 
 @long
 def test_a_domain_of_many_sides_is_located_in_few_charts():
-    """With a chart for each of 1,000 edges, these 16,000 faces took a minute."""
-    angles = 2 * np.pi * np.arange(1000) / 1000
+    """With a chart for each of 1,000 edges, 16,000 faces took a minute."""
+    angles = 2 * np.pi * np.arange(400) / 400
     knots = np.column_stack([np.cos(angles), np.sin(angles)])
     patch = Patch(knots, np.column_stack([knots, np.sin(3 * angles)]))
-    assert len(tessellate(patch, 4, normals=False).cells) == 16_000
+    assert len(tessellate(patch, 4, normals=False).cells) == 6400
     assert sum("moments" in vars(system) for system in patch.rational_basis.linear._systems) <= 4
