@@ -75,7 +75,7 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.hausdorff import Distance as Distance
     from gtb_cli.meshes.mesh import Mesh as Mesh
     from gtb_cli.pictures.figures import plot as plot
-    from gtb_cli.pictures.page import frame as frame
+    from gtb_cli.pictures.notebook import frame as frame
     from gtb_cli.pictures.page import page as page
     from gtb_cli.sequences.rates import MeasuredRate as MeasuredRate
     from gtb_cli.sequences.sequence import Member as Member
@@ -127,7 +127,8 @@ else:
         "meshes.hausdorff": "Distance",
         "meshes.mesh": "Mesh",
         "pictures.figures": "plot",
-        "pictures.page": "frame page",
+        "pictures.notebook": "frame",
+        "pictures.page": "page",
         "sequences.rates": "MeasuredRate",
         "sequences.sequence": "Member MeshSequence degeneration knot_sequence",
         "tessellation.recipe": "Recipe",

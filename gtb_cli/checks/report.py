@@ -1,8 +1,9 @@
 """Results of checks: findings about properties, and reports."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import Literal, TypeAlias
 
 Status: TypeAlias = Literal["holds", "fails", "not applicable", "not decided", "measured"]
@@ -83,6 +84,9 @@ class Report:
     def __repr__(self) -> str:
         return f"<Report {self.name or 'without a name'}: {counts(self.findings)}>"
 
+    def _repr_html_(self) -> str:
+        return _table(self.name, self.findings)
+
     @property
     def holds(self) -> bool:
         """True if no property fails."""
@@ -100,6 +104,9 @@ class ModelReport:
     def __repr__(self) -> str:
         return f"<ModelReport {self.name or 'without a name'}: {counts(self.findings)}>"
 
+    def _repr_html_(self) -> str:
+        return _table(self.name, self.findings)
+
     @property
     def findings(self) -> tuple[Finding, ...]:
         """All findings: those about the joints, then those about each patch."""
@@ -109,3 +116,16 @@ class ModelReport:
     def holds(self) -> bool:
         """True if no property of a patch or joint fails."""
         return all(finding.status != "fails" for finding in self.findings)
+
+
+def _table(name: str | None, findings: Sequence[Finding]) -> str:
+    """Return HTML with a row for each finding, and how many there are of each status."""
+    rows = []
+    for found in findings:
+        numbers = ("" if number is None else f"{number:.3g}" for number in (found.value, found.bound))
+        cells = (found.status, found.name, *numbers, found.reason, found.reference)
+        style = ' style="color:#D6001C"' if found.status == "fails" else ""
+        rows.append(f"<tr{style}>{''.join(f'<td>{escape(text)}</td>' for text in cells)}</tr>")
+    head = "".join(f"<th>{text}</th>" for text in ("status", "property", "measured", "bound", "what", "paper"))
+    title = escape(f"{name or 'without a name'}: {counts(findings)}")
+    return f"<table><caption>{title}</caption><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"

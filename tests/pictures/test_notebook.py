@@ -1,13 +1,14 @@
 """Pictures in Python: names and numbers are checked, and `what` is what is drawn."""
 
 from itertools import pairwise
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from gtb_cli import DomainError, Patch
+from gtb_cli import DomainError, Patch, check, regular_decomposition
 from gtb_cli.pictures.look import Camera, Look
 from tests.marks import long
 from tests.patches import bicubic, cubic_curve, pentagon
@@ -136,3 +137,21 @@ def test_a_film_shows_each_mesh_once(tmp_path):
                 image.seek(number)
                 pictures.append(np.asarray(image.convert("RGB")).copy())
         assert all((one != other).any() for one, other in pairwise(pictures))
+
+
+def test_decompositions_domains_and_reports_show_themselves():
+    knots = np.array([[0, 0], [4, 0], [0, 2], [1, 1], [1, 0.5]]) * 1e9 + 1e7
+    found = regular_decomposition(knots, [0, 0, 0, 2, 0])
+    picture = ElementTree.fromstring(found._repr_html_())
+    polygons, spots = ([*picture.iter(f"{{http://www.w3.org/2000/svg}}{kind}")] for kind in ("polygon", "circle"))
+    assert (len(polygons), len(spots)) == (3, 5)
+    assert [spot.get("fill") == "white" for spot in spots] == [i in found.absent for i in range(5)]
+    x, y = (np.array([float(spot.get(key)) for spot in spots]) for key in ("cx", "cy"))
+    np.testing.assert_allclose(np.column_stack([x - x[0], y[0] - y]), (knots - knots[0]) * 55e-9, atol=0.11)
+    for shape in (pentagon(), cubic_curve()):
+        domain = ElementTree.fromstring(shape.domain._repr_html_())
+        assert len([*domain.iter("{http://www.w3.org/2000/svg}circle")]) == len(shape.knots)
+    report = check(cubic_curve().replace(name="<b>"))
+    table = ElementTree.fromstring(report._repr_html_())
+    assert table.find("caption").text.startswith("<b>: ")
+    assert [row[1].text for row in table.find("tbody")] == [found.name for found in report.findings]
