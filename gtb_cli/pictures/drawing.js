@@ -25,7 +25,7 @@ layout(location=4) in float scalar;
 out vec3 own; out float value;
 void main() { spot = between(p0, p1); gl_Position = place(spot); own = mix(n0, n1, share); value = scalar; }`;
 const SURFACE_PIXEL = PIXEL + `
-uniform mat3 turn; uniform int mode; uniform vec3 colour; uniform vec3 stops[5]; uniform float steep, floor_;
+uniform mat3 turn; uniform int mode; uniform vec3 colour, shift; uniform vec3 stops[5]; uniform float steep, floor_;
 in vec3 own; in float value;
 vec3 scaled(float x) {
   x = clamp(x, 0.0, 1.0) * 4.0;
@@ -49,7 +49,10 @@ void main() {
   }
   if (mode == 3) c = mix(vec3(0.15), vec3(0.97), stripes(9.0 * dot(n, light)));   // curves on which it is equally bright
   if (mode == 2 || mode == 3) { bright = 0.8 + 0.2 * bright; shine = 0.0; }
-  if (mode == 4) c = outward.z < -0.99 && spot.z < floor_ ? vec3(0.45, 0.62, 0.5) : outward.z < -steep ? vec3(0.84, 0.16, 0.1) : vec3(0.78, 0.8, 0.82);
+  if (mode == 4) {                                // what stands on the floor is none
+    c = outward.z < -0.99 && spot.z - shift.z < floor_ ? vec3(0.45, 0.62, 0.5) : outward.z < -steep ? vec3(0.84, 0.16, 0.1) : vec3(0.78, 0.8, 0.82);
+    bright = 0.5 + 0.5 * bright; shine = 0.0;
+  }
   pixel = vec4(c * bright + shine, 1.0);
 }`;
 const CAP_VERTEX = HEAD + `

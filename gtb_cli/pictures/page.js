@@ -9,7 +9,7 @@ const VIEWS = { t: ["top", -90, 90], v: ["front", -90, 0], s: ["side", 0, 0], h:
 
 const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0, limit: 0, patches: true, net: false, knots: false,
   edges: true, open: true, folds: true, axes: true, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, from: "", to: "", back: true, theme: "" };
-let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = false;
+let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "";
 
 function read(data) {
   const frames = data.frames.map(f => ({ label: f.label, positions: decoded(f.positions, Float32Array),
@@ -40,7 +40,7 @@ const modes = () => scene.curve ? ["shaded"] : Object.keys(MODES)
 
 function set(changes) {
   if (!scene) return;
-  if ("zoom" in changes || "panX" in changes) fitted = false;
+  if ("zoom" in changes || "panX" in changes) fitted = "";
   Object.assign(state, changes);
   if (changes.explode) state.measure = false;
   if (changes.measure) state.explode = 0;
@@ -57,8 +57,11 @@ function set(changes) {
   set.timer = setTimeout(remember, 250);
 }
 
+const fitting = () => [state.azimuth, state.elevation, state.net, state.axes, state.explode, $("scale").hidden].join();   // on which fit depends
+
 function remember() {   // in the address, so that a link shows the same; a frame of a notebook has none
-  const kept = Object.keys(state).filter(name => state[name] !== defaults[name] && !(fitted && ["zoom", "panX", "panY"].includes(name)));
+  const isFitted = fitted && fitted === fitting();   // in another window, too
+  const kept = Object.keys(state).filter(name => state[name] !== defaults[name] && !(isFitted && ["zoom", "panX", "panY"].includes(name)));
   const text = kept.map(name => `${name}=${typeof state[name] === "number" ? +state[name].toFixed(4) : state[name]}`).join("&");
   try { history.replaceState(null, "", `#${text}`); } catch { /* it stays as it is */ }
 }
@@ -90,7 +93,7 @@ function show() {
   }
   $("overhang").hidden = state.mode !== "overhangs";
   $("angle").value = state.angle;
-  if (state.mode === "overhangs") $("steep").textContent = `${state.angle}° from upright: ${lengthText(overhang())} of the surface`;
+  if (state.mode === "overhangs") $("steep").textContent = `${state.angle}° from upright: ${overhang()}`;
   $("section").value = state.section;
   $("cutting").hidden = !state.section;
   $("at").value = state.at;
@@ -112,18 +115,19 @@ function paintScale(context, left, top, width, height) {
   context.fillRect(left, top, width, height);
 }
 
-// The area of the triangles that are painted as overhangs, in model units.
+// The area of the triangles that are painted as overhangs, in model units, and its part of the surface.
 const overhang = () => once("overhang", state.angle, () => {
   const p = scene.frames[0].positions, { low, high } = scene.box, floor_ = low[2] + 0.002 * (high[2] - low[2]), steep = Math.sin(state.angle * Math.PI / 180);
-  let sum = 0;
+  let sum = 0, all = 0;
   for (let k = 0; k < scene.cells.length; k += 3) {
     const [a, b, c] = [0, 1, 2].map(i => p.subarray(3 * scene.cells[k + i], 3 * scene.cells[k + i] + 3));
     const [u, v] = [[0, 1, 2].map(i => b[i] - a[i]), [0, 1, 2].map(i => c[i] - a[i])];
     const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]], area = Math.hypot(...normal);
     const stands = normal[2] < -0.99 * area && (a[2] + b[2] + c[2]) / 3 < floor_;
-    if (normal[2] < -steep * area && !stands) sum += area / 2;
+    all += area;
+    if (normal[2] < -steep * area && !stands) sum += area;
   }
-  return sum * scene.size ** 2;
+  return `${(sum / 2 * scene.size ** 2).toPrecision(4)} (${(100 * sum / all).toFixed(1)} %)`;
 });
 
 // ---- camera
@@ -140,7 +144,7 @@ function fit() {
   const beside = state.axes ? Math.min(75, 0.2 * w) : margin;   // where the axes' numbers are
   const zoom = Math.min((w - left - right - 2 * beside) / Math.max(ends[1] - ends[0], 1e-6), (h - below - 2 * margin) / Math.max(ends[3] - ends[2], 1e-6)) / unit;
   set({ zoom, panX: ((left - right) / 2 - (ends[0] + ends[1]) / 2 * unit * zoom) / least, panY: (below / 2 - (ends[2] + ends[3]) / 2 * unit * zoom) / least });
-  fitted = true;
+  fitted = fitting();
 }
 
 function look(key, behind) {
@@ -228,7 +232,7 @@ addEventListener("keydown", e => {
     if (scene.frames.length < 2 || e.target.tagName === "BUTTON" || e.target.type === "checkbox") return;
     toggle();
   } else if (ACTIONS[e.key]) ACTIONS[e.key]();
-  else if (VIEWS[letter]) look(letter, e.shiftKey);
+  else if (VIEWS[letter]) look(letter, e.key !== letter);
   else if (["x", "y", "z"].includes(e.key)) set({ section: state.section === e.key ? "" : e.key });
   else if (modes()[e.key - 1]) set({ mode: modes()[e.key - 1] });
   else if (name) set({ [name]: !state[name] });

@@ -15,6 +15,11 @@ from tests.tools.browser import BROWSERS, WINDOW, Browser
 pytestmark = pytest.mark.long
 
 
+PLATE = """knots = [[0, 0], [1, 0], [0, 1], [1, 1]]
+control_points = [[0, 0, 0], [40, 0, 0], [0, 30, 0], [40, 30, 0]]
+"""
+
+
 @pytest.fixture(scope="module", params=BROWSERS, ids=lambda kind: kind.__name__)
 def browser(request, tmp_path_factory):
     with request.param(tmp_path_factory.mktemp("profile")) as made:
@@ -29,6 +34,8 @@ def pages(tmp_path_factory):
     bicubic = SPECS / "bicubic.toml"
     gtb("degenerate", bicubic, "--lifting", "knot:5", "-x", "1", "-n", "2", "-o", folder / "s", status=0)
     gtb("view", folder / "s", "-o", folder / "sequence.html", status=0)
+    (folder / "plate.toml").write_text(PLATE, encoding="utf-8")
+    gtb("view", folder / "plate.toml", "--thickness", "2", "-n", "4", "-o", folder / "plate.html", status=0)
     gtb("view", SPECS / "example-4.2-limit.toml", "--limits", "-n", "4", "-o", folder / "limits.html", status=0)
     return folder
 
@@ -236,6 +243,132 @@ def test_the_slider_changes_the_shape_and_it_plays(browser, show):
     browser.keys(" ")
     time.sleep(0.5)
     assert 0 < browser.run("return state.frame") <= 1.7
+
+
+def test_a_section_is_filled_where_it_is_inside(browser, show):
+    """A plate of 40 × 30 × 2 from the front, cut in its middle: the cut is as high as the plate, and as wide."""
+    whole = show("plate", azimuth=-90, elevation=0, axes="false", edges="false")
+    assert near(whole, "#e69976").sum() == 0
+    show("plate", azimuth=-90, elevation=0, axes="false", edges="false", section="y")
+    hatched = browser.picture()
+    pixels = near(hatched, "#e69976") | near(hatched, "#9e4d33")
+    width, height = (np.ptp(np.flatnonzero(pixels.any(axis=axis))) + 1 for axis in (0, 1))
+    assert width / height == pytest.approx(20, rel=0.15)
+    assert pixels.sum() > 0.7 * width * height
+    assert browser.run("const h = hit(canvas.clientWidth / 2 + 60, canvas.clientHeight / 2); return h && h.group") == -1
+    show("bicubic", section="x")
+    assert near(browser.picture(), "#e69976").sum() == 0  # an open surface has no inside
+    assert browser.run("return sectionLines().length > 60 && gl.getError() === 0")
+    browser.keys("x")
+    assert browser.run("return state.section") == ""
+
+
+def corner(browser: Browser, x: float, y: float, z: float) -> tuple[int, int]:
+    """Place of a point of the model on the screen."""
+    place = f"[{x}, {y}, {z}].map((x, i) => (x - scene.middle[i]) / scene.size)"
+    left, top, _ = browser.run(f"return project(...{place})")
+    return round(left), round(top)
+
+
+def test_measuring_snaps_to_corners_and_edges_and_is_in_the_address(browser, show):
+    show("plate", elevation=40)
+    browser.keys("m")
+    for place in ((0, 0, 2), (40, 30, 2)):
+        x, y = corner(browser, *place)
+        browser.mouse((x + 3, y + 2), (x + 4, y + 3))
+        assert "corner" in browser.run("return $('tip').textContent")
+        browser.mouse((x + 4, y + 3), drag=True)
+    assert browser.run("return [state.from, state.to, measured().distance]") == ["0,0,2", "40,30,2", pytest.approx(50)]
+    assert "distance 50\ndx 40  dy 30  dz 0" in browser.run("return $('measured').textContent")
+    assert browser.run("return [$('length').textContent, $('length').hidden]") == ["50", False]
+    x, y = corner(browser, 22, 0, 2)
+    assert browser.run(f"const s = snap({x}, {y + 3}); return [s.kind, ...inModel(s.point)]") == [
+        *("edge", pytest.approx(22, abs=0.5), pytest.approx(0, abs=1e-4), pytest.approx(2, abs=1e-4))
+    ]
+    x, y = corner(browser, 17, 11, 2)
+    assert browser.run(f"const s = snap({x}, {y}); return [s.kind, ...inModel(s.point)]") == [
+        *("surface", pytest.approx(17, abs=0.5), pytest.approx(11, abs=0.5), pytest.approx(2, abs=1e-4))
+    ]
+    browser.keys("\ue00c")  # Escape
+    assert browser.run("return [state.from, state.measure, $('length').hidden]") == ["", False, True]
+
+
+def test_a_link_shows_the_same(browser, show):
+    browser.size(*WINDOW)
+    show("box-corner")
+    browser.keys("t\ue014\ue013e")
+    browser.run("set({section: 'z', at: 0.4, flip: true, mode: 'zebra', from: '0,0,0', to: '1,1,1'})")
+    image = browser.picture()
+    end = time.monotonic() + 20
+    while "section=z" not in (address := browser.run("return location.href")) and time.monotonic() < end:
+        time.sleep(0.05)
+    browser.open(address)
+    assert changed(image, browser.picture()) < 0.001
+    browser.keys("f")
+    browser.run("remember()")
+    assert "zoom" not in browser.run("return location.href")  # it fits another window, too
+    browser.run("set({mode: 'shaded', zoom: 3, panX: 0.1}); remember()")
+    image = browser.picture()
+    browser.open(browser.run("return location.href"))
+    assert changed(image, browser.picture()) < 0.001
+    browser.open(
+        address.partition("#")[0] + "#mode=none&section=w&at=x&zoom=&explode=1e99&from=1,2&frame=NaN&nothing=1"
+    )
+    assert browser.run("return [state.mode, state.section, state.at, state.explode, measured()]") == [
+        *("shaded", "", 0.5, 1, None)
+    ]
+
+
+def test_patches_part_and_come_back(browser, show):
+    image = show("teapot", axes="false")
+    browser.keys("g")
+    assert changed(image, browser.picture()) > 0.05
+    assert browser.run(
+        "return gather('border', 0, scene.frames[0].positions, scene.lines.border).length"
+    ) > browser.run("return scene.lines.border.length * 3 / 2")
+    browser.keys("g")
+    assert changed(image, browser.picture()) < 0.001
+
+
+def test_views_by_keys_and_buttons(browser, show):
+    show("plate")
+    views = {"t": (-90, 90), "T": (-90, -90), "v": (-90, 0), "V": (90, 0), "s": (0, 0), "S": (180, 0), "h": (-60, 30)}
+    for key, view in views.items():
+        browser.keys(key)
+        assert tuple(browser.run("return [state.azimuth, state.elevation]")) == view, key
+    browser.run("$('top').click()")
+    assert browser.run("return [state.elevation, axisEdges().length]") == [90, 2]
+
+
+def test_walls_and_overhangs_have_their_colours(browser, show):
+    image = show("plate", mode="wall", elevation=40)
+    assert near(image, "#fee090").sum() > 1000  # as thick as most of it
+    assert browser.run("return [$('scale-low').textContent, $('scale-high').textContent]") == ["0.00", "4.00"]
+    x, y = corner(browser, 20, 15, 2)
+    browser.mouse((x, y), (x + 1, y))
+    assert "Wall thickness 2.000" in browser.run("return $('tip').textContent")
+    show("plate", mode="overhangs", angle=30)
+    assert browser.run("return $('steep').textContent") == "30° from upright: 0.000 (0.0 %)"
+    assert browser.run("scene.box.low[2] -= 1; made.clear(); return overhang()") == "1200 (44.8 %)"
+
+
+def test_a_picture_has_twice_the_size_and_no_background_if_asked(browser, show):
+    show("plate", mode="wall")
+    assert browser.run(
+        "const p = picture(); return [p.width / canvas.clientWidth, p.height / canvas.clientHeight]"
+    ) == [*(pytest.approx(2 * browser.run("return devicePixelRatio"), rel=1e-3),) * 2]
+    corner = "const p = picture(); return [...p.getContext('2d').getImageData(5, p.height - 5, 1, 1).data]"
+    assert browser.run(corner)[3] == 255
+    browser.run("set({back: false})")
+    assert browser.run(corner) == [0, 0, 0, 0]
+    browser.run(
+        "HTMLAnchorElement.prototype.click = function () { window.saved = [this.download, this.href]; }; save()"
+    )
+    end = time.monotonic() + 20
+    while not (saved := browser.run("return window.saved")) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert saved[0] == "plate.png"
+    assert saved[1].startswith("blob:")
 
 
 def test_dark_and_light(browser, show, pages):

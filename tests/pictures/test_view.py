@@ -9,8 +9,10 @@ import pytest
 
 import gtb_cli
 from gtb_cli.knots.decomposition import control_net
+from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.pictures.content import content_of, content_of_mesh, joined, sides
+from gtb_cli.pictures.content import PAGE_TOLERANCE, content_of, content_of_mesh, joined, sides
+from gtb_cli.pictures.page import page_data
 from gtb_cli.pictures.shapes import with_normals
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
@@ -99,6 +101,42 @@ def test_the_page_says_whether_normals_are_exact():
     assert joined([exact, partly]).normals == joined([partly, exact]).normals == "not all exact"
     assert joined([exact, bare]).normals == f"exact at vertices and {bare.normals}"
     assert bare.normals.startswith("means of the triangles'")
+
+
+@pytest.mark.parametrize("name", ["bicubic", "hexagon"])
+def test_what_a_screen_shows_is_smooth(name):
+    """Edges are no farther from the surface than twice the tolerance, and not needlessly near."""
+    patch = gtb_cli.load(SPECS / f"{name}.toml")
+    found = content_of(patch)
+    resolution = round((len(found.cells) / len(gtb_cli.tessellate(patch, 1).cells)) ** 0.5)
+    mesh = gtb_cli.tessellate(patch, resolution)
+    assert len(mesh.cells) == len(found.cells)
+    ends = mesh.edges
+    middle = patch.evaluate(mesh.parameters[ends].mean(axis=1), parametrization="linear")
+    apart = np.abs(((middle - mesh.vertices[ends].mean(axis=1)) * mesh.normals[ends].mean(axis=1)).sum(axis=1)).max()
+    size = np.linalg.norm(np.ptp(mesh.vertices, axis=0))
+    assert 0.2 * PAGE_TOLERANCE < apart / size < 2 * PAGE_TOLERANCE
+
+
+def test_a_page_shows_the_mesh_of_a_recipe_and_measures_it():
+    spec = SPECS / "bicubic.toml"
+    data = page(spec, "--thickness", "0.1", "-n", "6")
+    mesh, remarks = Recipe(6, thickness=0.1).mesh(gtb_cli.load(spec))
+    found = measure(mesh)
+    measures = dict(data["measures"])
+    assert measures["volume"] == f"{found.volume:.6g}"
+    assert measures["surface"] == f"{found.area:.6g}"
+    assert data["remarks"] == remarks
+    assert (data["closed"], sorted(data["scalars"])) == (True, ["wall"])
+    assert data["scalars"]["wall"]["high"] == pytest.approx(0.2, rel=0.1)
+    assert data["facts"].startswith(f"{len(mesh.vertices)} vertices, {len(mesh.cells)} triangles; ")
+    assert "volume" not in dict(page(spec, "-n", "6")["measures"])
+    assert gtb_cli.page(gtb_cli.load(spec), Recipe(6, thickness=0.1)).count(data["cells"]) == 1
+    tube = page(SPECS / "cubic-bezier.toml", "--radius", "0.1", "-n", "8")
+    assert (tube["closed"], tube["curve"]) == (True, False)
+    assert tube["scalars"]["wall"]["high"] == pytest.approx(0.4, rel=0.05)
+    inwards = page_data(content_of_mesh(Mesh(mesh.vertices, mesh.cells[:, ::-1]), "inwards"))
+    assert inwards["measures"][-1] == ("", "Its faces look inwards.")
 
 
 def test_sequences_and_meshes(tmp_path):
