@@ -13,7 +13,7 @@ SOURCES = gtb_cli tests
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup mesh test test-all test-oldest lint types check specs golden gallery browser bench fuzz guided readers clean
+.PHONY: help setup mesh test test-all test-oldest lint types check specs golden reference gallery browser bench fuzz guided readers clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -48,6 +48,9 @@ specs: $(VENV)/.installed ## mesh every spec of specs/ into build/specs
 
 golden: $(VENV)/.installed ## mesh every spec of specs/ into tests/golden, after a change that is meant
 	@$(RUN) gtb_cli mesh $(SPECS) -n 3 -o tests/golden
+
+reference: $(VENV)/.development ## make the reference of specs/PYTHON.md anew from the docstrings
+	@$(RUN) tests.tools.python_page
 
 gallery: $(VENV)/.development ## draw the pictures of specs/README.md anew, after a change that is meant
 	@$(RUN) tests.tools.gallery

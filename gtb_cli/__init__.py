@@ -6,7 +6,9 @@ specs/PYTHON.md with examples. They are imported when first used, so that ``impo
 Specs and files
     load, load_patch, load_model, from_dict, to_dict, save, import_file, Imported
 Patches
-    Patch, Model, Domain, domain, Curvature, boundary, unity_coefficients, quadrature, Quadrature
+    Patch, Model, Domain, domain, Curvature, boundary, unity_coefficients
+Integrals
+    quadrature, Quadrature
 Limits
     regular_decomposition, RegularDecomposition, regular_decompositions, LiftingCone, convergence_rate,
     degenerate, regular_control_surface, degeneration, MeshSequence, Member, MeasuredRate,

@@ -34,7 +34,8 @@ def bezier_pieces(spec: Patch | Model, max_degree: int = MAX_DEGREE) -> Model:
 
     Each edge is divided where the knots on it have shares proportional to c ω. This point depends only on the data of
     the edge: pieces of patches that share it are joined like the patches. `DomainError` is raised if there are no
-    pieces, or only of a higher degree; its message gives the reason and an alternative.
+    pieces, or only of a higher degree; its message gives the reason and an alternative. Not in the paper: these are
+    Krasauskas' charts of toric patches.
     """
     if isinstance(spec, Patch):
         return Model(_pieces_of(spec, max_degree), spec.name)
@@ -58,8 +59,9 @@ def _pieces_of(patch: Patch, max_degree: int) -> tuple[Patch, ...]:
 def split_curve(curve: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
     """Split a curve exactly at a parameter between its ends, into two rational Bézier curves with positive weights.
 
-    This is de Casteljau's algorithm on the homogeneous control points of the whole curve's Bézier form, with zeros for
-    missing knots. `DomainError` is raised for a surface, for another parameter, and without a Bézier form.
+    Not in the paper: this is de Casteljau's algorithm on the homogeneous control points of the whole curve's Bézier
+    form, with zeros for missing knots. `DomainError` is raised for a surface, for another parameter, and without a
+    Bézier form.
     """
     if curve.dimension != 1:
         raise DomainError("split: is for curves, and this is a surface")

@@ -1,7 +1,7 @@
 """The properties that the paper proves, each with the function that measures it on a patch or model."""
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 from gtb_cli.checks import basis, curve, degeneration, ends, injectivity, reductions
 from gtb_cli.checks.joints import joint_findings
@@ -53,6 +53,10 @@ PROPERTIES = (
 )
 
 
+@overload
+def check(shape: Patch) -> Report: ...
+@overload
+def check(shape: Model) -> ModelReport: ...
 def check(shape: Patch | Model) -> Report | ModelReport:
     """Measure every property the paper proves, on a patch, or on each patch of a model and at the joints between them.
 

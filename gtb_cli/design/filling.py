@@ -58,6 +58,10 @@ def fill(
     ------
     SpecError, DomainError
         A file, loop or option is not valid.
+
+    References
+    ----------
+    Not in the paper; the rows of knots and the tangent planes that they give are in `gtb_cli.design.fill`.
     """
     found: Sequence[HoleSide] | Model
     if isinstance(loop, Model):

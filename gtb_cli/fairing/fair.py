@@ -68,7 +68,7 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
     Notes
     -----
     This is one linear least-squares problem, since the patch is linear in its control points. Knots and weights stay.
-    The quadrature is refined until both energies agree to 1e-6, or to resolution 128.
+    The quadrature is refined until both energies agree to 1e-6, or to resolution 128. Not in the paper.
     """
     if keep not in ("boundary", "tangents"):
         raise DomainError(f"keep: expected boundary or tangents, got {keep!r}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +42,10 @@ class Model:
     patches: tuple[Patch, ...]
     name: str | None = None
     weld: float | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(self, patches: Iterable[Patch], name: str | None = None, weld: float | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         if isinstance(self.patches, Patch):
