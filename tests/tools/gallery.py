@@ -1,4 +1,4 @@
-"""The pictures of specs/README.md: each is drawn by the command that stands beside it.
+"""The pictures of specs/README.md and specs/GUIDE.md: each is drawn by the command that stands beside it.
 
 ``python -m tests.tools.gallery`` draws all of them into specs/pictures, which ``make gallery`` is for. That of a report
 is a page in Chromium, and stays as it is where there is none.
@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from gtb_cli.commands.cli import run
 from tests.shell import REPOSITORY, SPECS
+from tests.tools import guide
 from tests.tools.browser import Chromium
 
 README = REPOSITORY / "specs" / "README.md"
@@ -53,6 +54,8 @@ def main() -> int:
     drawn = pictures()
     for old in set(PICTURES.iterdir()) - {REPORT, *(picture.path for picture in drawn)}:
         old.unlink()
+    if guide.draw():
+        return 1
     if Chromium.THERE:
         draw_report(REPORT)
     else:

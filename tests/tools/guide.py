@@ -1,0 +1,76 @@
+"""specs/GUIDE.md: its files, and its commands with what they print."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.shell import SPECS, Result, run_line
+
+GUIDE = SPECS / "GUIDE.md"
+PICTURES = SPECS / "pictures"
+PREFIX = "guide-"  # of its pictures there, before the names under which its commands draw them
+
+LARGEST = 40_000  # bytes of a picture
+
+
+class Step(NamedTuple):
+    """A command, and the lines that it prints, in which … stands for anything; none if these are not shown."""
+
+    section: int
+    command: str
+    lines: tuple[str, ...]
+
+    @property
+    def program(self) -> str:
+        return self.command.split()[0]
+
+    @property
+    def fails(self) -> bool:
+        return any(line.startswith("gtb: error") for line in self.lines)
+
+
+def text() -> str:
+    return GUIDE.read_text(encoding="utf-8")
+
+
+def steps() -> list[Step]:
+    """All commands in their order, with the number of their section."""
+    found = []
+    for section, part in enumerate(re.split("^## ", text(), flags=re.MULTILINE)):
+        for block in re.findall(r"^```console\n(.*?)^```$", part, re.MULTILINE | re.DOTALL):
+            for command in block.split("$ ")[1:]:
+                line, *lines = command.rstrip("\n").split("\n")
+                found.append(Step(section, line, tuple(lines)))
+    return found
+
+
+def pictures() -> list[str]:
+    """The pictures that its page shows, by their names beside the commands."""
+    return re.findall(rf"\]\(pictures/{PREFIX}(.*?)\)", text())
+
+
+def run(folder: Path, sections: int = 100) -> Iterator[tuple[Step, Result]]:
+    """Write its files into a folder, and run its commands there; those of programs that are not there are left out."""
+    for content, name in re.findall(r"^```\w+\n((?:#|//) (\S+)\n.*?)^```$", text(), re.MULTILINE | re.DOTALL):
+        (folder / name).write_text(content, encoding="utf-8")
+    missing = not shutil.which("openscad")
+    for step in steps():
+        if step.section <= sections and not (missing and ("openscad" in step.command or "drained" in step.command)):
+            yield step, run_line(step.command, folder)
+
+
+def draw() -> int:
+    """Let its commands draw its pictures anew, and keep them with few colours; return how many commands failed."""
+    import tempfile
+
+    from PIL import Image
+
+    with tempfile.TemporaryDirectory() as name:
+        failed = sum((done.status != 0) != step.fails for step, done in run(Path(name)))
+        for picture in pictures():
+            image = Image.open(Path(name) / picture).convert("RGB")
+            few = image.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+            few.save(PICTURES / f"{PREFIX}{picture}", optimize=True)
+    return failed
