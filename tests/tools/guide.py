@@ -18,13 +18,8 @@ LARGEST = 40_000  # bytes of a picture
 class Step(NamedTuple):
     """A command, and the lines that it prints, in which … stands for anything; none if these are not shown."""
 
-    section: int
     command: str
     lines: tuple[str, ...]
-
-    @property
-    def program(self) -> str:
-        return self.command.split()[0]
 
     @property
     def fails(self) -> bool:
@@ -36,13 +31,12 @@ def text() -> str:
 
 
 def steps() -> list[Step]:
-    """All commands in their order, with the number of their section."""
+    """All commands in their order."""
     found = []
-    for section, part in enumerate(re.split("^## ", text(), flags=re.MULTILINE)):
-        for block in re.findall(r"^```console\n(.*?)^```$", part, re.MULTILINE | re.DOTALL):
-            for command in block.split("$ ")[1:]:
-                line, *lines = command.rstrip("\n").split("\n")
-                found.append(Step(section, line, tuple(lines)))
+    for block in re.findall(r"^```console\n(.*?)^```$", text(), re.MULTILINE | re.DOTALL):
+        for command in block.split("$ ")[1:]:
+            line, *lines = command.rstrip("\n").split("\n")
+            found.append(Step(line, tuple(lines)))
     return found
 
 
@@ -51,13 +45,13 @@ def pictures() -> list[str]:
     return re.findall(rf"\]\(pictures/{PREFIX}(.*?)\)", text())
 
 
-def run(folder: Path, sections: int = 100) -> Iterator[tuple[Step, Result]]:
+def run(folder: Path) -> Iterator[tuple[Step, Result]]:
     """Write its files into a folder, and run its commands there; those of programs that are not there are left out."""
     for content, name in re.findall(r"^```\w+\n((?:#|//) (\S+)\n.*?)^```$", text(), re.MULTILINE | re.DOTALL):
         (folder / name).write_text(content, encoding="utf-8")
     missing = not shutil.which("openscad")
     for step in steps():
-        if step.section <= sections and not (missing and ("openscad" in step.command or "drained" in step.command)):
+        if not (missing and ("openscad" in step.command or "drained" in step.command)):
             yield step, run_line(step.command, folder)
 
 
