@@ -11,12 +11,13 @@ from gtb_cli.meshes.welding import weld
 
 
 def wall_of_vertices(mesh: Mesh) -> FloatArray | None:
-    """(m,) thickness of the wall behind each vertex, the mean of its faces' by area; None if the mesh is not closed.
+    """(m,) thickness of the wall behind each vertex, the mean of its faces' by area; None if it is not closed.
 
-    Vertices in the same place count as one only for what is closed: each keeps the wall of its own faces.
+    It is None for a body without inside, too. Vertices in the same place count as one only for what is closed: each
+    keeps the wall of its own faces.
     """
     faces = wall_of_faces(mesh)
-    if faces is None:
+    if faces is None or np.isnan(faces).all():
         return None
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
     normals = cross(b - a, c - a)

@@ -62,7 +62,7 @@ const fitting = () => [state.azimuth, state.elevation, state.net, state.axes, st
 function remember() {   // in the address, so that a link shows the same; a frame of a notebook has none
   const isFitted = fitted && fitted === fitting();   // in another window, too
   const kept = Object.keys(state).filter(name => state[name] !== defaults[name] && !(isFitted && ["zoom", "panX", "panY"].includes(name)));
-  const text = kept.map(name => `${name}=${typeof state[name] === "number" ? +state[name].toFixed(4) : state[name]}`).join("&");
+  const text = kept.map(name => `${name}=${typeof state[name] === "number" ? +state[name].toFixed(6) : state[name]}`).join("&");
   try { history.replaceState(null, "", `#${text}`); } catch { /* it stays as it is */ }
 }
 
@@ -174,14 +174,19 @@ function picture() {   // at twice the size, with the texts that stand beside th
   context.scale(ratio, ratio);
   context.textBaseline = "middle";
   const style = getComputedStyle(document.body), write = (text, x, y, align, colour) => {
-    context.font = `11px ${style.fontFamily}`;
+    context.font = `12px ${style.fontFamily}`;
     context.textAlign = align;
     context.fillStyle = colour;
     context.fillText(text, x, y);
   };
   for (const span of document.querySelectorAll("#marks span")) if (!span.hidden)
     write(span.textContent, parseFloat(span.style.left), parseFloat(span.style.top), "center", getComputedStyle(span).color);
-  if (!$("length").hidden) write($("length").textContent, parseFloat($("length").style.left), parseFloat($("length").style.top) - 12, "center", style.color);
+  if (!$("length").hidden) {
+    const box = $("length").getBoundingClientRect(), card = getComputedStyle($("length"));
+    context.fillStyle = card.backgroundColor;
+    context.fillRect(box.left, box.top, box.width, box.height);
+    write($("length").textContent, box.left + box.width / 2, box.top + box.height / 2, "center", style.color);
+  }
   if (!$("scale").hidden) {
     const right = canvas.clientWidth - 24;
     ["scale-name", "scale-high", "scale-low"].forEach((id, k) => write($(id).textContent, right, [20, 38, 208][k], "right", style.color));

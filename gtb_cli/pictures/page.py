@@ -136,7 +136,7 @@ def _measures(measures: Measures | None, crosses: bool) -> list[tuple[str, str]]
     low, high = measures.bounds
     found = [("size", " × ".join(f"{b - a:.5g}" for a, b in zip(low, high, strict=True)))]
     named = {"length": measures.length, "surface": measures.area, "volume": measures.volume}
-    found += [(name, f"{value:.6g}") for name, value in named.items() if value is not None]
+    found += [(name, f"{value:.6g}") for name, value in named.items() if value is not None and math.isfinite(value)]
     if crosses and measures.volume is not None:
         found[-1] = ("volume", f"{measures.volume:.6g} counted with crossings")
     if measures.volume is not None and measures.volume < 0:

@@ -33,6 +33,8 @@ def test_an_open_surface_has_no_walls():
     cut = Mesh(cube.vertices, cube.cells[1:])
     assert wall_of_faces(cut) is None
     assert wall_of_vertices(cut) is None
+    twice = Mesh(np.eye(3), np.array([[0, 1, 2], [0, 2, 1]]))
+    assert wall_of_vertices(twice) is None
 
 
 def test_each_ray_ends_where_it_first_leaves():
