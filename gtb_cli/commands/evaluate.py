@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from functools import partial
-from itertools import chain, islice
-from typing import TYPE_CHECKING
+from itertools import chain, combinations_with_replacement, islice
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -28,6 +27,17 @@ BATCH_LINES = 8192  # lines evaluated together, however a pipe delivers them: la
 @spec_argument
 @click.argument("params", metavar="[PARAMS]", default=STANDARD, type=INPUT)
 @click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis instead of points.")
+@click.option("--normals", is_flag=True, help="Also print unit normals of a surface; nan where it has none.")
+@click.option(
+    "--curvature",
+    is_flag=True,
+    help="Also print Gaussian and mean curvature of a surface, with respect to its normals; nan without a limit.",
+)
+@click.option(
+    "--derivatives",
+    type=click.Choice(["1", "2"]),
+    help="Also print first derivatives of what is printed, or first and second ones; inf without a finite limit.",
+)
 @click.option(
     "--grid",
     type=WholeNumber(1, 10**6),  # segments; the cells are counted before the grid is made
@@ -48,6 +58,9 @@ def evaluate(
     spec: str,
     params: str,
     basis: bool,
+    normals: bool,
+    curvature: bool,
+    derivatives: str | None,
     grid: int | None,
     header: bool,
     parametrization: Parametrization,
@@ -57,16 +70,21 @@ def evaluate(
     """\b
     Example: echo 0.5 1.5 | gtb eval specs/pentagon.toml
 
-    Evaluate points, or the basis, at given parameters.
+    Evaluate points, or the basis, at given parameters, with derivatives, normals and curvature on request.
 
     PARAMS is a file, or standard input: one parameter on each line, "t" for a curve and "u v" for a surface, separated
     by blanks, tabs or a comma. Empty lines and what follows a # are skipped. Each parameter gives one line, with the
     shortest digits that read back exactly. --json prints {"schema": 1, "points": [...], "parameters": [...]}, or
-    "basis". With --header each line begins with its parameters, below the names of the columns: "u v T0 T1 ..." with
-    --basis.
+    "basis", and "derivatives" (a row for each parameter), "second_derivatives" (uu, uv, vv), "normals" and "curvature",
+    with null for nan and inf. With --header each line begins with its parameters, below the names of the columns: "u v
+    T0 T1 ..." with --basis, and "x_u y_u z_u x_v ..." for derivatives.
 
     --grid reads nothing: its parameters cover the domain, corners and edges included, and each line is "u v x y z"
     (for a curve "t x y z"), which plotting programs read.
+
+    A parameter within 9e-16 of the size of the domain from an edge lies on it. If the next knots are near to that edge
+    (0.01, say), T has gone more than half of its way there, and no toric parameter stands for the points between:
+    --parametrization linear reaches them.
     """
     if grid is not None and params != STANDARD:
         raise click.UsageError(f"--grid makes parameters: {params} cannot be read as well")
@@ -75,28 +93,66 @@ def evaluate(
     if grid is None and spec == params == STANDARD:
         raise click.UsageError("spec and parameters cannot both be standard input")
     loaded = streams.patch_of(spec)
-    evaluated = loaded.basis if basis else loaded.evaluate
-    values = partial(evaluated, parametrization=parametrization)
+    if loaded.dimension == 1 and (normals or curvature):
+        raise click.UsageError(f"--normals and --curvature are for surfaces: {shown_input(spec)} is a curve")
+    parts = _parts(loaded, basis, int(derivatives or 0), normals, curvature, parametrization)
+
+    def values(u: FloatArray) -> list[FloatArray]:
+        return [part.of(u) for part in parts]
+
     batches = _batches(loaded, params, values) if grid is None else _grid(loaded, grid, values)
     if as_json:
         found = list(batches)
-        points, parameters = ([row for pair in found for row in pair[part].tolist()] for part in (1, 0))
-        data = {"basis" if basis else "points": points, "parameters": parameters}
-        return write_json(streams.output, data, by_row=True)
-    first = [" ".join(_columns(loaded, basis)).encode("ascii") + b"\n"] if header else []
-    rows = map(_with_parameters, batches) if header or grid is not None else (_rows(found) for _, found in batches)
-    write_blocks(streams.output, chain(first, rows))
+        data = {part.key: [row for _, arrays in found for row in _plain(arrays[k])] for k, part in enumerate(parts)}
+        return write_json(
+            streams.output, data | {"parameters": [row for u, _ in found for row in u.tolist()]}, by_row=True
+        )
+    with_parameters = header or grid is not None
+    first = [" ".join([*_axes(loaded), *(name for part in parts for name in part.columns)]).encode() + b"\n"]
+    rows = (_rows([u, *arrays] if with_parameters else arrays) for u, arrays in batches)
+    write_blocks(streams.output, chain(first if header else (), rows))
 
 
-def _columns(patch: Patch, basis: bool) -> list[str]:
-    """Name the columns of lines that begin with their parameters."""
-    values = [f"T{i}" for i in range(len(patch.knots))] if basis else ["x", "y", "z"]
-    return [*(["t"] if patch.dimension == 1 else ["u", "v"]), *values]
+class _Part(NamedTuple):
+    """A key of JSON, the columns of lines, and the function of (m, d) parameters whose (m, …) values stand there."""
+
+    key: str
+    columns: list[str]
+    of: Callable[[FloatArray], FloatArray]
+
+
+def _parts(
+    patch: Patch, basis: bool, derivatives: int, normals: bool, curvature: bool, parametrization: Parametrization
+) -> list[_Part]:
+    import numpy as np
+
+    names = [f"T{i}" for i in range(len(patch.knots))] if basis else ["x", "y", "z"]
+    evaluated, differentiated = (patch.basis, patch.basis_derivatives) if basis else (patch.evaluate, patch.derivatives)
+    parts = [_Part("basis" if basis else "points", names, lambda u: evaluated(u, parametrization))]
+    for order, key in list(enumerate(("derivatives", "second_derivatives"), 1))[:derivatives]:
+        ways = list(combinations_with_replacement(range(patch.dimension), order))
+        columns = [f"{name}_{''.join(_axes(patch)[axis] for axis in way)}" for way in ways for name in names]
+
+        def of(u: FloatArray, order: Any = order, places: Any = tuple((..., *way) for way in ways)) -> FloatArray:
+            found = differentiated(u, order, parametrization)
+            return np.stack([found[place] for place in places], axis=1)
+
+        parts.append(_Part(key, columns, of))
+    if normals:
+        parts.append(_Part("normals", ["n_x", "n_y", "n_z"], lambda u: patch.normals(u, parametrization)))
+    if curvature:
+        columns = ["gaussian_curvature", "mean_curvature"]
+        parts.append(_Part("curvature", columns, lambda u: np.column_stack(patch.curvature(u, parametrization)) + 0.0))
+    return parts
+
+
+def _axes(patch: Patch) -> list[str]:
+    return ["t"] if patch.dimension == 1 else ["u", "v"]
 
 
 def _grid(
-    patch: Patch, resolution: int, values: Callable[[FloatArray], FloatArray]
-) -> Iterator[tuple[FloatArray, FloatArray]]:
+    patch: Patch, resolution: int, values: Callable[[FloatArray], list[FloatArray]]
+) -> Iterator[tuple[FloatArray, list[FloatArray]]]:
     """Yield parameters that cover Δ, and their values."""
     from gtb_cli.knots.triangulation import cell_count, triangulation
 
@@ -110,8 +166,8 @@ def _grid(
 
 
 def _batches(
-    patch: Patch, params: str, values: Callable[[FloatArray], FloatArray]
-) -> Iterator[tuple[FloatArray, FloatArray]]:
+    patch: Patch, params: str, values: Callable[[FloatArray], list[FloatArray]]
+) -> Iterator[tuple[FloatArray, list[FloatArray]]]:
     """Yield parameters and values, `BATCH_LINES` lines at a time; on a terminal every line at once."""
     import numpy as np
 
@@ -128,12 +184,18 @@ def _batches(
                 raise DomainError(Fault(text, shown_input(params), line)) from None
 
 
-def _with_parameters(batch: tuple[FloatArray, FloatArray]) -> bytes:
+def _plain(values: FloatArray) -> list[Any]:
+    """Return rows for JSON, which has no numbers that are not finite."""
     import numpy as np
 
-    return _rows(np.concatenate(batch, axis=1))
+    plain = values.astype(object)
+    plain[~np.isfinite(values)] = None
+    return list(plain.tolist())
 
 
-def _rows(values: FloatArray) -> bytes:
+def _rows(arrays: list[FloatArray]) -> bytes:
+    import numpy as np
+
+    values = np.concatenate([array.reshape(len(array), -1) for array in arrays], axis=1)
     line = " ".join(["%r"] * values.shape[1]) + "\n"
     return (line * len(values) % tuple(values.ravel().tolist())).encode("ascii")

@@ -30,6 +30,12 @@ FAULT: dict[str, Kind] = {
     "severity": {"error", "warning"},
 }
 
+EVALUATED: dict[str, Kind] = {
+    "parameters": [POINT],
+    **_each("normals? curvature?", [[(NUMBER, None)]]),
+    **_each("derivatives? second_derivatives?", [[[(NUMBER, None)]]]),
+}
+
 MEASURES: dict[str, Kind] = {
     "vertices": INTEGER,
     **_each("faces? segments?", INTEGER),
@@ -165,7 +171,7 @@ SCHEMAS: dict[str, tuple[str, tuple[dict[str, Kind], ...]]] = {
         "gtb decompose as JSON",
         tuple(HEAD | kind for kind in (CELLS, {"patches": [CELLS]}, {"decompositions": [CONE]})),
     ),
-    "eval": ("gtb eval as JSON", tuple(HEAD | {"parameters": [POINT], key: [POINT]} for key in ("points", "basis"))),
+    "eval": ("gtb eval as JSON", tuple(HEAD | EVALUATED | {key: [POINT]} for key in ("points", "basis"))),
     "errors": ("errors and warnings on standard error", (HEAD | {"errors": [FAULT], "status": INTEGER},)),
     "version": ("gtb and its packages", (HEAD | VERSIONS | {"click": TEXT},)),
     "sequence": ("sequence.json", (HEAD | {"name": (TEXT, None), "meshes": [MEMBER], "rate": RATE},)),

@@ -24,6 +24,20 @@ def test_eval_gives_digits_that_read_back_exactly():
     assert found == {"schema": 1, "basis": patch.basis(u).tolist(), "parameters": u.tolist()}
 
 
+def test_eval_adds_derivatives_normals_and_curvature():
+    patch, u = gtb_cli.load_patch(PENTAGON), np.array([[0.5, 1.5], [1.1, 0.2]])
+    text = b"0.5 1.5\n1.1 0.2\n"
+    for options, parametrization in (([], "toric"), (["--parametrization", "linear"], "linear")):
+        first, second = (patch.basis_derivatives(u, order, parametrization) for order in (1, 2))
+        found = rows(gtb("eval", PENTAGON, "--basis", "--derivatives", "2", *options, stdin=text).out)
+        expected = [patch.basis(u, parametrization), first[:, :, 0], first[:, :, 1]]
+        expected += [second[:, :, 0, 0], second[:, :, 0, 1], second[:, :, 1, 1]]
+        assert (found == np.concatenate(expected, axis=1)).all()
+        found = rows(gtb("eval", PENTAGON, "--normals", "--curvature", *options, stdin=text).out)
+        expected = [patch.evaluate(u, parametrization), patch.normals(u, parametrization)]
+        assert (found == np.column_stack([*expected, *patch.curvature(u, parametrization)])).all()
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
