@@ -113,5 +113,6 @@ def _lengths(
     inside = (v >= -slack) & (w >= -slack) & (v + w <= 1 + slack) & (square > 0)
     length = column_dot(a - start, normal) / forward
     result = np.full(len(starts), np.inf)
-    result[rows] = np.where(inside & (length > 0), length, np.inf)
+    # Nearer than rounding are faces that lie on that of the ray: there is nothing between them.
+    result[rows] = np.where(inside & (length > slack), length, np.inf)
     return result
