@@ -100,18 +100,14 @@ def _lengths(
     starts: FloatArray, ways: FloatArray, cell: IntArray, tree: NearestCells, normals: FloatArray, slack: float
 ) -> FloatArray:
     """(p,) length of each ray to its own triangle; infinite if it does not leave through it."""
-    forward = dot(ways, normals[cell])
-    rows = np.flatnonzero(forward > 0)
-    cell, forward = cell[rows], forward[rows]
-    a, b, c = np.moveaxis(tree.corners[cell], 1, 2).transpose(2, 1, 0)
-    start, way, normal = starts[rows].T, ways[rows].T, normals[cell].T
-    turned = cross_of_columns(a - start, way)
-    square = column_dot(normal, normal)
-    v, w = column_dot(turned, c - a) / forward, -column_dot(turned, b - a) / forward
-    sign = np.where(column_dot(cross_of_columns(b - a, c - a), normal) < 0, -1.0, 1.0)
-    v, w = sign * v, sign * w
-    inside = (v >= -slack) & (w >= -slack) & (v + w <= 1 + slack) & (square > 0)
-    length = column_dot(a - start, normal) / forward
+    rows = np.flatnonzero(dot(ways, normals[cell]) > 0)
+    a, b, c = np.moveaxis(tree.corners[cell[rows]], 1, 2).transpose(2, 1, 0)
+    start, way = starts[rows].T, ways[rows].T
+    normal, turned = cross_of_columns(b - a, c - a), cross_of_columns(a - start, way)
+    along = column_dot(way, normal)
+    v, w = column_dot(turned, c - a) / along, -column_dot(turned, b - a) / along
+    inside = (v >= -slack) & (w >= -slack) & (v + w <= 1 + slack)
+    length = column_dot(a - start, normal) / along
     result = np.full(len(starts), np.inf)
     # Nearer than rounding are faces that lie on that of the ray: there is nothing between them.
     result[rows] = np.where(inside & (length > slack), length, np.inf)
