@@ -1,6 +1,7 @@
 """Parameters near which samples may miss much of a surface: knots, and the middles between them."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from gtb_cli.tessellation.splitting import Cells, Edges
 class Peaks:
     """Parameters, inside the domains of surfaces and on their edges, near which samples may miss much.
 
-    They are the knots, whose weights may be extreme, and the middles between neighbouring knots, which may crowd; found
-    once for all domains of one kind, see `kinds_of`.
+    They are the knots, whose weights may be extreme, the middles between neighbouring knots, which may crowd, and
+    places between knots in a narrow layer at an edge; found once for all domains of one kind, see `kinds_of`.
     """
 
     def __init__(self, domains: Sequence[Domain], kinds: IntArray) -> None:
@@ -46,11 +47,33 @@ def _peaks_of(domain: Domain) -> list[FloatArray]:
         block = inner[begin : begin + length]
         apart = sum(np.subtract.outer(x, y) ** 2 for x, y in zip(block.T, knots.T, strict=True))
         middles.append((block + knots[np.where(apart > 0, apart, np.inf).argmin(axis=1)]) / 2)
-    peaks = [np.concatenate([inner, *middles])]
+    peaks = [np.concatenate([inner, *middles, *map(partial(_peaks_of_layer, domain), range(len(domain.vertices)))])]
     for edge in range(len(domain.vertices)):
         ordered = knots[domain.edge_knots(edge)]
         peaks.append(np.concatenate([ordered, (ordered[1:] + ordered[:-1]) / 2]))
     return peaks
+
+
+def _peaks_of_layer(domain: Domain, edge: int) -> FloatArray:
+    """Peaks between knots so near to an edge that the surface may turn in a narrow layer there.
+
+    They are on the segments from each such knot to its neighbours along the edge: among all of them, and on the edge.
+    """
+    slope = 0.1  # height over the edge of the farther end of such a segment, by its length
+    height, place = domain.heights[:, edge] / domain.normal_lengths[edge], domain.along(edge, domain.knots)
+    on = domain.edge_knots(edge)
+    near = np.setdiff1d(np.flatnonzero(height < slope * np.ptp(place[on])), on)
+    found = [np.empty((0, 2))]
+    for knot in near.tolist():
+        for others in (on, np.setdiff1d(np.union1d(on, near), knot)):
+            for side in (-1, 1):
+                gaps = side * (place[others] - place[knot])
+                if (gaps > 0).any():
+                    other = others[np.where(gaps > 0, gaps, np.inf).argmin()]
+                    if max(height[knot], height[other]) < slope * gaps[gaps > 0].min():
+                        share = np.arange(1, 16)[:, None] / 16
+                        found.append((1 - share) * domain.knots[knot] + share * domain.knots[other])
+    return np.unique(np.concatenate(found), axis=0)
 
 
 def _held(

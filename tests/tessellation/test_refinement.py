@@ -366,3 +366,24 @@ def test_a_ridge_between_samples_is_found():
     places = shares @ points / shares.sum(axis=1, keepdims=True)
     nearest = NearestCells(mesh.vertices[mesh.cells])
     assert nearest.search(places, *nearest.start(places))[0].max() <= tolerance
+
+
+@long
+def test_a_layer_between_knots_at_an_edge_is_found():
+    """Knots 1e-6 to 0.1 from edges of a square: between one of them and a corner, the surface was 2.2 tolerances off."""
+    rng = np.random.default_rng(100)
+    low = np.column_stack([rng.random(5), 10 ** rng.uniform(-6, -1, 5)])
+    right = np.column_stack([1 - 10 ** rng.uniform(-6, -1, 3), rng.random(3)])
+    knots = np.concatenate([[[0, 0], [1, 0], [1, 1], [0, 1]], low, right])
+    weights = 10 ** rng.uniform(-1, 1, 12)
+    rng.normal(size=(12, 3)), rng.choice(3)
+    points = np.column_stack([knots, rng.normal(size=12)])
+    tolerance = 0.005 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    mesh = tessellate(Patch(knots, points, weights), tolerance=tolerance, normals=False)
+    share = np.linspace(0.01, 0.99, 200)[:, None]
+    knot = knots[knots[:, 0].argsort()[-3]]
+    assert 0 < 1 - knot[0] < 1e-4
+    u = np.concatenate([(1 - share) * knot + share * corner for corner in ([1, 0], [1, 1])])
+    places = Patch(knots, points, weights).evaluate(u, "linear")
+    nearest = NearestCells(mesh.vertices[mesh.cells])
+    assert nearest.search(places, *nearest.start(places))[0].max() <= tolerance
