@@ -52,7 +52,7 @@ golden: $(VENV)/.installed ## mesh every spec of specs/ into tests/golden, after
 reference: $(VENV)/.development ## make the reference of specs/PYTHON.md anew from the docstrings
 	@$(RUN) tests.tools.python_page
 
-gallery: $(VENV)/.development ## draw the pictures of specs/README.md anew, after a change that is meant
+gallery: $(VENV)/.development ## draw the pictures of specs/README.md and GUIDE.md anew, after a change that is meant
 	@$(RUN) tests.tools.gallery
 
 browser: $(VENV)/.development ## let Debian's Chromium and Firefox, those that are installed, show pages of gtb view and gtb diff

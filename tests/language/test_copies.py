@@ -10,6 +10,7 @@ import pytest
 
 from gtb_cli.errors import SpecError
 from gtb_cli.language.copies import reflected, rotation_matrix
+from gtb_cli.language.includes import sources
 from gtb_cli.language.loading import load, parse
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.language.writer import dump
@@ -281,6 +282,7 @@ def test_whole_files_are_copied(tmp_path):
     # Once more under other names, without numbers
     path = folder(tmp_path, main='include = ["leg.toml", {file = "leg.toml", name = "left", translate = [1, 0]}]\n')
     found = load(path)
+    assert sources(path) == (path, str(tmp_path / "leg.toml"))
     assert [patch.name for patch in found] == ["wall", "foot", "left-wall", "left-foot"]
     assert found.patches[3].control_points[0].tolist() == [1, 0, 5]
     assert arrays(parse(dump(found))) == arrays(found)
