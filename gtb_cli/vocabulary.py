@@ -68,12 +68,15 @@ FORMATS = {
     "ply": Format(True, False, True, True, True, "on request", "32 bits", "z"),
     "stl": Format(False, False, False, False, False, "on request", "32 bits", "z"),
     "glb": Format(True, True, True, True, False, "never", "32 bits", "y"),
+    "3mf": Format(False, True, False, False, False, "never", "32 bits", "z"),
 }
 
 CAD_FORMATS = ("step", "iges", "brep")  # surface formats for CAD programs
 CAD_SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep"}
 CELL_FORMATS = ("vtu",)  # formats of curved cells for ParaView; also the suffixes of their files
-UNITS = ("mm", "cm", "m", "in", "ft")  # units of length that CAD files may have, the default first
+# Units of length in metres, the default first, and the formats of files that have one
+UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
+UNIT_FORMATS = ("step", "iges", "3mf", "glb")
 SPEC_FORMATS = ("toml", "json")  # formats of specs; also the suffixes of their files
 IMPORTS = ("trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl")  # formats of other programs
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")  # scalars that a mesh may have at each vertex
@@ -85,6 +88,8 @@ TEMPLATES |= {"n-gon": 100, "model": None, "bowl": 24, "shade": 24, "joint": 8, 
 SHELLS = ("bash", "zsh", "fish")  # shells that complete names and options
 RESOLUTION = 32  # segments along each edge of the domain if neither a number nor a tolerance is given
 MAX_FACES = 5_000_000  # largest number of cells of a mesh unless the caller allows more
+# Colours of patches and cells, in turn: they print well, and colour-blind readers can tell them apart
+PATCH_COLOURS = ("#8FBCD9", "#F2B48A", "#86CDB5", "#E3B5CE", "#F1CF85", "#AEDBF3", "#C9C9C9", "#E9E39A")
 # Colour maps, by their names in matplotlib: readable in print and with colour-blindness
 COLOUR_MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
 PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "decompositions", "sequence", "distance")

@@ -126,7 +126,7 @@ def test_twice(mesh_regression):
         "SpecError: .*bad.toml: control_points",
         "GtbError: .*missing.toml: No such file or directory",
         "GtbError: .*bad.obj: .*3 coordinates",
-        "ExportError: format: expected one of obj, ply, stl, glb, got 'docx'",
+        "ExportError: format: expected one of obj, ply, stl, glb, 3mf, got 'docx'",
         "DomainError: fullpath: excludes basename",
         "DomainError: basename: expected one, as another golden file has the name of this test",
     ):

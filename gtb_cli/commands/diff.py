@@ -105,7 +105,7 @@ def diff(
     """\b
     Example: gtb mesh specs/pentagon.toml -o x.obj && gtb diff x.obj specs/pentagon.toml
 
-    Compare two meshes: OBJ, PLY, STL or GLB files, or specs, which are meshed with -n and the options below it.
+    Compare two meshes: OBJ, PLY, STL, GLB or 3MF files, or specs, which are meshed with -n and the options below it.
 
     Meshes with the same faces, in any order, are compared vertex by vertex, others as surfaces (or curves): the largest
     distance of a point of either from the other. With --as surface, two specs are compared as what they describe, to

@@ -38,7 +38,7 @@ def info(request: ReportRequest, console: Console) -> None:
     or those in a folder, get a line each, unless --long or --json asks for everything. If one cannot be read, a message
     says so and the exit status is 2.
 
-    Of an OBJ, PLY, STL or GLB file: faces, bounds, parts, area, volume (of a closed surface; negative if it looks
+    Of an OBJ, PLY, STL, GLB or 3MF file: faces, bounds, parts, area, volume (of a closed surface; negative if it looks
     inwards), edges that are open, crowded (with more than two faces) or turned (with two that look in opposite
     directions), collapsed faces, and groups. --json has all digits and groups; the text has those that are the same on
     all processors, for git diff: git config diff.gtb.textconv "gtb info". A mesh without faces, or with coordinates

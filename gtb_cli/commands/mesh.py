@@ -42,7 +42,7 @@ from gtb_cli.shell.streams import (
     write_text,
 )
 from gtb_cli.shell.workers import Workers, workers_option
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNIT_FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
@@ -103,15 +103,14 @@ class GroupedOptions(click.Command):
 )
 @click.option(
     "--unit",
-    type=click.Choice(UNITS),
-    default=UNITS[0],
-    help=f"Unit of length in STEP and IGES files; {UNITS[0]} without this option.",
+    type=click.Choice([*UNITS]),
+    help=f"Unit of length of STEP, IGES and 3MF files, {next(iter(UNITS))} without this option; GLB files, which are "
+    "in metres, are scaled from it.",
 )
 @gathered("streams", Streams, spec_format_option, console_option)
 def mesh(
     specs: tuple[str, ...],
     options: MeshOptions,
-    unit: str,
     workers: Workers,
     manifest: str | None,
     resume: bool,
@@ -136,7 +135,7 @@ def mesh(
     if (surfaces := _surface_format(options.format, output)) is not None:
         if manifest is not None or deps is not None:
             raise click.UsageError(f"--manifest and --deps are for meshes, and {surfaces.upper()} holds surfaces")
-        return _write_surfaces(specs, surfaces, unit, options, streams)
+        return _write_surfaces(specs, surfaces, options, streams)
     paths = inputs_of(specs, output)
     folder = output if _is_for_folder(specs, paths, output) else None
     if deps is not None and (output == STANDARD or STANDARD in paths):
@@ -147,6 +146,7 @@ def mesh(
         raise click.UsageError("--prune needs --resume and a folder of meshes")
     place = output if folder is None else os.path.join(folder, "")
     kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_FORMATS))
+    _check_unit(options, kind)
     book = None
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest
@@ -207,12 +207,13 @@ def _surface_format(format: str | None, output: str) -> str | None:
     return kinds.get(format) if format is not None else (kinds | CAD_SUFFIXES).get(suffix_of(output))
 
 
-def _write_surfaces(specs: Sequence[str], kind: str, unit: str, options: MeshOptions, streams: Streams) -> None:
+def _write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, streams: Streams) -> None:
     """Write the surfaces of one spec as STEP, IGES, BREP or VTU, and say what is exact."""
     if are_several(specs) or is_folder(streams.output):
         raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
     names = ("normals", "uv", "ascii", "certify", "radius", "thickness", "attributes")
     options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", *names)
+    _check_unit(options, kind)
     if kind in CELL_FORMATS:
         options.refuse(f"is for meshes, and cells of {kind.upper()} share no vertices", "require")
     from gtb_cli.formats.surfaces import encode_surfaces
@@ -220,10 +221,21 @@ def _write_surfaces(specs: Sequence[str], kind: str, unit: str, options: MeshOpt
     recipe = options.recipe
     with streams.spec_of(specs[0]) as spec:
         data, size, warnings = encode_surfaces(
-            spec, kind, unit, recipe.tolerance_for(spec), closed=bool(recipe.require), y_up=options.up == "y"
+            spec,
+            kind,
+            options.unit or next(iter(UNITS)),
+            recipe.tolerance_for(spec),
+            closed=bool(recipe.require),
+            y_up=options.up == "y",
         )
     write_blocks(streams.output, [data])
     streams.console.report(streams.output, size, warnings)
+
+
+def _check_unit(options: MeshOptions, kind: str) -> None:
+    if options.unit is not None and kind not in UNIT_FORMATS:
+        having = ", ".join(name.upper() for name in UNIT_FORMATS[:-1])
+        raise click.UsageError(f"--unit: {kind.upper()} has no unit of length; {having} and GLB have")
 
 
 class Task(NamedTuple):
@@ -322,8 +334,9 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         is_open = options.recipe.leaves_open(spec)
         stored = None if is_open else held(mesh, kind, options.ascii)[0]
         size = summary(mesh, stored, remarks) + (f", tolerance {assurance}" if assurance else "")
-        if kind == "stl" and is_open:
-            size += ", open: --thickness D makes a solid"
+        if kind in ("stl", "3mf") and is_open:
+            refused = ", which slicers do not read" if kind == "3mf" else ""
+            size += f", open{refused}: --thickness D makes a solid"
         lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
         return Made([b"".join(blocks)] if whole else blocks, size, warnings, facts, lines)
 

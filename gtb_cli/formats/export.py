@@ -1,4 +1,4 @@
-"""Meshes to files: OBJ, PLY, STL and GLB; `gtb_cli.vocabulary.FORMATS` says what each can hold."""
+"""Meshes to files: OBJ, PLY, STL, GLB and 3MF; `gtb_cli.vocabulary.FORMATS` says what each can hold."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from gtb_cli.files import replace_file
 from gtb_cli.formats.content import SINGLE_FLOAT, first_beyond, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS, decimals, number_lines, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.vocabulary import FORMATS, UP, Up, plain_name, suffix_of
+from gtb_cli.vocabulary import FORMATS, UNIT_FORMATS, UNITS, UP, Up, plain_name, suffix_of
 
 _SINGLE_LIMIT = (2.0 - 2.0**-23) * 2.0**127  # the largest finite 32-bit number
 _DOUBLE_LIMIT = 2.0**1022  # differences, such as a box's extents, are finite as well
@@ -29,6 +29,7 @@ def write_mesh(
     normals: bool = False,
     uv: bool = False,
     up: Up | None = None,
+    unit: str | None = None,
 ) -> None:
     """Write a mesh to a file, whole or not at all.
 
@@ -38,7 +39,7 @@ def write_mesh(
         The mesh to write. The order of vertices and cells is kept, and the same mesh gives the same bytes.
     path_or_file : str, path-like or binary file object
         A path is replaced atomically (see `gtb_cli.files.replace_file`); a file object is written to and flushed.
-    format : {"obj", "ply", "stl", "glb"}, optional
+    format : {"obj", "ply", "stl", "glb", "3mf"}, optional
         The default is the format of the path's suffix.
     ascii : bool
         Write PLY and STL as text, with numbers that read back exactly, instead of 32-bit binary. OBJ is always text.
@@ -51,6 +52,9 @@ def write_mesh(
     up : {"z", "y"}, optional
         The axis of the file for the z axis of the mesh. The default is y in GLB, as glTF prescribes, and z in the
         others.
+    unit : {"mm", "cm", "m", "in", "ft"}, optional
+        The unit of length of the mesh. 3MF files name it, mm by default. GLB files are in metres: the default leaves
+        the numbers as they are.
 
     Raises
     ------
@@ -63,13 +67,13 @@ def write_mesh(
         raise ExportError(f"expected a Mesh, such as gtb_cli.tessellate makes, got {type(mesh).__name__}")
     if isinstance(path_or_file, (str, os.PathLike)):
         kind = format or _format_of(os.fspath(path_or_file))
-        replace_file(path_or_file, encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv, up=up))
+        replace_file(path_or_file, encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv, up=up, unit=unit))
         return
     if hasattr(path_or_file, "encoding"):
         raise ExportError("cannot write a mesh to a text file object: expected a binary one")
     name = getattr(path_or_file, "name", None)
     kind = format or _format_of(name if isinstance(name, str) else "a file without a name")
-    blocks = encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv, up=up)
+    blocks = encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv, up=up, unit=unit)
     try:
         for block in blocks:
             path_or_file.write(block)
@@ -82,7 +86,14 @@ def write_mesh(
 
 
 def encode_mesh(
-    mesh: Mesh, format: str, *, ascii: bool = False, normals: bool = False, uv: bool = False, up: Up | None = None
+    mesh: Mesh,
+    format: str,
+    *,
+    ascii: bool = False,
+    normals: bool = False,
+    uv: bool = False,
+    up: Up | None = None,
+    unit: str | None = None,
 ) -> Iterable[bytes]:
     """Return the bytes of a mesh file, block by block; the parameters are those of `write_mesh`.
 
@@ -96,6 +107,11 @@ def encode_mesh(
         )
     if ascii and holds.text == "never":
         raise ExportError(f"{kind.upper()} has no text form: expected obj, ply or stl with `ascii`")
+    if unit is not None and (unit not in UNITS or kind not in UNIT_FORMATS):
+        expected = (
+            f"expected one of {', '.join(UNITS)}, got {unit!r}" if unit not in UNITS else f"{kind.upper()} has none"
+        )
+        raise ExportError(f"unit: {expected}")
     _check_cells(mesh)
     if not (normals and holds.normals) or mesh.is_curve:
         mesh = replace(mesh, normals=None, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
@@ -127,9 +143,14 @@ def encode_mesh(
         from gtb_cli.formats.stl import stl_blocks
 
         return stl_blocks(mesh.vertices, mesh.cells, name, ascii=ascii)
+    groups = groups or [(name, 0, len(mesh.cells))]
+    if kind == "3mf":
+        from gtb_cli.formats.threemf import threemf_blocks
+
+        return threemf_blocks(mesh.vertices, mesh.cells, groups, name, unit or next(iter(UNITS)))
     from gtb_cli.formats.glb import glb_blocks
 
-    return glb_blocks(mesh, groups or [(name, 0, len(mesh.cells))], mesh.normals, coordinates, up or holds.up)
+    return glb_blocks(mesh, groups, mesh.normals, coordinates, up or holds.up, unit)
 
 
 def standing(mesh: Mesh, format: str, up: Up | None = None) -> Mesh:
@@ -280,7 +301,8 @@ def held(mesh: Mesh, kind: str, ascii: bool = False) -> tuple[Mesh, str]:
 
 def _way_out(kind: str) -> str:
     """Say which file holds more digits than one of a format."""
-    return {"obj": "PLY with `ascii` keeps", "glb": "OBJ keeps"}.get(kind, "`ascii` or OBJ keeps") + " their digits"
+    ways = {"always": "PLY with `ascii` keeps", "on request": "`ascii` or OBJ keeps", "never": "OBJ keeps"}
+    return f"{ways[FORMATS[kind].text]} their digits"
 
 
 def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:

@@ -12,7 +12,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.content import SINGLE_FLOAT, Content, segments, single_half_steps, stacked, triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import compacted
-from gtb_cli.vocabulary import FORMATS, Up
+from gtb_cli.vocabulary import FORMATS, UNITS, Up
 
 HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its content
 VERTICES, INDICES = 34962, 34963  # glTF's numbers for the content of a view of the buffer
@@ -29,16 +29,26 @@ class Part(NamedTuple):
 
 
 def glb_blocks(
-    mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None, up: Up
+    mesh: Mesh,
+    groups: Sequence[tuple[str, int, int]],
+    normals: FloatArray | None,
+    uv: FloatArray | None,
+    up: Up,
+    unit: str | None = None,
 ) -> Iterable[bytes]:
-    """Return a GLB file of at most 4 GB with a node for each group. `up` is the vertical axis."""
+    """Return a GLB file of at most 4 GB with a node for each group. `up` is the vertical axis.
+
+    A unit of length scales the nodes to metres, and the numbers stay.
+    """
     parts = []
     for name, start, stop in groups:
         whole = len(groups) == 1  # then vertices without cells stay
         used, cells = (slice(None), mesh.cells) if whole else compacted(mesh.cells[start:stop])
         parts.append(Part(name, mesh.vertices[used], cells, *(v if v is None else v[used] for v in (normals, uv))))
     _check_size(sum(4 * np.size(values) for part in parts for values in part[1:] if values is not None))
-    extras = {} if up == FORMATS["glb"].up else {"extras": {"up": up}}  # for `read_glb`
+    extras: dict[str, Any] = {} if up == FORMATS["glb"].up else {"up": up}  # for `read_glb`
+    extras |= {} if unit is None else {"unit": unit}
+    extras = {"extras": extras} if extras else {}
     return _lines(parts, extras) if mesh.is_curve else [_triangles(parts, extras)]
 
 
@@ -60,8 +70,10 @@ def _triangles(parts: Sequence[Part], extras: dict[str, Any]) -> bytes:
         scene.add_geometry(surface, node_name=name, geom_name=name)
 
     def finish(tree: dict[str, Any]) -> None:
-        """Say which views hold vertices or indices, for viewers that pass them to the graphics card."""
+        """Say which views hold vertices or indices, for viewers that pass them to the graphics card, and the size."""
         tree["asset"] |= extras
+        for node in tree["nodes"]:
+            node |= _scale(extras) if "mesh" in node else {}
         for mesh in tree["meshes"]:
             for primitive in mesh["primitives"]:
                 for number in primitive["attributes"].values():
@@ -90,7 +102,7 @@ def _lines(parts: Sequence[Part], extras: dict[str, Any]) -> list[bytes]:
             "asset": {"version": "2.0", **extras},
             "scene": 0,
             "scenes": [{"nodes": list(range(len(parts)))}],
-            "nodes": [{"name": part.name, "mesh": number} for number, part in enumerate(parts)],
+            "nodes": [{"name": part.name, "mesh": number} | _scale(extras) for number, part in enumerate(parts)],
             "meshes": [],
             "accessors": [],
             "bufferViews": [],
@@ -106,6 +118,12 @@ def _lines(parts: Sequence[Part], extras: dict[str, Any]) -> list[bytes]:
         primitive = {"attributes": attributes, "indices": indices, "mode": 1}
         file.tree["meshes"].append({"name": part.name, "primitives": [primitive]})
     return file.blocks()
+
+
+def _scale(extras: dict[str, Any]) -> dict[str, Any]:
+    """The scale of a node, which brings a unit of length to metres."""
+    unit = extras.get("extras", {}).get("unit")
+    return {} if unit is None else {"scale": [UNITS[unit]] * 3}
 
 
 class GlbFile:
@@ -231,7 +249,11 @@ def _content(tree: dict[str, Any], binary: bytes) -> Content:
         raise GtbError("has both triangles and lines: expected one of them")
     width = 2 if cells[2] else 3
     points = stacked(vertices, 3, np.float64)
-    if tree.get("asset", {}).get("extras") != {"up": "z"}:
+    extras = tree.get("asset", {}).get("extras")
+    extras = extras if isinstance(extras, dict) else {}
+    if extras.get("unit") in UNITS:
+        points /= UNITS[extras["unit"]]
+    if extras.get("up") != "z":
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
     return Content(points + 0.0, stacked(cells[width], width, np.int32), single_half_steps, tuple(groups))  # not -0
 

@@ -1,4 +1,4 @@
-"""Mesh files to meshes: OBJ, PLY, STL and GLB from any program.
+"""Mesh files to meshes: OBJ, PLY, STL, GLB and 3MF from any program.
 
 trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorders vertices, accepts damaged files, and
 takes 0.5 s to import.
@@ -28,7 +28,7 @@ def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
     Parameters
     ----------
     path : str or path-like
-    format : {"obj", "ply", "stl", "glb"}, optional
+    format : {"obj", "ply", "stl", "glb", "3mf"}, optional
         The default is the format found from the content.
 
     Returns
@@ -59,9 +59,10 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
             data = data.removeprefix(BOM_UTF8)
         kind = format or format_of(data)
         if kind not in FORMATS:
-            raise GtbError("is not a mesh: expected OBJ, PLY, STL or GLB")
+            raise GtbError("is not a mesh: expected OBJ, PLY, STL, GLB or 3MF")
         with np.errstate(all="ignore"):  # NaN is refused below, with a message
-            content: Content = getattr(import_module(f"gtb_cli.formats.{kind}"), f"read_{kind}")(data)
+            room = "threemf" if kind == "3mf" else kind
+            content: Content = getattr(import_module(f"gtb_cli.formats.{room}"), f"read_{room}")(data)
         _check(content)
     except GtbError as error:
         raise type(error)(f"{shown}: {_printable(str(error))}") from None
@@ -92,6 +93,8 @@ def format_of(data: bytes) -> str | None:
     beginning = data[:65536].removeprefix(BOM_UTF8)
     if beginning.startswith(b"glTF"):
         return "glb"
+    if beginning.startswith(b"PK\3\4"):  # a ZIP archive, which no other mesh is
+        return "3mf"
     if beginning.startswith((b"ply\n", b"ply\r")):
         return "ply"
     start = beginning[:4096].lstrip()

@@ -282,8 +282,8 @@ class KnownMesh:
 
     @property
     def has_indices(self) -> bool:
-        """Whether its faces tell which vertices they share: an STL file has none, a GLB file has those of each node."""
-        return self.format not in ("stl", "glb")
+        """Whether its faces tell which vertices they share: STL has none, GLB and 3MF those of each part."""
+        return self.format not in ("stl", "glb", "3mf")
 
 
 def known_exactly(mesh: Mesh) -> KnownMesh:

@@ -3,11 +3,10 @@
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.vocabulary import PATCH_COLOURS
 
 # Colours of curves, in turn: those of Okabe and Ito without the yellow, which is too light for a line
 LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-# Colours of patches and cells, in turn: lighter versions of similar colours
-PATCH_COLOURS = ("#8FBCD9", "#F2B48A", "#86CDB5", "#E3B5CE", "#F1CF85", "#AEDBF3", "#C9C9C9", "#E9E39A")
 SURFACE_COLOUR = PATCH_COLOURS[0]
 INK, FAINT, OPEN, NET = "#222222", "#9A9A9A", "#D6001C", "#404A54"
 

@@ -28,6 +28,7 @@ class MeshOptions:
     uv: bool = False
     ascii: bool = False
     up: Up | None = None  # as the format prescribes
+    unit: str | None = None  # mm, where the format names one
 
     def refuse(self, reason: str, *names: str) -> None:
         """Raise a usage error with a reason if one of these options is given."""
@@ -47,6 +48,7 @@ class MeshOptions:
             "uv": self.uv,
             "ascii": self.ascii,
             "up": self.up or FORMATS[self.format or "obj"].up,
+            "unit": self.unit,
         }
 
     def made(self, spec: Spec, kind: str) -> tuple[Mesh, list[str]]:
@@ -71,7 +73,9 @@ class MeshOptions:
         """Return the bytes of a mesh in a format, block by block."""
         from gtb_cli.formats.export import encode_mesh
 
-        return encode_mesh(mesh, kind, ascii=self.ascii, normals=self.recipe.normals, uv=self.uv, up=self.up)
+        return encode_mesh(
+            mesh, kind, ascii=self.ascii, normals=self.recipe.normals, uv=self.uv, up=self.up, unit=self.unit
+        )
 
     def warnings(self, mesh: Mesh, kind: str) -> list[str]:
         """Return what the user should know about such a file."""
@@ -89,15 +93,15 @@ class MeshOptions:
         """
         kind = format_of(output, self.format, FORMATS, more)
         if not FORMATS[kind].is_text(self.ascii):
-            refuse_terminal(output, kind, "-o FILE" if kind == "glb" else "-o FILE or --ascii")
+            refuse_terminal(output, kind, "-o FILE" if FORMATS[kind].text == "never" else "-o FILE or --ascii")
         return kind
 
 
 def format_of_lines(output: str, option: str) -> str:
     """Return the format of an output that holds lines, for which an option asks."""
     kind = MeshOptions(Recipe()).format_for(output)
-    if kind == "stl":
-        raise ExportError(f"{option} writes lines, and STL holds only triangles: use OBJ, PLY or GLB")
+    if not FORMATS[kind].curves:
+        raise ExportError(f"{option} writes lines, and {kind.upper()} holds only triangles: use OBJ, PLY or GLB")
     return kind
 
 

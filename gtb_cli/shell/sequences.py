@@ -69,9 +69,10 @@ class SequenceOutput:
         """Return the sequence that `maker` makes, or None if no meshes are wanted."""
         if not self.meshes:
             return None
-        if self.options.format == "stl" and patch.dimension == 1:
+        kind = self.options.format or "obj"
+        if not FORMATS[kind].curves and patch.dimension == 1:
             raise ExportError(
-                "STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB"
+                f"{kind.upper()} holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB"
             )
         recipe = self.options.recipe
         return maker(

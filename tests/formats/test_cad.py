@@ -15,6 +15,7 @@ from gtb_cli.bezier.elevation import elevate
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
 from gtb_cli.formats.splines import exact_surfaces, spline_surfaces
+from gtb_cli.formats.threemf import UNIT_NAMES
 from gtb_cli.language.writer import save as write
 from gtb_cli.meshes.measures import measure
 from gtb_cli.tessellation.tessellate import tessellate
@@ -354,7 +355,7 @@ def test_without_the_extra_there_is_a_message(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_the_names_of_units_and_formats_are_one_list() -> None:
-    assert tuple(KERNEL_UNITS) == UNITS
+    assert tuple(KERNEL_UNITS) == tuple(UNIT_NAMES) == tuple(UNITS)
     assert set(CAD_SUFFIXES.values()) == set(CAD_FORMATS)
 
 

@@ -22,7 +22,7 @@ import sys
 sys.modules["PIL"] = None
 from gtb_cli.formats.export import encode_mesh
 from tests.tiny_meshes import model
-for format in ("obj", "ply", "stl", "glb"):
+for format in ("obj", "ply", "stl", "glb", "3mf"):
     list(encode_mesh(model(), format, normals=True, uv=True))
 """
 
@@ -47,7 +47,7 @@ def test_no_number_that_is_not_finite_is_written(format, value, tmp_path):
         values[3, 0] = value
         mesh = replace(surface(), **{field: values})
         encoded(mesh, format)
-        if format != "stl":
+        if FORMATS[format].normals:
             with pytest.raises(ExportError, match=f"vertex 3: {label}: must be finite"):
                 encode_mesh(mesh, format, normals=True, uv=True)
 
@@ -158,7 +158,7 @@ def test_the_suffix_decides_the_format(tmp_path):
     assert (tmp_path / "mesh.txt").read_bytes() == encoded(surface(), "obj")
     with pytest.raises(ExportError, match=r"mesh\.txt: expected a name that ends in \.obj, \.ply, \.stl, \.glb"):
         write_mesh(surface(), tmp_path / "mesh.txt")
-    with pytest.raises(ExportError, match="format: expected one of obj, ply, stl, glb, got 'off'"):
+    with pytest.raises(ExportError, match="format: expected one of obj, ply, stl, glb, 3mf, got 'off'"):
         write_mesh(surface(), tmp_path / "mesh.off", "off")
 
 

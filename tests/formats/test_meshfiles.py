@@ -29,7 +29,15 @@ from tests.tools.mutations import mutated
 SINGLE = 2.0**-24  # relative error of rounding to a 32-bit number
 
 
-OPTIONS = [("obj", {}), ("ply", {}), ("ply", {"ascii": True}), ("stl", {}), ("stl", {"ascii": True}), ("glb", {})]
+OPTIONS = [
+    ("obj", {}),
+    ("ply", {}),
+    ("ply", {"ascii": True}),
+    ("stl", {}),
+    ("stl", {"ascii": True}),
+    ("glb", {}),
+    ("3mf", {}),
+]
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -68,7 +76,7 @@ def test_text_may_begin_with_a_byte_order_mark(format):
 def test_what_we_write_reads_back(format, options, make):
     decimals = 0.5e-8 + 1e-15  # error of rounding to the 8 decimals that OBJ files of this size have
     mesh = make()
-    if format == "stl" and mesh.is_curve:
+    if mesh.is_curve and not FORMATS[format].curves:
         return
     data = encoded(mesh, format, **options)
     assert format_of(data) == format
@@ -97,6 +105,8 @@ def test_what_we_write_reads_back(format, options, make):
 def test_at_any_size_and_place(scale, shift):
     mesh = Mesh(surface().vertices * scale + shift * scale, surface().cells)
     for format, options in OPTIONS:
+        if format == "3mf" and shift:  # faces that 32-bit numbers make points are left out
+            continue
         known = decode_mesh(encoded(mesh, format, **options), "file")
         error = np.abs(known.mesh.vertices[known.mesh.cells] - mesh.vertices[mesh.cells])
         assert (error <= known.half_steps).all()
@@ -116,7 +126,7 @@ def test_files_that_meshio_writes(format, binary, tmp_path):
     assert np.allclose(read.vertices[read.cells], mesh.vertices[mesh.cells], atol=1e-6)
 
 
-@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("format", ["obj", "ply", "stl", "glb"])
 def test_files_that_trimesh_writes(format):
     shape = trimesh.creation.icosphere(subdivisions=2)
     read = decoded(shape.export(file_type=format), format)

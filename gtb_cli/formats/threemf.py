@@ -1,0 +1,215 @@
+"""3MF, both ways: a ZIP archive with a mesh as XML, by its core specification 1.3 (3mf.io).
+
+trimesh's exporter needs lxml and networkx, and writes random identifiers.
+"""
+
+import zipfile
+import zlib
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from html import escape
+from io import BytesIO
+from typing import Any, NamedTuple
+from xml.parsers import expat
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import ExportError, GtbError
+from gtb_cli.formats.content import SINGLE_FLOAT, Content, single_half_steps, stacked
+from gtb_cli.formats.digits import text_rows
+from gtb_cli.meshes.topology import are_proper, sides_of
+from gtb_cli.meshes.welding import weld
+from gtb_cli.vocabulary import PATCH_COLOURS
+
+UNIT_NAMES = {"mm": "millimeter", "cm": "centimeter", "m": "meter", "in": "inch", "ft": "foot"}  # the format's names
+MODEL = "3D/3dmodel.model"  # the part of the archive that holds the mesh
+LARGEST = 1 << 31  # bytes of this part, which the archive counts with 32 bits
+
+
+def threemf_blocks(
+    vertices: FloatArray, triangles: IntArray, groups: Sequence[tuple[str, int, int]], name: str, unit: str
+) -> Iterable[bytes]:
+    """Return a 3MF file with one object, each group of triangles in a material of its own: a name and a colour.
+
+    Numbers have 32 bits, as in the programs that read it. Vertices at exactly the same place are one, and triangles
+    without area because of it are left out. An object with a boundary is called a surface, as the format asks.
+    """
+    longest = 80  # bytes of a line
+    if longest * (len(vertices) + len(triangles)) > LARGEST:
+        raise ExportError("3MF: holds no more than 2 GB of text")
+    single = vertices.astype(SINGLE_FLOAT).astype(np.float64)
+    first, place = weld(single)
+    cells = place[triangles]
+    kept = are_proper(cells)
+    if not kept.any():
+        raise ExportError("3MF: the mesh is a single point, or a line, for 32-bit numbers")
+    kind = "surface" if len(sides_of(cells[kept]).alone) else "model"
+    parts = {
+        "[Content_Types].xml": [_CONTENT_TYPES],
+        "_rels/.rels": [_RELATIONSHIPS],
+        MODEL: _model(single[first], cells, kept, groups, f'name="{escape(name)}" type="{kind}"', UNIT_NAMES[unit]),
+    }
+    file = BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for part, blocks in parts.items():
+            entry = zipfile.ZipInfo(part)  # of 1980, the earliest time that there is
+            entry.compress_type, entry.create_system, entry.external_attr = zipfile.ZIP_DEFLATED, 3, 0o644 << 16
+            with archive.open(entry, "w") as stream:
+                stream.writelines(blocks)
+    return [file.getvalue()]
+
+
+def _model(
+    vertices: FloatArray, cells: IntArray, kept: Any, groups: Sequence[tuple[str, int, int]], facts: str, unit: str
+) -> Iterator[bytes]:
+    """Yield the description of one object, with a material for each group if there are several."""
+    yield f'{_XML}<model unit="{unit}" xml:lang="en-US" xmlns="{_CORE}">\n<resources>\n'.encode()
+    materials = groups if len(groups) > 1 else ()
+    if materials:
+        colours = [PATCH_COLOURS[number % len(PATCH_COLOURS)] for number in range(len(materials))]
+        bases = zip((escape(name) for name, _, _ in materials), colours, strict=True)
+        lines = "".join(f'<base name="{name}" displaycolor="{colour}"/>\n' for name, colour in bases)
+        yield f'<basematerials id="2">\n{lines}</basematerials>\n'.encode()
+        facts += ' pid="2" pindex="0"'
+    yield f'<object id="1" {facts}>\n<mesh>\n<vertices>\n'.encode()
+    yield from text_rows('<vertex x="%.9g" y="%.9g" z="%.9g"/>\n', vertices)
+    yield b"</vertices>\n<triangles>\n"
+    for number, (_, start, stop) in enumerate(groups):
+        material = f' pid="2" p1="{number}"' if number else ""
+        line = f'<triangle v1="%d" v2="%d" v3="%d"{material}/>\n'
+        yield from text_rows(line, cells[start:stop][kept[start:stop]])
+    yield b'</triangles>\n</mesh>\n</object>\n</resources>\n<build>\n<item objectid="1"/>\n</build>\n</model>\n'
+
+
+_XML = '<?xml version="1.0" encoding="UTF-8"?>\n'
+_CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+_PACKAGE = "http://schemas.openxmlformats.org/package/2006"
+_CONTENT_TYPES = (
+    f'{_XML}<Types xmlns="{_PACKAGE}/content-types">\n'
+    '<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>\n'
+    '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>\n'
+    "</Types>\n"
+).encode()
+_RELATIONSHIPS = (
+    f'{_XML}<Relationships xmlns="{_PACKAGE}/relationships">\n'
+    f'<Relationship Id="rel0" Target="/{MODEL}" '
+    'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>\n'
+    "</Relationships>\n"
+).encode()
+
+
+def read_threemf(data: bytes) -> Content:
+    """Read the objects that a 3MF file builds, in its unit, with their names."""
+    try:
+        with zipfile.ZipFile(BytesIO(data)) as archive:
+            return _Reader(archive).content()
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, expat.ExpatError) as error:
+        raise GtbError(f"is not a whole 3MF file: {error}") from None
+    except (LookupError, ValueError, OverflowError) as error:
+        raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
+
+
+class _Mesh(NamedTuple):
+    """The mesh of an object: its numbers, where runs of triangles with one material begin, and its own material."""
+
+    vertices: "array[float]"
+    corners: "array[int]"
+    parts: list[tuple[int, tuple[str | None, str | None]]]
+    part: tuple[str | None, str | None]
+    name: str
+
+
+class _Reader:
+    """Collects what the elements of a model say."""
+
+    def __init__(self, archive: zipfile.ZipFile) -> None:
+        names = [name for name in archive.namelist() if name.lower().endswith(".model")]
+        name = MODEL if MODEL in names else next(iter(names), None)
+        if name is None:
+            raise GtbError("is a ZIP archive without the model of a 3MF file")
+        if archive.getinfo(name).file_size > LARGEST:
+            raise GtbError(f"says that its model has more than {LARGEST >> 30} GB")
+        self.meshes: dict[str, _Mesh] = {}
+        self.materials: dict[str | None, list[str]] = {}
+        self.components: dict[str, list[tuple[str, FloatArray]]] = {}
+        self.items: list[tuple[str, FloatArray]] = []
+        self.id = self.material = ""
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = self.start
+        parser.EntityDeclHandler = self.refuse  # it may stand for more than any memory holds
+        with archive.open(name) as stream:
+            parser.ParseFile(stream)
+
+    def refuse(self, *_: object) -> None:
+        raise GtbError("declares an entity, which no 3MF file may")
+
+    def start(self, name: str, given: dict[str, str]) -> None:
+        name = name.rpartition(":")[2]
+        if name == "vertex":
+            self.meshes[self.id].vertices.extend((float(given["x"]), float(given["y"]), float(given["z"])))
+        elif name == "triangle":
+            mesh = self.meshes[self.id]
+            part = given.get("pid", mesh.part[0]), given.get("p1", mesh.part[1])
+            if not mesh.parts or mesh.parts[-1][1] != part:
+                mesh.parts.append((len(mesh.corners) // 3, part))
+            mesh.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
+        elif name == "basematerials":
+            self.material = given["id"]
+            self.materials[self.material] = []
+        elif name == "base":
+            self.materials[self.material].append(given["name"])
+        elif name == "object":
+            self.id = given["id"]
+            part = given.get("pid"), given.get("pindex")
+            self.meshes[self.id] = _Mesh(array("f"), array("q"), [], part, given.get("name", ""))
+            self.components[self.id] = []
+        elif name in ("component", "item"):
+            if any(key.endswith(":path") for key in given):
+                raise GtbError("has an object in another part of the archive, where it is not looked for")
+            link = given["objectid"], _matrix(given.get("transform"))
+            (self.items if name == "item" else self.components[self.id]).append(link)
+
+    def content(self) -> Content:
+        """Place the objects, each after those that it refers to: an object names only earlier ones."""
+        most = 50_000_000  # numbers of all placed objects: few bytes may name many
+        effort = 2000  # numbers that take as long as an object without any
+        order = {key: number for number, key in enumerate(self.meshes)}
+        vertices: list[FloatArray] = []
+        cells: list[IntArray] = []
+        groups: list[tuple[str, int, int]] = []
+        count = rows = used = 0
+        stack = [(*item, len(order)) for item in reversed(self.items)]
+        while stack:
+            key, place, above = stack.pop()
+            if order[key] >= above:
+                raise GtbError(f"object {key!r:.40} is not before the object that refers to it")
+            mesh = self.meshes[key]
+            used += len(mesh.vertices) + len(mesh.corners) + effort
+            if used > most:
+                raise GtbError(f"has more than {most} numbers in all objects together")
+            vertices.append(np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3) @ place[:3, :3] + place[3, :3])
+            found = np.array(mesh.corners).reshape(-1, 3)
+            if len(found) and not 0 <= found.min() <= found.max() < len(vertices[-1]):
+                raise GtbError(f"triangles: expected vertices below {len(vertices[-1])}, got {found.max()}")
+            cells.append(found + count)
+            ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
+            for (start, part), end in zip(mesh.parts, ends, strict=False):
+                groups.append((self.name_of(part) or mesh.name or key, rows + start, rows + end))
+            count, rows = count + len(vertices[-1]), rows + len(found)
+            inner = reversed(self.components[key])
+            stack += [(link, transformation @ place, order[key]) for link, transformation in inner]
+        return Content(stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32), single_half_steps, tuple(groups))
+
+    def name_of(self, part: tuple[str | None, str | None]) -> str | None:
+        """The name of a material."""
+        names = self.materials.get(part[0], [])
+        return names[int(part[1] or 0)] if names else None
+
+
+def _matrix(text: str | None) -> FloatArray:
+    """The (4, 4) matrix by which rows (x y z 1) are multiplied."""
+    matrix = np.eye(4)
+    if text is not None:
+        matrix[:, :3] = np.array([float(word) for word in text.split()]).reshape(4, 3)
+    return matrix
