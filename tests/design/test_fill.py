@@ -128,7 +128,7 @@ def test_a_refusal_names_what_turns_the_patch_over(sign, way_out):
     assert fill_loop(plane_sides(L, [sign] * 6)).fault == f"the patch is turned over along an edge: {way_out}"
 
 
-@pytest.mark.parametrize("seed", mostly_long(range(8), 2))
+@pytest.mark.parametrize("seed", mostly_long([1, 2, 0, *range(3, 8)], 2))  # refused, and not
 def test_no_plane_patch_that_passes_is_folded(seed):
     """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
     rng = np.random.default_rng(seed)
