@@ -370,7 +370,7 @@ def test_a_ridge_between_samples_is_found():
 
 @long
 def test_a_layer_between_knots_at_an_edge_is_found():
-    """Knots 1e-6 to 0.1 from edges of a square: between one of them and a corner, the surface was 2.2 tolerances off."""
+    """Knots 1e-6 to 0.1 from edges of a square: between one of them and a corner, 2.2 tolerances were missed."""
     rng = np.random.default_rng(100)
     low = np.column_stack([rng.random(5), 10 ** rng.uniform(-6, -1, 5)])
     right = np.column_stack([1 - 10 ** rng.uniform(-6, -1, 3), rng.random(3)])
