@@ -6,12 +6,13 @@ import pytest
 from gtb_cli.checks.bounds import bounds
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
 from tests.patches import NAMES, named
 
 ROUNDING = 1e-12
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", mostly_long(sorted(NAMES, key="sixty_knots".__eq__), len(NAMES) - 1))
 def test_they_are_those_of_a_fine_mesh(name):
     patch = named(name)
     mesh, found = tessellate(patch, 96), bounds([patch])

@@ -42,13 +42,13 @@ def test_what_takes_longer_is_stopped(words, tmp_path):
     assert refused(tmp_path, "--max-seconds", "0.6", *words) == LATE
 
 
-def stuck(folder, code):
+def stuck(folder, code, seconds=0.6):
     """Run a command whose reading of specs is replaced by some code, which begins when a folder is being made."""
     start = (
         "import os, sys, signal, time, ctypes; from gtb_cli import files; from gtb_cli.__main__ import main\n"
         f"def stuck(self, path, blocks):\n    {code}\n"
         "files.StagedFiles.add = stuck\n"
-        "sys.argv[1:] = ['--max-seconds', '0.6', 'mesh', *sys.argv[1:], '-n', '2', '-o', 'new/deep/']; main()"
+        f"sys.argv[1:] = ['--max-seconds', '{seconds}', 'mesh', *sys.argv[1:], '-n', '2', '-o', 'new/deep/']; main()"
     )
     words = [sys.executable, "-c", start, PENTAGON, BICUBIC]
     done = subprocess.run(words, cwd=folder, env=environment(), capture_output=True, timeout=20, check=False)
@@ -65,7 +65,7 @@ def test_code_that_lets_no_other_thread_run_is_killed_and_cleaned_up_after(tmp_p
 
 def test_a_process_that_crashes_is_one_line_and_leaves_nothing(tmp_path):
     message = "gtb: error: the process was killed by SIGSEGV: is there too little memory?\n"
-    assert stuck(tmp_path, "os.kill(os.getpid(), signal.SIGSEGV)") == (2, message)
+    assert stuck(tmp_path, "os.kill(os.getpid(), signal.SIGSEGV)", seconds=15) == (2, message)
 
 
 @pytest.mark.parametrize("words", [(*HUGE, "-o", "old.obj"), (*HUGE, "-f", "stl", "-o", "old.obj")], ids=["obj", "stl"])

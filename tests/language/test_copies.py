@@ -305,8 +305,9 @@ def test_what_copies_of_files_cannot_be(tmp_path, table, fault):
     assert line.startswith(f"main.toml:1: include[0]{fault}")
 
 
-def test_copies_of_copied_files_are_bounded(tmp_path):
+def test_copies_of_copied_files_are_bounded(tmp_path, monkeypatch):
     """A file that doubles another, a hundred times over, is refused at once."""
+    monkeypatch.setattr("gtb_cli.language.models.MAX_PATCHES", 500)
     doubles = {f"f{i}": f'include = [{{file = "f{i + 1}.toml", repeat = 2}}]\n' for i in range(98)}
     twice = {f"f{i}": f'include = ["f{i + 1}.toml", {{file = "f{i + 1}.toml", name = "b"}}]\n' for i in range(98)}
     for files, words in ((doubles, "repeat: must be a whole number from 1 to 1,"), (twice, "at most 100 files")):
