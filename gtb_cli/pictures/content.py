@@ -134,8 +134,9 @@ def _made(shape: Patch | Model, recipe: Recipe | None) -> tuple[Mesh, list[str],
 def _fine(shape: Patch | Model) -> Recipe:
     """Return the recipe of a mesh whose outline looks smooth on a screen.
 
-    Even meshes show curvature and stripes best, and are taken where they are not too large. Their resolution follows
-    from one of 8: at an edge of length l between normals at an angle α, the surface is about l α / 8 away.
+    Even meshes show curvature and stripes best, and are taken where twice the resolution that a page has room for is
+    enough. It follows from one of 8: at an edge of length l between normals at an angle α, the surface is about l α / 8
+    away.
     """
     if shape.dimension == 1:
         return Recipe(256)
@@ -149,8 +150,9 @@ def _fine(shape: Patch | Model) -> Recipe:
     tolerance = PAGE_TOLERANCE * size
     if not (math.isfinite(chord_error) and tolerance > 0):
         return Recipe(14)
-    even = Recipe(int(np.clip(math.ceil(8 * math.sqrt(chord_error / tolerance)), 8, 80)))
-    return even if even.faces(shape) <= PAGE_FACES else Recipe(tolerance=tolerance, max_faces=MAX_PAGE_FACES)
+    needed = max(math.ceil(8 * math.sqrt(chord_error / tolerance)), 8)
+    most = max(math.isqrt(PAGE_FACES // Recipe(1).faces(shape)), 1)
+    return Recipe(min(needed, most)) if needed <= 2 * most else Recipe(tolerance=tolerance, max_faces=MAX_PAGE_FACES)
 
 
 def content_of_mesh(mesh: Mesh, name: str) -> Content:

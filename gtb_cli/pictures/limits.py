@@ -64,6 +64,7 @@ def content_of_limits(
         name=patch.name or "patch",
         keyframes=(keyframe._replace(net_points=patch.control_points),),
         net_names=whole.net_names,
+        remarks=(),  # on cells, which the patch itself does not have
         limits={
             "knots": _small(patch),
             "cells": cells,
