@@ -28,6 +28,7 @@ Errors
 from typing import TYPE_CHECKING
 
 from gtb_cli.display import register
+from gtb_cli.spec_paths import of_patch
 from gtb_cli.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.quadrature import Quadrature as Quadrature
     from gtb_cli.theory.quadrature import quadrature as quadrature
 
-    boundary = Patch.boundary
+    boundary = of_patch(Patch.boundary)
 else:
     # Public names by the modules that have them
     _ROOMS = {
@@ -147,7 +148,7 @@ else:
 
     def __getattr__(name):
         if name == "boundary":
-            return __getattr__("Patch").boundary
+            return of_patch(__getattr__("Patch").boundary)
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from importlib import import_module

@@ -14,15 +14,20 @@ _registered: dict[str, Callable[[str], Any]] = {}
 
 
 def register(function_of: Callable[[str], Any]) -> None:
-    """Let this function return the functions `plot` and `frame`, each when it is first needed."""
+    """Let this function return what has a public name, when it is first needed."""
     _registered["function_of"] = function_of
+
+
+def registered(name: str) -> Any:
+    """Return what has a public name, of any floor."""
+    return _registered["function_of"](name)
 
 
 def plot(thing: Any, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
     """Draw it on matplotlib axes, and return these; see `gtb_cli.plot`."""
-    return _registered["function_of"]("plot")(thing, ax, what, **options)  # type: ignore[no-any-return]
+    return registered("plot")(thing, ax, what, **options)  # type: ignore[no-any-return]
 
 
 def frame(thing: Any) -> str:
     """Return HTML of a frame for notebooks in which it can be turned."""
-    return _registered["function_of"]("frame")(thing)  # type: ignore[no-any-return]
+    return registered("frame")(thing)  # type: ignore[no-any-return]

@@ -266,6 +266,24 @@ def test_a_dictionary_takes_what_a_spec_does_and_arrays():
         gtb_cli.from_dict({"knots": [0, 1], "control_points": [[0, 0], [1, 1]], "weigths": [1, 1]})
 
 
+def test_what_takes_a_patch_takes_the_path_of_its_spec(pentagon, box):
+    curve, path = SPECS / "example-3.1.toml", str(SPECS / "pentagon.toml")
+    assert gtb_cli.degenerate(path, 5, range(8)) == gtb_cli.degenerate(pentagon, 5, range(8))
+    assert gtb_cli.merge_knots(curve, {1: 2}) == gtb_cli.merge_knots(gtb_cli.load(curve), {1: 2})
+    assert gtb_cli.elevate(patch=curve) == gtb_cli.elevate(gtb_cli.load(curve))
+    assert gtb_cli.boundary(path, 0) == pentagon.boundary(0)
+    assert gtb_cli.check(curve) == gtb_cli.check(gtb_cli.load(curve))
+    assert len(gtb_cli.joints(SPECS / "box-corner.toml")) == len(gtb_cli.joints(box))
+    for wrong, message in (
+        (SPECS / "box-corner.toml", "box-corner.toml: expected a single patch, this is a model of 7"),
+        (box, "patch: expected a Patch or the path of its spec file, got Model"),
+        (3, "patch: expected a Patch or the path of its spec file, got int"),
+        ("nowhere.toml", "nowhere.toml: No such file"),
+    ):
+        with pytest.raises(gtb_cli.GtbError, match=message):
+            gtb_cli.quadrature(wrong)
+
+
 # --- meshes
 
 

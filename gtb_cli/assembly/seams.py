@@ -13,6 +13,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
 from gtb_cli.moment.torus import block_length
+from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
@@ -73,7 +74,7 @@ class Seam:
         return " and ".join(edge_name(model.patches, ref) for ref in (self.first, self.second))
 
 
-def joints(model: Model) -> tuple[Seam, ...]:
+def joints(model: Model | SpecPath) -> tuple[Seam, ...]:
     """Measure each joint of a model of surfaces; a model of curves has none.
 
     Raises
@@ -87,6 +88,7 @@ def joints(model: Model) -> tuple[Seam, ...]:
     normal curvatures along the seam agree as well; by Euler's theorem the normal curvatures across it then differ by
     twice the difference of the mean curvatures.
     """
+    model = loaded(model)
     if not isinstance(model, Model):
         raise DomainError(f"joints: expected a Model, got {type(model).__name__}")
     if model.dimension == 1:

@@ -7,6 +7,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.lattice import lattice_of
+from gtb_cli.spec_paths import of_patch
 from gtb_cli.theory.patch import Patch
 
 MAX_ELEVATED_KNOTS = 10_000
@@ -15,6 +16,7 @@ MAX_ELEVATED_KNOTS = 10_000
 MAX_PLAIN_WEIGHT = 1e150  # and inverse of the smallest; other weights are handled as logarithms
 
 
+@of_patch
 def elevate(patch: Patch, by: int = 1) -> Patch:
     """Elevate the degree of a patch: more knots, weights and control points for the same image.
 

@@ -15,6 +15,7 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.bezier.elevation import MAX_ELEVATED_KNOTS, MAX_PLAIN_WEIGHT
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import KNOT_TOLERANCE
+from gtb_cli.spec_paths import SpecPath, loaded, of_patch
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -25,7 +26,7 @@ MAX_SHIFT = 1e-9  # of a curve's size, by which rounding may move the point wher
 MAX_SEARCHED_DEGREE = 2000  # so that a message can name a degree above the allowed one
 
 
-def bezier_pieces(spec: Patch | Model, max_degree: int = MAX_DEGREE) -> Model:
+def bezier_pieces(spec: Patch | Model | SpecPath, max_degree: int = MAX_DEGREE) -> Model:
     """Return the exact rational Bézier pieces, up to a highest degree, of a patch or of all patches of a model.
 
     For each corner of each Δ, a piece is the part (s, t) ∈ [0, 1]² of the patch about it, with the knots 0 … D_1 ×
@@ -37,15 +38,16 @@ def bezier_pieces(spec: Patch | Model, max_degree: int = MAX_DEGREE) -> Model:
     pieces, or only of a higher degree; its message gives the reason and an alternative. Not in the paper: these are
     Krasauskas' charts of toric patches.
     """
-    if isinstance(spec, Patch):
-        return Model(_pieces_of(spec, max_degree), spec.name)
+    found: Patch | Model = loaded(spec)
+    if isinstance(found, Patch):
+        return Model(_pieces_of(found, max_degree), found.name)
     pieces: list[Patch] = []
-    for index, patch in enumerate(spec.patches):
+    for index, patch in enumerate(found.patches):
         try:
             pieces += _pieces_of(patch, max_degree)
         except DomainError as error:
             raise DomainError(f"{patch.name or f'patches[{index}]'}: {error}") from None
-    return Model(tuple(pieces), spec.name)
+    return Model(tuple(pieces), found.name)
 
 
 def _pieces_of(patch: Patch, max_degree: int) -> tuple[Patch, ...]:
@@ -56,30 +58,31 @@ def _pieces_of(patch: Patch, max_degree: int) -> tuple[Patch, ...]:
     return tuple(_rectangle(patch, i, logs, points) for i, (logs, points) in enumerate(parts))
 
 
-def split_curve(curve: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
+@of_patch
+def split_curve(patch: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
     """Split a curve exactly at a parameter between its ends, into two rational Bézier curves with positive weights.
 
     Not in the paper: this is de Casteljau's algorithm on the homogeneous control points of the whole curve's Bézier
     form, with zeros for missing knots. `DomainError` is raised for a surface, for another parameter, and without a
     Bézier form.
     """
-    if curve.dimension != 1:
+    if patch.dimension != 1:
         raise DomainError("split: is for curves, and this is a surface")
-    low, high = curve.domain.vertices[:, 0].tolist()
+    low, high = patch.domain.vertices[:, 0].tolist()
     if not low < at < high:
         raise DomainError(f"split: expected a parameter between the ends {low:g} and {high:g}, got {at:g}")
-    heights = curve.domain.edge_functions(np.array([at]))[0]
+    heights = patch.domain.edge_functions(np.array([at]))[0]
     if not heights.all():
         raise DomainError(f"split: {at:g} is an end of the curve, to rounding")
     logs = np.log(heights)
-    s = float(curve.domain.normals[:, 0] @ logs)
-    terms = float(np.abs(curve.domain.normals[:, 0]) @ (np.abs(logs) + 1))
-    if 2 * EPS * terms * float(np.ptp(curve.knots)) > MAX_SHIFT:
+    s = float(patch.domain.normals[:, 0] @ logs)
+    terms = float(np.abs(patch.domain.normals[:, 0]) @ (np.abs(logs) + 1))
+    if 2 * EPS * terms * float(np.ptp(patch.knots)) > MAX_SHIFT:
         raise DomainError(
             f"split: rounding may move the point at {at:g} by more than {MAX_SHIFT:g} of the curve's size, "
             f"as knots {high - low:g} apart are exponents; divide all knots by the same number"
         )
-    return Model(_halves(curve, s, max_degree), curve.name)
+    return Model(_halves(patch, s, max_degree), patch.name)
 
 
 def bezier_degree(values: FloatArray, rounding: float) -> int | None:

@@ -8,6 +8,7 @@ from gtb_cli.checks.joints import joint_findings
 from gtb_cli.checks.probe import Measure, Probe
 from gtb_cli.checks.report import Finding, ModelReport, Report, not_decided
 from gtb_cli.errors import GtbError, ToleranceError
+from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -57,7 +58,9 @@ PROPERTIES = (
 def check(shape: Patch) -> Report: ...
 @overload
 def check(shape: Model) -> ModelReport: ...
-def check(shape: Patch | Model) -> Report | ModelReport:
+@overload
+def check(shape: SpecPath) -> Report | ModelReport: ...
+def check(shape: Patch | Model | SpecPath) -> Report | ModelReport:
     """Measure every property the paper proves, on a patch, or on each patch of a model and at the joints between them.
 
     Notes
@@ -71,9 +74,10 @@ def check(shape: Patch | Model) -> Report | ModelReport:
     ----------
     See `PROPERTIES`, which has one for each property.
     """
-    if isinstance(shape, Model):
-        return ModelReport(shape.name, tuple(map(check_patch, shape)), joint_findings(shape))
-    return check_patch(shape)
+    found: Patch | Model = loaded(shape)
+    if isinstance(found, Model):
+        return ModelReport(found.name, tuple(map(check_patch, found)), joint_findings(found))
+    return check_patch(found)
 
 
 def check_patch(patch: Patch) -> Report:

@@ -5,12 +5,14 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.elevation import product
 from gtb_cli.errors import DomainError
+from gtb_cli.spec_paths import of_patch
 from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.patch import Patch
 
 AXES = ("u", "v")
 
 
+@of_patch
 def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     """Return the curve of a surface on which one parameter, u (axis 0) or v (axis 1), keeps its value.
 

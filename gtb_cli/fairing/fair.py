@@ -12,6 +12,7 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.layers import layers
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.solidity import folded_pairs
+from gtb_cli.spec_paths import of_patch
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -47,6 +48,7 @@ class Fairing:
     folds: int
 
 
+@of_patch
 def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -> Fairing:
     """Choose the inner control points of a surface for the least energy.
 

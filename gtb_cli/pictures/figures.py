@@ -19,6 +19,7 @@ from gtb_cli.pictures.nets import is_flat
 from gtb_cli.pictures.plates import draw_all_decompositions
 from gtb_cli.pictures.sequences import Approach, Frames, default_resolution, default_values, figure_of_frames
 from gtb_cli.pictures.shapes import draw_curves, draw_mesh, draw_surfaces
+from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import PLOT_KINDS
@@ -53,7 +54,9 @@ class Picture(NamedTuple):
     vary: Variation | None = None
 
 
-def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
+def plot(
+    thing: Patch | Model | Mesh | SpecPath, ax: Axes | None = None, what: str | None = None, **options: Any
+) -> Axes:
     """Draw a patch, a model or a mesh with matplotlib, as ``gtb plot`` does.
 
     Parameters
@@ -85,15 +88,16 @@ def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None =
     ExportError
         matplotlib is not installed.
     """
-    picture = picture_of(thing, what, options)
+    found: Patch | Model | Mesh = loaded(thing)
+    picture = picture_of(found, what, options)
     if ax is None:
-        return figure_of(thing, picture).axes[0]
+        return figure_of(found, picture).axes[0]
     if ax.name != "rectilinear":
         raise DomainError(f"ax: expected axes as of figure.add_subplot(), got {ax.name} axes")
-    if makes_figure(thing, picture):
+    if makes_figure(found, picture):
         raise DomainError(f"ax: {picture.what!r} makes a figure of its own")
     with settings():
-        _draw_on(ax, thing, picture)
+        _draw_on(ax, found, picture)
         return ax
 
 

@@ -17,6 +17,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.solidity import CROSSES
 from gtb_cli.pictures.colours import scale_of
 from gtb_cli.pictures.content import Content, content_of, content_of_mesh
+from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -24,12 +25,13 @@ from gtb_cli.theory.patch import Patch
 COMMON = "common.js"  # the script that pages of all packages share
 
 
-def page(thing: Patch | Model | Mesh, recipe: Recipe | None = None) -> str:
+def page(thing: Patch | Model | Mesh | SpecPath, recipe: Recipe | None = None) -> str:
     """Return HTML of a page that shows a patch, a model or a mesh in a browser, without a network: see `gtb view`.
 
     With a recipe, it shows the mesh that this makes of a patch or model, such as a solid.
     """
-    return page_of(content_of_mesh(thing, thing.name) if isinstance(thing, Mesh) else content_of(thing, recipe))
+    found: Patch | Model | Mesh = loaded(thing)
+    return page_of(content_of_mesh(found, found.name) if isinstance(found, Mesh) else content_of(found, recipe))
 
 
 def frame(thing: Patch | Model | Mesh) -> str:

@@ -21,6 +21,7 @@ from gtb_cli.meshes.shading import filled_normals
 from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.sequences.rates import MeasuredRate, measured_rate
+from gtb_cli.spec_paths import of_patch
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.degeneration import lifting_of
@@ -175,6 +176,7 @@ def number(value: float) -> float | int:
     return int(value) if value.is_integer() and abs(value) < 2**53 else value
 
 
+@of_patch
 def degeneration(
     patch: Patch,
     xs: Iterable[float],
@@ -245,6 +247,7 @@ def degeneration(
     return MeshSequence(patch.name or "patch", "x", tuple(values), family, mosaic, fineness, normals, decomposition)
 
 
+@of_patch
 def knot_sequence(
     patch: Patch,
     moves: Mapping[int, int],

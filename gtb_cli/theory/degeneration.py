@@ -8,12 +8,14 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, finite, one_for_each
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
+from gtb_cli.spec_paths import of_patch
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 MAX_WEIGHT_LOG = 700.0  # exp(±700), and its products with knots and points, are ordinary floats
 
 
+@of_patch
 def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patch:
     """Give a patch the weights ``ω_i(x) = x^{λ_i} ω_i`` of its toric degeneration.
 
@@ -53,6 +55,7 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
     return patch.replace(log_weights=logs)
 
 
+@of_patch
 def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> Model:
     """Return the limit of a patch under toric degeneration: a patch for each cell of the regular decomposition.
 

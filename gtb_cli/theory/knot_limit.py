@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Face
+from gtb_cli.spec_paths import of_patch
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 MIN_NORMAL_WEIGHT = float(np.finfo(np.float64).tiny)  # smallest weight that is a float with full precision
 
 
+@of_patch
 def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     """Merge knots into others: the limit of the patch, inside Δ, as knot k moves to the place of knot q.
 
@@ -67,6 +69,7 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     ).part(np.flatnonzero(stays), edge_normals=patch.edge_normals, edge_scale=patch.edge_scale)
 
 
+@of_patch
 def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
     """Move knots part of the way to others: ``a_k + step (a_q − a_k)``, all at once.
 
@@ -212,6 +215,7 @@ class KnotLimit:
         return np.asarray(incidence[self.targets] & ~incidence)
 
 
+@of_patch
 def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
     """Find the limit of a patch as knots move to the places of others, along lines and all at once; see `merge_knots`.
 
