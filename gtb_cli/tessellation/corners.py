@@ -2,38 +2,58 @@
 
 from collections.abc import Iterator
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, planar_cross
+from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-
-SAME_PLACE = 64 * EPS  # distance of points that are one to rounding, relative to their size
 
 
 def doubtful_corners(spec: Patch | Model) -> list[str]:
     """Say where corners of surfaces are one place or, joined by straight lines in their order, make these cross."""
     if spec.dimension == 1:
         return []
-    return [f"{patch.name or 'the patch'}: {fault}" for patch in spec.patches for fault in _faults(patch)]
+    places: dict[int, _Places] = {}  # by the domain, which patches share
+    faults = []
+    for patch in spec.patches:
+        if id(patch.domain) not in places:
+            places[id(patch.domain)] = _places(patch.domain)
+        found = _faults(patch.control_points, places[id(patch.domain)])
+        faults += [f"{patch.name or 'the patch'}: {fault}" for fault in found]
+    return faults
 
 
-def _faults(patch: Patch) -> Iterator[str]:
-    knots, points, size = patch.knots, patch.control_points, float(np.abs(patch.control_points).max())
-    at_corners = [np.flatnonzero((knots == corner).all(axis=1)) for corner in patch.domain.vertices]
-    for members in at_corners:
-        if np.abs(points[members] - points[members[:1]]).max() > SAME_PLACE * size:
+class _Places(NamedTuple):
+    """The first knot at each corner of Δ, corners with several knots, and the ends of edges without knots between."""
+
+    corners: IntArray
+    repeated: list[IntArray]
+    straight: list[tuple[int, int]]
+
+
+def _places(domain: Domain) -> _Places:
+    members = [np.flatnonzero((domain.knots == corner).all(axis=1)) for corner in domain.vertices]
+    corners = [int(row[0]) for row in members]
+    ends = zip(corners, corners[1:] + corners[:1], strict=True)
+    straight = [pair for pair, count in zip(ends, domain.incidence.sum(axis=0), strict=True) if count == 2]
+    return _Places(np.array(corners), [row for row in members if len(row) > 1], straight)
+
+
+def _faults(points: FloatArray, places: _Places) -> Iterator[str]:
+    near = 64 * EPS * float(np.abs(points).max())  # two points that are one to rounding
+    for members in places.repeated:
+        if np.abs(points[members] - points[members[:1]]).max() > near:
             names = " and ".join(map(str, members.tolist()))
             yield f"knots {names} are one corner, and the surface passes between their control points"
-    indices = np.array([members[0] for members in at_corners])
-    corners = points[indices]
-    for edge, (start, end) in enumerate(zip(indices, np.roll(indices, -1), strict=True)):
-        is_straight = int(patch.domain.incidence[:, edge].sum()) == 2
-        if is_straight and np.abs(points[start] - points[end]).max() <= SAME_PLACE * size:
+    for start, end in places.straight:
+        if np.abs(points[start] - points[end]).max() <= near:
             yield f"control points {start} and {end} are the same, so that the edge between them is a point"
+    corners = points[places.corners]
     if _crosses(corners):
-        yield f"the lines between its corners cross, as if {_exchanged(corners, indices)}"
+        yield f"the lines between its corners cross, as if {_exchanged(corners, places.corners)}"
 
 
 def _exchanged(corners: FloatArray, indices: IntArray) -> str:
@@ -52,20 +72,25 @@ def _crosses(corners: FloatArray) -> bool:
     """Tell whether a closed polygon crosses itself, seen so that its area is largest or, without area, in its plane."""
     if len(corners) < 4:
         return False
-    around = corners - corners.mean(axis=0)
-    normal = cross(around, np.roll(around, -1, axis=0)).sum(axis=0)
-    _, sizes, axes = np.linalg.svd(around)
-    least = 1e-6 * sizes[0] ** 2  # an area without which lines only touch, and a polygon is as symmetric as a bow tie
-    if np.linalg.norm(normal) > least:
-        plane = np.linalg.svd(normal[None])[2][1:]
-    elif sizes[2] < 1e-3 * sizes[0]:
-        plane = axes[:2]
-    else:
+    after = [*range(1, len(corners)), 0]
+    around = corners - corners[0]
+    size = np.abs(around).max()
+    if not size:
         return False
-    flat = around @ plane.T
-    steps = np.roll(flat, -1, axis=0) - flat
-    beside = planar_cross(steps[:, None], flat - flat[:, None])  # of each side and each corner
-    product = beside * np.roll(beside, -1, axis=1)
-    is_clear = np.minimum(np.abs(beside), np.abs(np.roll(beside, -1, axis=1))) > least
-    parted = (product < 0) & is_clear  # the ends of the second side are on both sides of the first
+    around /= size
+    normal = cross(around, around[after]).sum(axis=0)
+    steps = around[after] - around
+    if len(corners) == 4 and (cross(steps, steps[after]) @ normal > 0).all():  # convex
+        return False
+    around -= around.mean(axis=0)
+    least = 1e-6  # an area without which lines only touch, and a polygon is as symmetric as a bow tie
+    _, sizes, axes = np.linalg.svd(around)
+    if np.linalg.norm(normal) > least:
+        axes = np.linalg.svd(normal[None])[2][1:]
+    elif sizes[2] > 1e-3 * sizes[0]:  # not plane
+        return False
+    flat = around @ axes[:2].T
+    beside = planar_cross((flat[after] - flat)[:, None], flat - flat[:, None])  # of each side and each corner
+    ends = beside, beside[:, after]
+    parted = (ends[0] * ends[1] < 0) & (np.minimum(*np.abs(ends)) > least)  # the second side's ends, by the first side
     return bool((parted & parted.T).any())
