@@ -172,11 +172,12 @@ const gather = (name, frame, positions, rows) => once(`${name}/${frame}`, `${sta
   return new Float32Array(found);
 });
 
-// Where the section cuts the triangles of the frame that is nearest.
+// Where the section cuts the triangles.
 const sectionLines = () => once("section", [state.section, state.at, state.flip, state.explode, state.frame], () => {
   const { axis, at } = cutPlane(), found = [];
   if (axis < 0 || scene.curve) return new Float32Array();
-  const { now, next, share } = frameNow(), p = (share > 0.5 ? next : now).positions, { cells } = scene;
+  const { now, next, share } = frameNow(), { cells } = scene;
+  const p = share ? now.positions.map((x, k) => x + share * (next.positions[k] - x)) : now.positions;
   scene.groups.forEach(([, start, stop], group) => {
     const shift = shiftOf(group), level = at - shift[axis];
     for (let k = 3 * start; k < 3 * stop; k += 3) {

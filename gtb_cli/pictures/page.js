@@ -44,6 +44,7 @@ function set(changes) {
   Object.assign(state, changes);
   if (changes.explode) state.measure = false;
   if (changes.measure) state.explode = 0;
+  if (scene.frames.length > 1) state.measure = false;
   state.elevation = clamp(state.elevation, -90, 90);
   state.zoom = clamp(state.zoom, 0.05, 400);
   state.frame = clamp(state.frame, 0, scene.frames.length - 1);

@@ -51,6 +51,7 @@ def test_it_needs_no_network_and_is_the_same_again():
     assert text == gtb("view", SPECS / "bicubic.toml", "-n", "4", "-o", "-").text
     assert not re.findall(r"https?://(?!www\.w3\.org)|src=|@import|url\(", text)
     assert "default-src 'none'" in text
+    assert len(re.search(r"<script>(.*)</script>", text, re.DOTALL)[1]) < 60_000
 
 
 @long
