@@ -211,23 +211,24 @@ def _write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, strea
     """Write the surfaces of one spec as STEP, IGES, BREP or VTU, and say what is exact."""
     if are_several(specs) or is_folder(streams.output):
         raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
-    names = ("normals", "uv", "ascii", "certify", "radius", "thickness", "attributes")
+    names = ("normals", "uv", "ascii", "certify", "radius", "thickness")
     options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", *names)
+    if kind not in CELL_FORMATS:
+        options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", "attributes")
     _check_unit(options, kind)
     if kind in CELL_FORMATS:
         options.refuse(f"is for meshes, and cells of {kind.upper()} share no vertices", "require")
-    from gtb_cli.formats.surfaces import encode_surfaces
+    from gtb_cli.formats.surfaces import encode_surfaces, with_y_up
 
-    recipe = options.recipe
+    recipe, y_up = options.recipe, options.up == "y"
     with streams.spec_of(specs[0]) as spec:
-        data, size, warnings = encode_surfaces(
-            spec,
-            kind,
-            options.unit or next(iter(UNITS)),
-            recipe.tolerance_for(spec),
-            closed=bool(recipe.require),
-            y_up=options.up == "y",
-        )
+        if kind in CELL_FORMATS:
+            from gtb_cli.tessellation.curved_cells import encode_cells
+
+            data, size, warnings = encode_cells(with_y_up(spec) if y_up else spec, recipe)
+        else:
+            unit, tolerance = options.unit or next(iter(UNITS)), recipe.tolerance_for(spec)
+            data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=bool(recipe.require), y_up=y_up)
     write_blocks(streams.output, [data])
     streams.console.report(streams.output, size, warnings)
 

@@ -1,12 +1,10 @@
-"""Surfaces instead of triangles: CAD formats and cells, what is exact in them, and what they lack."""
+"""Surfaces instead of triangles: CAD formats, what is exact in them, and what they lack."""
 
-from gtb_cli.errors import DomainError, RequirementError
+from gtb_cli.errors import RequirementError
 from gtb_cli.formats.cad import encode_cad
 from gtb_cli.formats.splines import spline_surfaces
-from gtb_cli.formats.vtu import encode_vtu
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import CELL_FORMATS
 
 
 def encode_surfaces(
@@ -15,13 +13,10 @@ def encode_surfaces(
     """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
 
     Patches without exact pieces are fitted within the tolerance (without one, see `spline_surfaces`). `closed` asks for
-    solids: a `RequirementError` says that there are open shells. `y_up` turns z to y. A `DomainError` says that a
-    format of cells cannot hold the patches.
+    solids: a `RequirementError` says that there are open shells. `y_up` turns z to y.
     """
     if y_up:
-        spec = _with_y_up(spec)
-    if kind in CELL_FORMATS:
-        return _cells(spec)
+        spec = with_y_up(spec)
     found = spline_surfaces(spec, tolerance)
     body = encode_cad(found.surfaces, kind, unit, spec.name or "patch")
     if closed and body.shells:
@@ -32,7 +27,7 @@ def encode_surfaces(
         others = f" (one of {len(found.reasons)} such patches)" if len(found.reasons) > 1 else ""
         who = f"{name}{others}: " if isinstance(spec, Model) else ""
         bend = f"inner seams bend by up to {found.bend:.3g} degrees"
-        warnings.append(f"fitted within {found.error:.2g}, not exact, {bend}: {who}{_short(reason)}")
+        warnings.append(f"fitted within {found.error:.2g}, not exact, {bend}: {who}{shortened(reason)}")
     counts = {"exact": len(found.surfaces) - found.fitted, "fitted": found.fitted}
     faces = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
     bodies = {"solid": body.solids, "open shell": body.shells}
@@ -40,15 +35,7 @@ def encode_surfaces(
     return body.data, ", ".join([f"{faces} faces", *parts]), warnings
 
 
-def _cells(spec: Patch | Model) -> tuple[bytes, str, list[str]]:
-    try:
-        data, cells, warnings = encode_vtu(spec)
-    except DomainError as fault:
-        raise DomainError(f"{_short(str(fault))}. VTU files hold exact cells; PLY files, a mesh") from None
-    return data, f"{cells} exact {'cell' if cells == 1 else 'cells'}", warnings
-
-
-def _with_y_up(spec: Patch | Model) -> Patch | Model:
+def with_y_up(spec: Patch | Model) -> Patch | Model:
     """Turn surfaces as `Mesh.with_y_up` turns meshes: the point (x, y, z) becomes (x, z, −y)."""
     turned = [
         patch.replace(control_points=patch.control_points[:, [0, 2, 1]] * [1, 1, -1] + 0.0)  # without -0
@@ -57,6 +44,6 @@ def _with_y_up(spec: Patch | Model) -> Patch | Model:
     return spec.replace(patches=tuple(turned)) if isinstance(spec, Model) else turned[0]
 
 
-def _short(reason: str) -> str:
+def shortened(reason: str) -> str:
     """Shorten the reason why there are no exact pieces by the advice to use other commands."""
     return reason.partition(". A mesh")[0].replace(" (`max_degree`)", "")

@@ -1,7 +1,7 @@
-"""VTU files for ParaView, made of exact rational Bézier cells instead of triangles."""
+"""VTU files for ParaView, made of exact rational Bézier cells, or of quadratic ones, instead of triangles."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from gtb_cli.knots.lattice import Direction, lattice_of
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
+QUADRATIC_EDGE, QUADRATIC_TRIANGLE = 21, 22
 CURVE, TRIANGLE, QUADRILATERAL = 75, 76, 77
 """VTK's numbers for its types of Bézier cells."""
 
@@ -24,6 +25,14 @@ class Cell(NamedTuple):
     kind: int
     degrees: tuple[int, int, int]
     points: FloatArray
+
+
+class QuadraticCells(NamedTuple):
+    """Cells of one patch: (k, 3) or (k, 6) of (m, 3) points, corners first, then middles of sides; and (m,) fields."""
+
+    points: FloatArray
+    cells: IntArray
+    fields: Mapping[str, FloatArray]
 
 
 def cells_of(patch: Patch, index: int = 0) -> list[Cell | FloatArray]:
@@ -91,24 +100,46 @@ def _elevation(degree: int, higher: int) -> FloatArray:
 
 def _lines(cells: Sequence[tuple[int, Cell]]) -> Iterator[str]:
     table = np.concatenate([cell.points for _, cell in cells])
-    points, weights = table[:, :3] + 0.0, table[:, 3:]  # no negative zeros
-    numbers = np.arange(len(table))
-    offsets = np.cumsum([len(cell.points) for _, cell in cells])
-    yield '<?xml version="1.0"?>'
-    yield '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
-    yield "<UnstructuredGrid>"
-    yield f'<Piece NumberOfPoints="{len(table)}" NumberOfCells="{len(cells)}">'
+    yield from _head(len(table), len(cells))
     yield '<PointData RationalWeights="RationalWeights">'
-    yield from _array("Float64", "RationalWeights", weights)
+    yield from _array("Float64", "RationalWeights", table[:, 3:])
     yield '</PointData>\n<CellData HigherOrderDegrees="HigherOrderDegrees">'
     yield from _array("Float64", "HigherOrderDegrees", np.array([cell.degrees for _, cell in cells]))
     yield from _array("Int32", "patch", np.array([[index] for index, _ in cells]))
+    ends = np.cumsum([len(cell.points) for _, cell in cells])
+    yield from _tail(table[:, :3], np.arange(len(table)), ends, np.array([cell.kind for _, cell in cells]))
+
+
+def encode_quadratic(parts: Sequence[QuadraticCells]) -> bytes:
+    """Return a VTU file of quadratic cells, with the fields of their points, and the number of their patch."""
+    points = np.concatenate([part.points for part in parts])
+    counts, starts = [len(part.cells) for part in parts], np.cumsum([0, *(len(part.points) for part in parts)])
+    cells = np.concatenate([part.cells + start for part, start in zip(parts, starts, strict=False)])
+    kind = QUADRATIC_EDGE if cells.shape[1] == 3 else QUADRATIC_TRIANGLE
+    lines = [*_head(len(points), len(cells)), "<PointData>"]
+    for name in parts[0].fields:
+        lines += _array("Float64", name, np.concatenate([part.fields[name] for part in parts])[:, None] + 0.0)
+    lines += ["</PointData>\n<CellData>"]
+    lines += _array("Int32", "patch", np.repeat(np.arange(len(parts)), counts)[:, None])
+    ends = cells.shape[1] * np.arange(1, len(cells) + 1)
+    lines += _tail(points, cells.ravel(), ends, np.full(len(cells), kind))
+    return "".join(f"{line}\n" for line in lines).encode("ascii")
+
+
+def _head(points: int, cells: int) -> Iterator[str]:
+    yield '<?xml version="1.0"?>'
+    yield '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
+    yield "<UnstructuredGrid>"
+    yield f'<Piece NumberOfPoints="{points}" NumberOfCells="{cells}">'
+
+
+def _tail(points: FloatArray, connectivity: IntArray, ends: IntArray, kinds: IntArray) -> Iterator[str]:
     yield "</CellData>\n<Points>"
-    yield from _array("Float64", "Points", points)
+    yield from _array("Float64", "Points", points + 0.0)  # no negative zeros
     yield "</Points>\n<Cells>"
-    yield from _array("Int64", "connectivity", numbers[:, None])
-    yield from _array("Int64", "offsets", offsets[:, None])
-    yield from _array("UInt8", "types", np.array([[cell.kind] for _, cell in cells]))
+    yield from _array("Int64", "connectivity", connectivity[:, None])
+    yield from _array("Int64", "offsets", ends[:, None])
+    yield from _array("UInt8", "types", kinds[:, None])
     yield "</Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>"
 
 

@@ -4,12 +4,15 @@ import math
 from pathlib import Path
 from xml.etree import ElementTree
 
+import meshio
 import numpy as np
 import pytest
 
 from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError
-from gtb_cli.formats.vtu import CURVE, QUADRILATERAL, TRIANGLE, encode_vtu
+from gtb_cli.formats.vtu import CURVE, QUADRATIC_TRIANGLE, QUADRILATERAL, TRIANGLE, encode_quadratic, encode_vtu
+from gtb_cli.tessellation.curved_cells import quadratic_cells
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.patches import bezier_triangle, bicubic, cubic_curve, integer_pentagon, pentagon
@@ -188,3 +191,42 @@ def test_a_triangle_beside_a_cell_of_another_degree_is_said():
     assert encode_vtu(Model((square, bezier_triangle())))[2] == [expected]
     for alike in ((bicubic(), bezier_triangle()), (square, bicubic()), (square, cubic_curve())[:1]):
         assert encode_vtu(Model(alike))[2] == []
+
+
+@pytest.mark.parametrize("patch", [pentagon(), cubic_curve(), integer_pentagon()], ids=lambda patch: patch.name)
+def test_quadratic_cells_are_on_the_patch_and_near_it_between(patch: Patch, tmp_path: Path) -> None:
+    """At a quarter of a segment, or in the middle of a triangle, the error falls like the cube of the cells' size."""
+    if patch.dimension == 1:
+        kind, names, place, shares = "line3", ("u",), [0.75, 0.25, 0], [0.375, -0.125, 0.75]
+    else:
+        kind, names, place = "triangle6", ("u", "v"), [1 / 3] * 3 + [0] * 3
+        shares = [-1 / 9] * 3 + [4 / 9] * 3
+    errors = []
+    for resolution in (4, 8):
+        recipe = Recipe(resolution, attributes=names)
+        (tmp_path / "x.vtu").write_bytes(encode_quadratic(quadratic_cells(patch, recipe)))
+        mesh = meshio.read(tmp_path / "x.vtu")
+        assert list(mesh.cells_dict) == [kind]
+        cells, u = mesh.cells_dict[kind], np.column_stack([mesh.point_data[name] for name in names])
+        assert len(cells) == recipe.faces(patch)
+        assert len(np.unique(u, axis=0)) == len(u)
+        np.testing.assert_allclose(mesh.points, patch.evaluate(u, "linear"), atol=1e-13)
+        exact = patch.evaluate(np.einsum("kcd,c->kd", u[cells], place), "linear")
+        errors.append(np.linalg.norm(np.einsum("kcd,c->kd", mesh.points[cells], shares) - exact, axis=1).mean())
+    assert errors[0] / errors[1] > 5
+
+
+def test_fields_are_those_of_the_surface() -> None:
+    names = ("u", "v", "mean_curvature", "basis:3")
+    (part,) = quadratic_cells(bicubic(), Recipe(3, attributes=names))
+    u = np.column_stack([part.fields["u"], part.fields["v"]])
+    np.testing.assert_allclose(part.points, bicubic().evaluate(u, "linear"), atol=1e-13)
+    np.testing.assert_allclose(part.fields["mean_curvature"], bicubic().curvature(u, "linear").mean, rtol=1e-12)
+    np.testing.assert_allclose(part.fields["basis_3"], bicubic().basis(u, "linear")[:, 3], rtol=1e-12)
+    for k in range(3):  # the middle of side k is between its ends
+        ends = u[part.cells[:, [k, (k + 1) % 3]]]
+        np.testing.assert_allclose(u[part.cells[:, 3 + k]], ends.mean(axis=1), atol=1e-15)
+    found = arrays(encode_quadratic([part, part]))
+    assert found["patch"].ravel().tolist() == [0] * 18 + [1] * 18
+    assert found["connectivity"].max() + 1 == len(found["Points"]) == 2 * len(part.points)
+    assert found["types"].ravel().tolist() == [QUADRATIC_TRIANGLE] * 36

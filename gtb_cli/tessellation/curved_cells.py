@@ -1,0 +1,65 @@
+"""Quadratic cells through points of surfaces and curves: where these have no exact cells, and for fields on them."""
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.formats.surfaces import shortened
+from gtb_cli.formats.vtu import QuadraticCells, encode_quadratic, encode_vtu
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.tessellation.attributes import QUALITY_NAME, with_attributes
+from gtb_cli.tessellation.complex import joined_complex
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.tessellation.refinement import refine
+from gtb_cli.tessellation.sampler import Sampler
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+
+def encode_cells(spec: Patch | Model, recipe: Recipe) -> tuple[bytes, str, list[str]]:
+    """Return a VTU file, what it holds, and warnings: exact cells or, for attributes or without any, quadratic ones."""
+    warnings: list[str] = []
+    if not recipe.attributes:
+        try:
+            data, count, warnings = encode_vtu(spec)
+            return data, f"{count} exact {'cell' if count == 1 else 'cells'}", warnings
+        except DomainError as fault:
+            warnings = [f"quadratic cells through points of the surface, not exact: {shortened(str(fault))}"]
+    parts = quadratic_cells(spec, recipe)
+    return encode_quadratic(parts), f"{sum(len(part.cells) for part in parts)} quadratic cells", warnings
+
+
+def quadratic_cells(spec: Patch | Model, recipe: Recipe) -> list[QuadraticCells]:
+    """Return the cells of each patch: those of its mesh, each with a point of the surface at the middle of each side.
+
+    The middles are those of parameters. With a tolerance, triangles with straight sides are within it; these are much
+    nearer. The recipe's attributes are fields on all points. A `ToleranceError` refuses too many cells.
+    """
+    count = recipe.faces(spec)
+    if recipe.tolerance is None and count > recipe.max_faces:
+        raise ToleranceError(f"{count} cells are more than {recipe.max_faces}: lower `resolution` or raise `max_faces`")
+    joints = spec.joints if isinstance(spec, Model) else None
+    tolerance = recipe.tolerance_for(spec)
+    mosaic = joined_complex(spec.patches, joints, recipe.resolution if tolerance is None else 2)
+    if tolerance is not None:
+        mosaic, _ = refine(mosaic, Sampler(spec.patches), tolerance, recipe.max_faces)
+    parts = []
+    for index, patch in enumerate(spec.patches):
+        corners = mosaic.corners[mosaic.cell_patch == index]
+        middles = (corners + np.roll(corners, -1, axis=1)) / 2
+        nodes = np.concatenate([corners, middles if patch.dimension == 2 else middles[:, :1]], axis=1)
+        parameters, cells = np.unique(nodes.reshape(-1, patch.dimension), axis=0, return_inverse=True)
+        cells = cells.reshape(nodes.shape[:2])
+        points = patch.evaluate(parameters, "linear")
+        parts.append(QuadraticCells(points, cells, _fields(patch, points, parameters, cells, recipe)))
+    return parts
+
+
+def _fields(
+    patch: Patch, points: FloatArray, parameters: FloatArray, cells: np.ndarray, recipe: Recipe
+) -> dict[str, FloatArray]:
+    """(m,) values of each attribute at the points."""
+    order = [[0, 2], [2, 1]] if patch.dimension == 1 else [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]
+    mesh = Mesh(points, np.concatenate([cells[:, part] for part in order]), parameters=parameters)
+    found = with_attributes(patch, mesh, recipe.attributes, "linear")[0].attributes
+    return {name: values for name, values in found.items() if name != QUALITY_NAME}
