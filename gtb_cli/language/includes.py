@@ -92,4 +92,4 @@ def _included(path: str, format: Format | None) -> list[str]:
     names = data.get("include") if isinstance(data, dict) else None
     entries = names if isinstance(names, list) else []
     named = [entry.get("file") if isinstance(entry, dict) else entry for entry in entries]
-    return [name for name in named if isinstance(name, str)]
+    return [name for name in named if isinstance(name, str) and "\0" not in name]  # no path has a null character

@@ -260,6 +260,7 @@ def test_nothing_outside_of_the_folder_is_read(tmp_path):
         path = folder(inner, main=f'include = ["{name}"]\n')
         with pytest.raises(SpecError, match=message):
             load(path)
+        assert path in sources(path)
 
 
 def test_whole_files_are_copied(tmp_path):
