@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -76,6 +76,22 @@ class Mesh:
     origin: Origin | None = None
     normal_of: IntArray = field(default_factory=lambda: None)  # type: ignore[arg-type,return-value]
     exact_normals: bool = field(default_factory=lambda: False)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            vertices: ArrayLike,
+            cells: ArrayLike,
+            parameters: ArrayLike | None = None,
+            normals: ArrayLike | Callable[[], Normals | None] | None = None,
+            groups: tuple[tuple[str, int, int], ...] = (),
+            attributes: Mapping[str, ArrayLike] = ...,
+            name: str = "patch",
+            origin: Origin | None = None,
+            normal_of: IntArray | None = None,
+            exact_normals: bool = False,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         self._take("vertices", np.float64)

@@ -69,7 +69,7 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     return Mesh(
         vertices,
         cells[order],
-        normals=normals,  # type: ignore[arg-type]
+        normals=normals,
         groups=tuple(zip((name for name, _, _ in mesh.groups), breaks, breaks[1:], strict=False)),
         **mesh.carried(np.tile(np.arange(count), 2)),
     )
@@ -155,7 +155,7 @@ def _welded(mesh: Mesh) -> Mesh:
     return Mesh(
         mesh.vertices[used],
         cells,
-        normals=lambda: normals._replace(are_exact=mesh.exact_normals),  # type: ignore[arg-type]
+        normals=lambda: normals._replace(are_exact=mesh.exact_normals),
         groups=tuple((name, int(before[start]), int(before[stop])) for name, start, stop in mesh.groups),
         **mesh.carried(used),
     )

@@ -80,7 +80,7 @@ def tube(
     return Mesh(
         vertices,
         cells,
-        normals=lambda: normals_of_corners(cells, len(owner), vectors, rows),  # type: ignore[arg-type]
+        normals=lambda: normals_of_corners(cells, len(owner), vectors, rows),
         groups=tuple(zip(names, breaks[:-1], breaks[1:], strict=True)) if len(names) > 1 else (),
         attributes=MappingProxyType({name: values[owner] for name, values in mesh.attributes.items()}),
         name=mesh.name,

@@ -296,7 +296,7 @@ def _mesh(
         vertices,
         outwards(cells),
         parameters=parameters,
-        normals=normals if with_normals and cells.shape[1] == 3 else None,  # type: ignore[arg-type]
+        normals=normals if with_normals and cells.shape[1] == 3 else None,
         groups=groups,
         name=name,
         origin=None if joints is None else Origin(patch, reversed_),
