@@ -20,13 +20,14 @@ class Content:
     """The arrays of a file, not checked yet: (m, 3) vertices, segments or triangles, named ranges of cells.
 
     `half_steps` gives the largest rounding of a coordinate along each axis, half a unit in the last digit or bit, at
-    (3,) largest coordinates.
+    (3,) largest coordinates. `space` is what the file says of the unit and the vertical axis, in words.
     """
 
     vertices: FloatArray
     cells: IntArray
     half_steps: Callable[[FloatArray], FloatArray]
     groups: tuple[tuple[str, int, int], ...] = ()
+    space: str = ""
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:

@@ -255,7 +255,11 @@ def _content(tree: dict[str, Any], binary: bytes) -> Content:
         points /= UNITS[extras["unit"]]
     if extras.get("up") != "z":
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-    return Content(points + 0.0, stacked(cells[width], width, np.int32), single_half_steps, tuple(groups))  # not -0
+    unit = extras.get("unit") if extras.get("unit") in UNITS else "no unit"
+    space = f"{unit}, {'z' if extras.get('up') == 'z' else 'y'} up"
+    return Content(
+        points + 0.0, stacked(cells[width], width, np.int32), single_half_steps, tuple(groups), space
+    )  # not -0
 
 
 def _placed_meshes(tree: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:

@@ -69,7 +69,7 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
     mesh = Mesh(content.vertices, content.cells, groups=groups)
     largest = largest_coordinates(mesh.used)
-    return KnownMesh(mesh, content.half_steps(largest) + rounding(largest), kind)
+    return KnownMesh(mesh, content.half_steps(largest) + rounding(largest), kind, _printable(content.space))
 
 
 def size_limit(start: bytes, otherwise: int) -> int:

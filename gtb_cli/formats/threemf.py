@@ -135,6 +135,7 @@ class _Reader:
         self.components: dict[str, list[tuple[str, FloatArray]]] = {}
         self.items: list[tuple[str, FloatArray]] = []
         self.id = self.material = ""
+        self.unit = UNIT_NAMES["mm"]  # that of models which name none
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
         parser.EntityDeclHandler = self.refuse  # it may stand for more than any memory holds
@@ -154,6 +155,8 @@ class _Reader:
             if not mesh.parts or mesh.parts[-1][1] != part:
                 mesh.parts.append((len(mesh.corners) // 3, part))
             mesh.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
+        elif name == "model":
+            self.unit = given.get("unit", self.unit)
         elif name == "basematerials":
             self.material = given["id"]
             self.materials[self.material] = []
@@ -199,7 +202,9 @@ class _Reader:
             count, rows = count + len(vertices[-1]), rows + len(found)
             inner = reversed(self.components[key])
             stack += [(link, transformation @ place, order[key]) for link, transformation in inner]
-        return Content(stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32), single_half_steps, tuple(groups))
+        return Content(
+            stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32), single_half_steps, tuple(groups), self.unit
+        )
 
     def name_of(self, part: tuple[str | None, str | None]) -> str | None:
         """The name of a material."""

@@ -52,6 +52,7 @@ class Difference:
     first: Measures | None = None  # None if vertices were compared
     second: Measures | None = None
     same_kind: bool = True  # a curve and a surface are never the same
+    spaces: tuple[str, str] | None = None  # units and vertical axes, where two files of one format say others
     turned: int = 0  # faces that look to the other side, where everything is in the same place
     remarks: tuple[str, ...] = ()  # how else cells in the same place differ
     ignored: tuple[Aspect, ...] = ()  # which of these are not differences
@@ -70,7 +71,13 @@ class Difference:
     def faults(self) -> tuple[str, ...]:
         """What makes meshes in the same place different."""
         connectivity = () if "connectivity" in self.ignored else self.remarks
-        return connectivity if "orientation" in self.ignored else (*self.sides, *connectivity)
+        sides = () if "orientation" in self.ignored else self.sides
+        return (*self.units, *sides, *connectivity)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """A remark on other units or vertical axes, if there are any."""
+        return (f"the numbers are meant otherwise: {' against '.join(self.spaces)}",) if self.spaces else ()
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -142,6 +149,7 @@ def difference(
         resolution=resolution,
         diagonal=diagonal,
         ignored=tuple(sorted(ignore)),
+        spaces=(a.space, b.space) if a.format == b.format and a.space != b.space else None,
         stray=None if isinstance(tolerance, float | int) and tolerance >= resolution else _stray(smaller, diagonal),
     )
     if matched is not None:

@@ -295,6 +295,7 @@ class KnownMesh:
     # of the largest coordinate of a vertex that cells use, plus a few roundings.
     half_steps: FloatArray
     format: str  # one of `FORMATS`, or "spec"
+    space: str = ""  # what the file says of its unit and vertical axis
 
     @property
     def has_indices(self) -> bool:

@@ -25,7 +25,7 @@ def record(answer: Answer) -> dict[str, Any]:
         "bound": found.bound,
         "proved": found.is_proved,
         "turned_faces": found.turned,
-        "remarks": list(found.remarks),
+        "remarks": [*found.units, *found.remarks],
         "ignored": list(found.ignored),
         "warnings": [*answer.warnings, *answer.notes],
         "mean": found.mean,

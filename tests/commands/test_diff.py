@@ -308,3 +308,25 @@ def test_a_reader_that_has_seen_enough_changes_neither_report_nor_status(options
         assert (result.status, result.err, (a.parent / "status").read_text()) == (0, "", "1\n")
         assert report.read_text().startswith("<!DOCTYPE html>")
         report.unlink()
+
+
+@pytest.mark.parametrize(
+    ("kind", "first", "second", "remark"),
+    [
+        ("glb", [], ["--unit", "mm"], "no unit, y up against mm, y up"),
+        ("glb", [], ["--up", "z"], "no unit, y up against no unit, z up"),
+        ("3mf", [], ["--unit", "in"], "millimeter against inch"),
+    ],
+)
+def test_equal_numbers_that_mean_other_sizes_or_places_are_different(kind, first, second, remark, tmp_path):
+    """Viewers show one larger, or lying."""
+    one, two = tmp_path / f"one.{kind}", tmp_path / f"two.{kind}"
+    for path, options in ((one, first), (two, second)):
+        gtb("mesh", PENTAGON, "-n", "2", *options, "-o", path, status=0)
+    found = json.loads(gtb("diff", one, two, "--json", "--ignore", "orientation,connectivity", status=1).out)
+    assert (found["distance"] < found["tolerance"], found["remarks"]) == (
+        True,
+        [f"the numbers are meant otherwise: {remark}"],
+    )
+    gtb("mesh", PENTAGON, "-n", "2", "-o", tmp_path / "x.obj", status=0)
+    gtb("diff", one, tmp_path / "x.obj", "--ignore", "connectivity", status=0)
