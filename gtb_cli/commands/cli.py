@@ -50,7 +50,7 @@ GROUPS = {
         "coefficients": "Make the basis add up to 1, where possible.",
     },
     "Help": {
-        "help": "Say what a command does, as its --help does.",
+        "help": "Say what a command does, or explain every key of a spec.",
         "completion": "Print a script for completion by the shell.",
     },
 }

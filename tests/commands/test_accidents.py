@@ -18,7 +18,7 @@ weights = [1, 1, 1, 1, 5]
 """
 HANDLE = 'knots = [0, 1, 2]\ncontrol_points = [[0, 0], [48, 60], [96, 0]]\n'  # fmt: skip
 IN_METRES = re.sub(r"(\d)0(?=[],])", r"0.0\1", DOME.split("control_points")[1])
-SOLID = "--thickness 2 -n 8 --require solid"
+SOLID = "--thickness 2 -n 4 --require solid"
 
 # What is replaced in the dome, by what, with which options, and the sentence; those with a ! write a file
 ACCIDENTS = [

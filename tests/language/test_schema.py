@@ -135,7 +135,8 @@ def test_its_lines_are_specs(section: str, tmp_path: Path) -> None:
     VALIDATOR.validate(tomllib.loads(text))
     (tmp_path / "spec.toml").write_text(text, encoding="utf-8")
     shutil.copy(SPECS / "bicubic.toml", tmp_path)
-    gtb("fill" if key == "ribbon" else "mesh", tmp_path / "spec.toml", "-o", tmp_path / "out.obj", status=0)
+    command = ["fill"] if key == "ribbon" else ["mesh", "-n", 3]
+    gtb(*command, tmp_path / "spec.toml", "-o", tmp_path / "out.obj", status=0)
 
 
 def patterns(value: object) -> Iterator[str]:
