@@ -14,7 +14,7 @@ from gtb_cli.errors import RequirementError, SpecError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import INPUT, WholeNumber, length_of, numbers_of, output_options, streams_options
 from gtb_cli.shell.streams import Streams, about, number_rows, opened, read_bytes, shown_input, stem_of
-from gtb_cli.vocabulary import IMPORTS, TEMPLATES
+from gtb_cli.vocabulary import CONTINUITIES, IMPORTS, TEMPLATES
 
 if TYPE_CHECKING:
     from gtb_cli.design.fill import Filling
@@ -102,6 +102,13 @@ def _points(path: str, sizes: tuple[int, int]) -> list[list[float]]:
 @click.argument("loop", metavar="LOOP", type=INPUT)
 @click.option("--hole", metavar="EDGE", help='In a model, fill the ring with this edge, such as "wall-0 edge 2".')
 @click.option(
+    "--continuity",
+    type=click.Choice(CONTINUITIES),
+    default=CONTINUITIES[0],
+    help="With g1, the default, the patch touches the given tangent planes; with g0 it only meets the curves, and is a "
+    "plane lid or floor where they lie in a plane.",
+)
+@click.option(
     "--inner",
     type=click.Choice(["fair", "flat"]),
     default="fair",
@@ -121,7 +128,15 @@ def _points(path: str, sizes: tuple[int, int]) -> list[list[float]]:
     help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole.",
 )
 @streams_options
-def fill(loop: str, hole: str | None, inner: str, fullness: float | None, raises: int | None, streams: Streams) -> None:
+def fill(
+    loop: str,
+    hole: str | None,
+    continuity: str,
+    inner: str,
+    fullness: float | None,
+    raises: int | None,
+    streams: Streams,
+) -> None:
     """\b
     Example: gtb boundary specs/nonagon.toml | gtb fill - | gtb mesh - -o filled.obj
 
@@ -143,7 +158,7 @@ def fill(loop: str, hole: str | None, inner: str, fullness: float | None, raises
     found = read_loop(read_bytes(loop), source, streams.spec_format)  # type: ignore[arg-type]
     with about(source):
         name = None if isinstance(found, Model) else stem_of(loop)
-        filling = filled(found, hole, name, inner=inner, fullness=fullness or 1.0, raises=raises)
+        filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)
         if filling.fault:
             raise RequirementError(f"{filling.fault}; it is not written")
     streams.write(dump(filling.model or filling.patch))

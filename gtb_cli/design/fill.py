@@ -79,8 +79,9 @@ class Filling:
     @property
     def fault(self) -> str | None:
         """The sentence that says why the patch does not fill the hole, and what to try; None if it is one."""
-        if self.angle > 90:
-            what, way_out = "is turned over along an edge", "let the ribbons point into the hole"
+        if self.angle > 45:  # where fields follow the planes at all, it is below a degree
+            far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
+            what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
             way_out = "try a fullness nearer to 1, other ribbons, or curves that cut the hole into smaller ones"

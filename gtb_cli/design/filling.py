@@ -16,6 +16,7 @@ from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.model import Model
+from gtb_cli.vocabulary import CONTINUITIES
 
 
 def fill(
@@ -23,6 +24,7 @@ def fill(
     ribbons: Sequence[ArrayLike | None] | None = None,
     *,
     hole: str | None = None,
+    continuity: str = "g1",
     inner: str = "fair",
     fullness: float = 1.0,
     raises: int | None = None,
@@ -39,6 +41,9 @@ def fill(
         For each curve of a model of curves, the second row of control points: ribbon − curve is the cross field.
     hole : str, optional
         An edge of the ring in a model of surfaces, such as ``"wall-0 edge 2"``; not needed if there is one ring.
+    continuity : {"g1", "g0"}
+        With "g1" the patch touches the tangent planes that are given; with "g0" it only meets the curves, and is plane
+        where they lie in a plane.
     inner : {"fair", "flat"}
         Least thin-plate or Dirichlet energy.
     fullness : float
@@ -69,7 +74,7 @@ def fill(
     else:
         source = os.fspath(loop)
         found = read_loop(read_file(source, MAX_BYTES + 1), source)
-    return filled(found, hole, name, inner=inner, fullness=fullness, raises=raises)
+    return filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness, raises=raises)
 
 
 def filled(
@@ -77,19 +82,22 @@ def filled(
     hole: str | None,
     name: str | None,
     *,
+    continuity: str = "g1",
     inner: str = "fair",
     fullness: float = 1.0,
     raises: int | None = None,
 ) -> Filling:
-    """Fill a loop of sides, or an open ring of a model, with a patch that touches its neighbours' tangent planes.
+    """Fill a loop of sides, or an open ring of a model, with a patch that meets its neighbours as `fill` says.
 
     The `model` of the filling has the patch, under a name that no other has. Raises `DomainError` as `fill` does.
     """
+    if continuity not in CONTINUITIES:
+        raise DomainError(f"continuity: expected {' or '.join(CONTINUITIES)}, got {continuity!r}")
     if not isinstance(found, Model):
         if hole is not None:
             raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
-        return fill_loop(found, name, inner=inner, fullness=fullness, raises=raises)
-    sides = ring_sides(found, ring_of(found, hole))
+        return fill_loop(_loosened(found, continuity), name, inner=inner, fullness=fullness, raises=raises)
+    sides = _loosened(ring_sides(found, ring_of(found, hole)), continuity)
     taken = {patch.name for patch in found}
     names = (name or "hole", *(f"{name or 'hole'}-{k}" for k in range(1, len(taken) + 1)))
     unique = next(candidate for candidate in names if candidate not in taken)
@@ -99,6 +107,11 @@ def filled(
     if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] == len(found)]:
         remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
     return replace(filling, remarks=remarks, model=whole)
+
+
+def _loosened(sides: Sequence[HoleSide], continuity: str) -> Sequence[HoleSide]:
+    """Sides without their tangent planes, if the patch only has to meet the curves."""
+    return [replace(side, across=None) for side in sides] if continuity == "g0" else sides
 
 
 def _sides(loop: Model, ribbons: Sequence[ArrayLike | None] | None) -> list[HoleSide]:

@@ -45,6 +45,7 @@ def in_options(message: str) -> str:
     options = {
         "ascii": "--ascii",
         "certify": "--certify",
+        'continuity="g0"': "--continuity g0",
         "distances=False": "--no-distance",
         "edge": "--hole EDGE",
         "fit": "gtb fit",

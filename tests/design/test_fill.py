@@ -121,7 +121,7 @@ def test_a_ribbon_that_points_out_of_the_hole_makes_no_corner_concave():
     ("sign", "way_out"),
     [
         (1, "cut the hole with curves from its concave corners: s2 and s3 at (1, 1, 0)"),
-        (-1, "let the ribbons point into the hole"),
+        (-1, 'let the ribbons point into the hole, or take `continuity="g0"`'),
     ],
 )
 def test_a_refusal_names_what_turns_the_patch_over(sign, way_out):

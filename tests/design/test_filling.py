@@ -10,10 +10,12 @@ import gtb_cli
 from gtb_cli.design.loops import read_loop
 from gtb_cli.design.sides import loop
 from gtb_cli.errors import DomainError, GtbError, SpecError
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.design.test_fill import CUP, HERE, TRIANGLE
 from tests.marks import mostly_long
+from tests.meshes.test_rims import walls
 from tests.specs import SECONDS
 from tests.tools.mutations import mutated
 
@@ -48,6 +50,37 @@ def test_fill_takes_files_and_models(tmp_path):
         gtb_cli.fill(triangle(), [None])
     with pytest.raises(DomainError, match=r"ribbons\[1\]: expected shape \(2, 3\), got \(3, 3\)"):
         gtb_cli.fill(triangle(), [None, np.eye(3), None])
+
+
+@pytest.mark.parametrize(
+    ("profile", "sides"), mostly_long([([(2, 0), (3, 1), (5, 4)], 3), ([(5, 0), (5, 1), (2, 2)], 5), ([(1, 0)] * 3, 7)])
+)
+def test_plane_rims_are_closed_by_plane_lids_and_floors(profile, sides):
+    """Whatever way the walls lean, and none is turned over: the solid is inside."""
+    profile = [(radius, height + 7 * k) for k, (radius, height) in enumerate(profile)]
+    model = walls(profile, sides)
+    for name, edge in (("floor", 0), ("lid", 2)):
+        filling = gtb_cli.fill(model, hole=f"patches[0] edge {edge}", continuity="g0", name=name)
+        assert filling.fault is None
+        model = filling.model
+        heights = filling.patch.control_points[:, 2]
+        np.testing.assert_allclose(heights, profile[-1 if edge else 0][1], atol=1e-12)
+    assert model.joints.closed
+    solid, remarks = Recipe(4, require=("solid",)).mesh(model)
+    assert remarks == []
+    assert solid.to_trimesh().volume > 0
+
+
+def test_a_lid_that_would_fold_is_refused_and_so_are_planes_that_are_not_met():
+    corners = [(0, 0), (4, 2), (0, 4), (1.9, 2)]  # the last of them concave
+    curves = [Patch([0, 1], [[*a, 0], [*b, 0]]) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    assert (
+        "cut the hole with curves from its concave corners" in gtb_cli.fill(Model(tuple(curves)), continuity="g0").fault
+    )
+    upright = gtb_cli.fill(walls([(1, 0), (1, 1), (1, 2)], 3), hole="patches[0] edge 2")
+    assert upright.fault.startswith("the patch leaves the given planes by 90 degrees along an edge")
+    with pytest.raises(DomainError, match="continuity: expected g1 or g0, got 'g7'"):
+        gtb_cli.fill(Model(tuple(curves)), continuity="g7")
 
 
 @pytest.mark.parametrize("seed", mostly_long(range(10)))
