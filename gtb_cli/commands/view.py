@@ -20,7 +20,6 @@ from gtb_cli.shell.options import (
     console_option,
     gathered,
     recipe_of,
-    resolution_option,
     solid_options,
     spec_format_option,
     tolerance_option,
@@ -28,7 +27,7 @@ from gtb_cli.shell.options import (
 )
 from gtb_cli.shell.streams import about, single, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
+from gtb_cli.vocabulary import FORMATS, RESOLUTION, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.pictures.content import Content
@@ -53,7 +52,21 @@ def _recipe(**values: Any) -> Recipe | None:
     type=OUTPUT,
     help="Write the page to this file; by default to a temporary file, which the browser opens.",
 )
-@gathered("recipe", _recipe, resolution_option, tolerance_option, *solid_options, weld_option, takes=Recipe)
+@gathered(
+    "recipe",
+    _recipe,
+    click.option(
+        "-n",
+        "--resolution",
+        type=WholeNumber(1, 10_000),
+        metavar="N",
+        help=f"Segments along each edge of the domain. By default as many as a screen shows; {RESOLUTION} for a solid.",
+    ),
+    tolerance_option,
+    *solid_options,
+    weld_option,
+    takes=Recipe,
+)
 @click.option(
     "--compare",
     is_flag=True,
@@ -87,19 +100,20 @@ def view(
     Make a page that shows specs, meshes, or the FOLDER of a sequence in a browser. It needs no network.
 
     With --thickness or --radius it shows the solid that gtb mesh writes with the same options. Of all that is closed,
-    the page has the volume, the thickness of walls (straight into the solid, to the other side) and overhangs as
-    colours, and fills the face of a section. Two points can be measured, which snap to corners, edges and vertices; the
-    patches of a model can be taken apart. Its keys are listed in the page. Its address holds how it looks, so that a
-    link shows the same, such as page.html#mode=zebra&section=x; the PNG that it saves has twice the size.
+    the page has the volume, the thickness of walls (straight into the solid, to the other side; of up to 200 000
+    triangles) and overhangs as colours, and fills the face of a section. Two points can be measured, which snap to
+    corners, edges and vertices; the patches of a model can be taken apart. Its keys are listed in the page. Its address
+    holds how it looks, so that a link shows the same, such as page.html#mode=zebra&section=x; the PNG that it saves has
+    twice the size.
 
     Turn, move and zoom with mouse, keys or fingers. Patch colours, control net, knots, edges, open edges, folds (where
     a patch turns by more than 90 degrees between two triangles, or by more than 150 at an edge of a mesh) and axes can
     be switched on and off; shading may be curvature with its scale, zebra stripes or isophotes. Normals and curvature
     of a spec are those of the surface at the vertices of its mesh, interpolated at each pixel between them; where it
     has no normal, the mean of the triangles' is shown, and the page says "not all exact"; -n or --tolerance makes the
-    mesh finer than a screen shows. Where patches meet, each has its own normals, and the curvature shown is that of the
-    first. Normals in mesh files are not read: the means of the triangles' normals are used instead, which part at edges
-    sharper than 35 degrees. Names appear under the pointer.
+    mesh finer. Where patches meet, each has its own normals, and the curvature shown is that of the first. Normals in
+    mesh files are not read: the means of the triangles' normals are used instead, which part at edges sharper than 35
+    degrees. Names appear under the pointer.
 
     A sequence has a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge
     and --steps (a knot limit). --limits shows all limits of degenerations, of whatever lifting, numbered as by gtb
