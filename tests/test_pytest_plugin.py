@@ -53,7 +53,7 @@ def test_a_mesh_is_compared_with_its_golden_file(folder):
     readme = (REPOSITORY / "README.md").read_text(encoding="utf-8")
     new, same, near, far, renewed, again = runs(
         folder,
-        re.search(r"^```python\n(def test_lamp.*?)^```$", readme, re.M | re.S)[1],
+        re.search(r"^```python\n((?:(?!```)[^\n]*\n)*?def test_lamp.*?)^```$", readme, re.M | re.S)[1],
         """
 run(), run(), move(5.0000001), run(), move(5.1), run()
 shutil.copytree("test_lamp", "differs")
