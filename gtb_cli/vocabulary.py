@@ -73,7 +73,8 @@ FORMATS = {
 
 CAD_FORMATS = ("step", "iges", "brep")  # surface formats for CAD programs
 CAD_SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep"}
-CELL_FORMATS = ("vtu",)  # formats of curved cells for ParaView; also the suffixes of their files
+CELL_FORMATS = ("vtu", "gismo")  # formats of curved cells for ParaView, and of Bézier pieces for G+Smo
+CELL_SUFFIXES = {"vtu": "vtu", "xml": "gismo"}
 # Units of length in metres, the default first, and the formats of files that have one
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 UNIT_FORMATS = ("step", "iges", "3mf", "glb")

@@ -42,7 +42,16 @@ from gtb_cli.shell.streams import (
     write_text,
 )
 from gtb_cli.shell.workers import Workers, workers_option
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNIT_FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import (
+    CAD_FORMATS,
+    CAD_SUFFIXES,
+    CELL_FORMATS,
+    CELL_SUFFIXES,
+    FORMATS,
+    UNIT_FORMATS,
+    UNITS,
+    suffix_of,
+)
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
@@ -145,7 +154,7 @@ def mesh(
     if prune and not (resume and folder is not None):
         raise click.UsageError("--prune needs --resume and a folder of meshes")
     place = output if folder is None else os.path.join(folder, "")
-    kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_FORMATS))
+    kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_SUFFIXES))
     _check_unit(options, kind)
     book = None
     if manifest is not None:
@@ -204,7 +213,7 @@ def mesh(
 def _surface_format(format: str | None, output: str) -> str | None:
     """Return the surface format that -f or the suffix of the output names; None for meshes."""
     kinds = {name: name for name in (*CAD_FORMATS, *CELL_FORMATS)}
-    return kinds.get(format) if format is not None else (kinds | CAD_SUFFIXES).get(suffix_of(output))
+    return kinds.get(format) if format is not None else (CAD_SUFFIXES | CELL_SUFFIXES).get(suffix_of(output))
 
 
 def _write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, streams: Streams) -> None:
@@ -213,7 +222,7 @@ def _write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, strea
         raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
     names = ("normals", "uv", "ascii", "certify", "radius", "thickness")
     options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", *names)
-    if kind not in CELL_FORMATS:
+    if kind != "vtu":
         options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", "attributes")
     _check_unit(options, kind)
     if kind in CELL_FORMATS:
@@ -225,7 +234,7 @@ def _write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, strea
         if kind in CELL_FORMATS:
             from gtb_cli.tessellation.curved_cells import encode_cells
 
-            data, size, warnings = encode_cells(with_y_up(spec) if y_up else spec, recipe)
+            data, size, warnings = encode_cells(with_y_up(spec) if y_up else spec, kind, recipe)
         else:
             unit, tolerance = options.unit or next(iter(UNITS)), recipe.tolerance_for(spec)
             data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=bool(recipe.require), y_up=y_up)

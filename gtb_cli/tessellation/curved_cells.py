@@ -4,6 +4,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.formats.gismo import encode_gismo
 from gtb_cli.formats.surfaces import shortened
 from gtb_cli.formats.vtu import QuadraticCells, encode_quadratic, encode_vtu
 from gtb_cli.meshes.mesh import Mesh
@@ -16,8 +17,14 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 
-def encode_cells(spec: Patch | Model, recipe: Recipe) -> tuple[bytes, str, list[str]]:
-    """Return a VTU file, what it holds, and warnings: exact cells or, for attributes or without any, quadratic ones."""
+def encode_cells(spec: Patch | Model, kind: str, recipe: Recipe) -> tuple[bytes, str, list[str]]:
+    """Return a "vtu" or "gismo" file, what it holds, and warnings.
+
+    VTU holds exact cells or, for attributes or without any, quadratic ones. A `DomainError` says that G+Smo's format
+    cannot hold a patch.
+    """
+    if kind == "gismo":
+        return encode_gismo(spec)
     warnings: list[str] = []
     if not recipe.attributes:
         try:
