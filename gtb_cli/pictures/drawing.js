@@ -328,7 +328,7 @@ function draw(larger = 1, clear = false) {
   gl.depthMask(true);
 }
 
-// ---- axes: on edges of the box that are outlines of it, so that they are beside the model
+// ---- axes: beside edges of the box that are outlines of it, and so beside the model
 
 function corners() {   // of the box
   const { low, high } = scene.box;
@@ -338,7 +338,7 @@ function corners() {   // of the box
 function axisEdges() {
   const { low, high } = scene.box, towards = axes()[2].map(x => x < -1e-9 ? -1 : 1);
   return [0, 1, 2].map(k => {
-    const i = (k + 1) % 3, j = (k + 2) % 3, pick = (axis, sign) => sign > 0 ? high[axis] : low[axis];
+    const i = (k + 1) % 3, j = (k + 2) % 3, pick = (axis, sign) => sign > 0 ? high[axis] + 0.02 : low[axis] - 0.02;
     const both = [1, -1].map(sign => {   // one of the faces beside such an edge looks towards the eye, and one away
       const start = [...low], end = [...low];
       start[i] = end[i] = pick(i, sign * towards[i]);
