@@ -112,7 +112,7 @@ def _points(path: str, sizes: tuple[int, int]) -> list[list[float]]:
     "--inner",
     type=click.Choice(["fair", "flat"]),
     default="fair",
-    help="Make the inside fair (least thin-plate energy), the default, or flat like a soap film.",
+    help="Make the inside fair (curvature varies little), the default, or flat like a soap film.",
 )
 @click.option(
     "--fullness",
@@ -181,7 +181,8 @@ def _report(filling: Filling, console: Console) -> None:
         )
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
     knots = len(filling.patch.knots)
-    console.note(f"{sides} sides, {knots} knots, energy {filling.energy:.6g}{angle}")
+    bent = f"bending {filling.bending.energy:.3g}, variation {filling.bending.variation:.2g}"
+    console.note(f"{sides} sides, {knots} knots, {bent}{angle}")
 
 
 @click.command("import")

@@ -9,10 +9,11 @@ null space of ``v ↦ <normal, v>``. One linear least-squares problem chooses a 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.design.net import net
 from gtb_cli.design.planes import Field, nearest_field, row_fields
 from gtb_cli.design.sides import (
@@ -26,8 +27,9 @@ from gtb_cli.design.sides import (
     stations,
 )
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.energy import Energy, energy_matrix, energy_samples
+from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
 from gtb_cli.fairing.fair import FOLD_RINGS, RIDGE_FRACTION
+from gtb_cli.fairing.variation import Bending, bendings, variation_matrices
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.solidity import folded_pairs
@@ -36,6 +38,12 @@ from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
+
+VISIBLE = 0.01
+"""Of the way to the middle: what is nearer to the boundary is not seen, and there curvature may grow without bounds."""
+
+MOST_BENDING = 1.02
+"""Relative to the least that is found: a patch bends no more, so that its curvature varies less."""
 
 
 @frozen
@@ -47,8 +55,8 @@ class Filling:
     patch : Patch
     sides : tuple of HoleSide
         In the order of the patch's edges.
-    energy : float
-        The energy that was minimised, in units of length².
+    bending : Bending
+        Integrals of curvature and of its variation over the patch without the outermost hundredth.
     angle : float
         Largest angle in degrees between the patch's normals and the given ones along its edges, away from corners.
     corner_angles : (r,) float
@@ -67,7 +75,7 @@ class Filling:
 
     patch: Patch
     sides: tuple[HoleSide, ...]
-    energy: float
+    bending: Bending
     angle: float
     corner_angles: FloatArray
     raises: tuple[int, ...]
@@ -127,15 +135,19 @@ def fill_loop(
         unit.append(replace(side, curve=np.hstack([(side.curve[:, :3] - weights * middle) / size, weights])))
     normals = [None if side.across is None else side_normals(side) for side in unit]
 
-    def attempt(least: int, fewer: bool) -> tuple[int, Patch, float, list[int], int, int]:
+    def attempt(least: int, fewer: bool) -> tuple[int, Patch, Bending, list[int], int, int]:
         """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given."""
         edges, fields, times = row_fields(unit, normals, least)
         if fewer:
             fields = [nearest_field(field, side, n) for field, side, n in zip(fields, unit, normals, strict=True)]
-        patch, energy = _solved(edges, fields, "thin-plate" if inner == "fair" else "dirichlet", fullness)
-        turned = sum(_angle(patch, k, n) > 90 for k, n in enumerate(normals) if n is not None)
-        turns, folds = _turns(patch), _folds(patch)
-        return turns + 1000 * (folds + turned), patch, energy, times, turns, folds
+        found = []
+        for patch, bent in _solved(edges, fields, inner, fullness):
+            turned = sum(_angle(patch, k, n) > 90 for k, n in enumerate(normals) if n is not None)
+            turns, folds = _turns(patch), _folds(patch)
+            found.append((turns + 1000 * (folds + turned), patch, bent, times, turns, folds))
+            if not found[-1][0]:
+                break
+        return min(found, key=lambda each: each[0])
 
     least = (2 if any(n is not None for n in normals) else 1) if raises is None else raises
     plans = [(least, True), (least + 1, False), (least + 2, True)]
@@ -147,7 +159,7 @@ def fill_loop(
         if not best[0]:
             break
         best = min(best, attempt(*plan), key=lambda found: found[0])
-    _, patch, energy, times, turns, folds = best
+    _, patch, bent, times, turns, folds = best
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
@@ -163,7 +175,7 @@ def fill_loop(
     return Filling(
         patch,
         ordered,
-        energy * size**2,
+        Bending(bent.area * size**2, bent.energy, bent.variation, bent.curvature / size),
         max((_angle(patch, k, n) for k, n in enumerate(normals) if n is not None), default=math.nan),
         _corner_angles(normals),
         tuple(times),
@@ -173,8 +185,10 @@ def fill_loop(
     )
 
 
-def _solved(edges: Sequence[FloatArray], fields: Sequence[Field], kind: Energy, fullness: float) -> tuple[Patch, float]:
-    """Return the patch in units of the loop's size, and its energy."""
+def _solved(
+    edges: Sequence[FloatArray], fields: Sequence[Field], inner: str, fullness: float
+) -> list[tuple[Patch, Bending]]:
+    """Return patches in units of the loop's size, and their bending: the fairest, and that of a thin plate."""
     polars = [(edge[:-1] + edge[1:]) / 2 for edge in edges]
     shape = net(
         np.array([_length(edge) for edge in edges]),
@@ -184,32 +198,65 @@ def _solved(edges: Sequence[FloatArray], fields: Sequence[Field], kind: Energy, 
     # Energies are right to about 1e-4 with 24; with 4 samples or more for each knot, no control point is left free.
     samples = max(24**2 * min(len(edges), 8), 4 * len(shape.knots))
     resolution = math.ceil(math.sqrt(samples / len(edges)))
-    matrix = energy_matrix(domain(shape.knots, "unit"), shape.log_weights, kind, resolution)
-    matrix += RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
-    points = np.zeros((len(shape.knots), 3))
-    columns = []
+    region = domain(shape.knots, "unit")
+    moment_map = MomentMap(shape.knots, shape.log_weights)
+    p, areas = energy_samples(region, resolution)
+    s = moment_map.inverse(p, 1e-10)
+    # For thin plates and membranes the metric is the domain's: their surface is where the search begins.
+    kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
+    plate = energy_at(shape.knots, shape.log_weights, s, areas, kind)
+    p, areas = energy_samples(region, resolution, VISIBLE)
+    s = moment_map.inverse(p, 1e-10, s)
+    given = np.zeros((len(shape.knots), 3))
     for members, curve in zip((*shape.edges, *shape.rows), (*edges, *polars), strict=True):
-        points[members] = curve[:, :3] / curve[:, 3:]
-    for members, row, field in zip(shape.rows, polars, fields, strict=True):
-        columns += [(members, values / row[:, 3:]) for values in field or ()]
+        given[members] = curve[:, :3] / curve[:, 3:]
+    shifts = [
+        (members, values / row[:, 3:])
+        for members, row, field in zip(shape.rows, polars, fields, strict=True)
+        for values in field or ()
+    ]
     free = [members for members, field in zip(shape.rows, fields, strict=True) if field is None]
-    inner = np.concatenate([*free, shape.inner])
-    outer = np.setdiff1d(np.arange(len(points)), inner)
+    least = partial(_least, given, shifts, np.concatenate([*free, shape.inner]), fullness)
+    measured = partial(bendings, shape.knots, shape.log_weights, s, areas)
+    found = [least(plate)]
+    if inner == "fair":
+        # The less weight bending has, the less curvature varies, and the more some patches bend.
+        second, third = variation_matrices(shape.knots, shape.log_weights, s, areas, found[0])
+        area = measured(found)[0].area
+        found += [least(third + factor / area * second) for factor in (0, 100, 400, 1600)]
+    bent = measured(found)
+    most = MOST_BENDING * min(one.energy for one in bent)
+    best = min(range(len(bent)), key=lambda k: bent[k].variation if bent[k].energy <= most else math.inf)
+    return [(Patch(shape.knots, found[k], log_weights=shape.log_weights), bent[k]) for k in dict.fromkeys((best, 0))]
+
+
+def _least(
+    given: FloatArray,
+    shifts: Sequence[tuple[IntArray, FloatArray]],
+    inner: IntArray,
+    fullness: float,
+    matrix: FloatArray,
+) -> FloatArray:
+    """Return the control points with the least energy: the inner ones are free, and shifts may be added to the given.
+
+    Each shift is a set of knots and their (k, 3) displacements, to be multiplied by a factor.
+    """
+    matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
+    points, outer = given.copy(), np.setdiff1d(np.arange(len(given)), inner)
     # The inner points are determined by the others, so that a quadratic form of the others is left.
     weights = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, outer)])
     form = matrix[np.ix_(outer, outer)] - matrix[np.ix_(outer, inner)] @ weights
     form = (form + form.T) / 2
-    if columns:
-        shifts = np.zeros((len(columns), len(outer), 3))
-        for shift, (members, values) in zip(shifts, columns, strict=True):
-            shift[np.searchsorted(outer, members)] = values
-        images = np.einsum("ij,fjk->fik", form, shifts).reshape(len(columns), -1)
-        flat = shifts.reshape(len(columns), -1)
+    if shifts:
+        moves = np.zeros((len(shifts), len(outer), 3))
+        for move, (members, values) in zip(moves, shifts, strict=True):
+            move[np.searchsorted(outer, members)] = values
+        images = np.einsum("ij,fjk->fik", form, moves).reshape(len(moves), -1)
+        flat = moves.reshape(len(moves), -1)
         factors = np.linalg.lstsq(images @ flat.T, -images @ points[outer].ravel(), rcond=RIDGE_FRACTION)[0]
-        points[outer] += fullness * np.einsum("f,fik->ik", factors, shifts)
+        points[outer] += fullness * np.einsum("f,fik->ik", factors, moves)
     points[inner] = -weights @ points[outer]
-    patch = Patch(shape.knots, points, log_weights=shape.log_weights)
-    return patch, float(np.einsum("ik,ij,jk->", points, matrix, points))
+    return points
 
 
 def _length(curve: FloatArray) -> float:
@@ -228,7 +275,8 @@ def _folds(patch: Patch) -> int:
 
     At a fold the normal turns by more than a right angle in an ever smaller step; elsewhere it only turns fast.
     """
-    resolution, halvings = 24, 10  # of the places, and of the way from one to the next
+    # Of the places, of which there are no more with many sides, and of the way from one to the next
+    resolution, halvings = math.ceil(24 * math.sqrt(min(1.0, 8 / len(patch.domain.vertices)))), 10
     places, _ = energy_samples(patch.domain, resolution)
     s = MomentMap(patch.knots, patch.log_products).inverse(places, 1e-7)
     blocks = np.array_split(s, 1 + len(places) // block_length(len(patch.knots)), axis=1)

@@ -45,7 +45,7 @@ def fill(
         With "g1" the patch touches the tangent planes that are given; with "g0" it only meets the curves, and is plane
         where they lie in a plane.
     inner : {"fair", "flat"}
-        Least thin-plate or Dirichlet energy.
+        Curvature varies little, or least Dirichlet energy.
     fullness : float
         Factor, up to 1000, of the distance for which the patch continues along the given planes; 1 is the fairest.
     raises : int, optional

@@ -157,14 +157,17 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArra
 
 
 def _even_weights(knots: FloatArray, logs: FloatArray, rows: Sequence[IntArray], inner: IntArray) -> FloatArray:
-    """Return log weights with which inner knots, and rows on average, have a share of 0.15 at their own places."""
-    share = 0.15  # most of the rest belongs to its neighbours, whose bumps overlap so much that no ripple is left
+    """Return log weights with which inner knots, and rows on average, have a certain share at their own places."""
+    # Most of the rest belongs to a knot's neighbours: the bumps of inner knots overlap so much that no ripple is left.
+    # A row with less than this hides its planes in a strip too thin to be seen; with more, it is a crease.
+    inner_share, row_share = 0.08, 0.15
     rounds, damping = 15, 0.6  # towards weights right if the others stayed; a few per cent of a share remain
     logs = logs.copy()
     free = np.concatenate([*rows, inner])
     ends = np.cumsum([len(row) for row in rows])
     columns = np.arange(len(free))
     s = None
+    share = np.where(columns < ends[-1], row_share, inner_share)
     wanted = np.log(share / (1 - share))
     for _ in range(rounds):
         s = MomentMap(knots, logs).inverse(knots[free], 1e-6, s)

@@ -215,7 +215,8 @@ def test_sides_without_ribbons_are_met():
     assert math.isnan(filling.angle)
     mixed = fill_loop([bare[0], *sides[1:]])
     assert mixed.angle < PLANES
-    assert filling.energy < mixed.energy < fill_loop(sides, raises=mixed.raises[0]).energy * (1 + 1e-9)
+    met = fill_loop(sides, raises=mixed.raises[0])
+    assert filling.bending.energy < mixed.bending.energy < met.bending.energy
 
 
 def test_a_sphere_is_filled_nearly_as_a_sphere():
@@ -229,7 +230,7 @@ def test_a_sphere_is_filled_nearly_as_a_sphere():
     assert filling.angle < PLANES
     u = np.random.default_rng(0).dirichlet([1, 1, 1], 200) @ filling.patch.domain.vertices
     radii = np.linalg.norm(filling.patch.evaluate(u), axis=1)
-    assert np.abs(radii - 1).max() < 0.02
+    assert np.abs(radii - 1).max() < 0.004
 
 
 @long
@@ -240,7 +241,7 @@ def test_options_of_energy_and_fullness():
     assert energy(flat.patch, "dirichlet") < energy(fair.patch, "dirichlet")
     assert energy(fair.patch, "thin-plate") < energy(flat.patch, "thin-plate")
     assert full.angle < PLANES
-    assert full.energy > fair.energy
+    assert full.bending.energy > fair.bending.energy
 
 
 @pytest.mark.parametrize(
@@ -321,7 +322,9 @@ def test_the_cup_is_filled():
     sides = loop_from_text(CUP.read_bytes(), str(CUP))
     filling = fill_loop(sides)
     assert_fills(filling, sides)
-    assert filling.energy < 2.51e4  # by an accurate integral, which was 26,577 of the patch that 14 rings gave
+    # Beside a thin plate over Δ, and inner weights that leave a ripple: 1.01 and 100
+    assert filling.bending.energy < 1.02
+    assert filling.bending.variation < 20
 
 
 def test_a_loop_of_bsplines_is_filled():
@@ -476,7 +479,6 @@ def test_the_corner_of_a_box_is_what_fill_makes(box):
     np.testing.assert_allclose(kept.knots, made.knots, atol=1e-12)
     np.testing.assert_allclose(kept.log_products, made.log_products, atol=1e-8)
     np.testing.assert_allclose(kept.control_points, made.control_points, atol=1e-7)
-    assert energy(kept) == pytest.approx(filling.energy, rel=1e-4)
 
 
 def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():
@@ -497,7 +499,7 @@ def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():
     assert filling.raises == (2,) * 3
     assert filling.model.patches[:-1] == rest.patches
     assert len(filling.model.joints.shared) == 3
-    assert filling.energy < 0.6 * plain.energy
+    assert filling.bending.variation < 0.6 * plain.bending.variation
     swings = [np.ptp(bent_beside(filled.patch)) for filled in (filling, plain)]
     assert swings[0] < 0.6 * swings[1]
 

@@ -1,0 +1,180 @@
+"""Curvature and its variation in a surface's own metric: integrals, and quadratic forms of the control points.
+
+At each place we take linear combinations of the torus coordinates in which the metric g is the identity. With Γ^d_ab =
+⟨P_d, P_ab⟩ a function f on the surface has second and, symmetrised, third derivatives
+
+    ``f_;ab = f_ab − Γ^d_ab f_d``,    ``f_;abc = f_abc − 3 Γ^d_(ab f_;c)d − ⟨P_d, P_abc⟩ f_d``.
+
+For f = P they are II_ab N and (∇II)_abc N, so that ``∫ |P_;ab|² = ∫ κ₁² + κ₂²`` and ``∫ |P_;abc|² = ∫ |∇II|²``; with
+the metric of a surface that is known, they are quadratic forms of the control points of the next (G. Greiner,
+Variational design and fairing of spline surfaces, 1994). Each is T times a polynomial of the knots' coordinates.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.moment.torus import block_length, exponents, shares
+from gtb_cli.values import frozen
+
+
+@frozen
+class Bending:
+    """Integrals over the places at which a surface was sampled.
+
+    Attributes
+    ----------
+    area : float
+    energy : float
+        ∫ κ₁² + κ₂² dA, which does not depend on the unit of length.
+    variation : float
+        The area times ∫ |∇H|² dA, which does not depend on it either.
+    curvature : float
+        Largest absolute value of a principal curvature.
+    """
+
+    area: float
+    energy: float
+    variation: float
+    curvature: float
+
+
+class _Frame(NamedTuple):
+    """A surface at m places, in coordinates X = a x and Y = b x + c y whose metric is the identity.
+
+    Derivatives are listed by the number of Y in them: the normal parts of P_;ab and P_;abc, Γ^d_ab and ⟨P_d, P_abc⟩.
+    `scale` is the area of the surface per area in the coordinates x, y.
+    """
+
+    change: tuple[FloatArray, FloatArray, FloatArray]
+    scale: FloatArray
+    second: list[FloatArray]
+    third: list[FloatArray]
+    slopes: list[list[FloatArray]]
+    drifts: list[list[FloatArray]]
+
+
+class _Block:
+    """T and its derivatives at the places of one block, as sums over moments of the knots' coordinates x and y."""
+
+    def __init__(self, knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> None:
+        self.t = shares(exponents(knots, log_weights, s))
+        self.x, self.y = (axis[:, None] - axis @ self.t for axis in knots.T)
+        self.first = [self.t * self.x, self.t * self.y]
+        self.second = [self.first[0] * self.x, self.first[0] * self.y, self.first[1] * self.y]
+        self.third = [table * self.x for table in self.second] + [self.second[2] * self.y]
+        self.covariance = [table.sum(axis=0) for table in self.second]
+        self.skewness = [table.sum(axis=0) for table in self.third]
+
+    def frame(self, points: FloatArray) -> _Frame:
+        """Return the surface of (n, 3) control points."""
+        p = self.t.T @ points
+        one = [table.T @ points for table in self.first]
+        two = [table.T @ points - c[:, None] * p for table, c in zip(self.second, self.covariance, strict=True)]
+        three = [table.T @ points - k[:, None] * p for table, k in zip(self.third, self.skewness, strict=True)]
+        for k in range(4):
+            three[k] -= _mixed(k, *([c[:, None] * axis for c in self.covariance] for axis in one))
+        length = np.linalg.norm(one[0], axis=1)
+        shear = (one[0] * one[1]).sum(axis=1) / length
+        cross = np.cross(*one)
+        scale = np.linalg.norm(cross, axis=1)
+        normal, width = cross / scale[:, None], scale / length
+        change = 1 / length, -shear / (length * width), 1 / width
+        columns = [each[:, None] for each in change]
+        one, two, three = (_changed(rates, *columns) for rates in (one, two, three))
+        second, third = ([(rate * normal).sum(axis=1) for rate in rates] for rates in (two, three))
+        slopes, drifts = ([[(rate * tangent).sum(axis=1) for rate in r] for tangent in one] for r in (two, three))
+        third = [
+            rate - sum(_mixed(k, *([g * second[d + e] for g in slopes[d]] for e in range(2))) for d in range(2))
+            for k, rate in enumerate(third)
+        ]
+        return _Frame(change, scale, second, third, slopes, drifts)
+
+    def rows(self, frame: _Frame) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Return (n, m) coefficients of the control points in each P_;ab and P_;abc."""
+        a, b, c = frame.change
+        x, y = a * self.x, b * self.x + c * self.y
+        covariance, skewness = (_changed(moments, a, b, c) for moments in (self.covariance, self.skewness))
+        squares = [x * x, x * y, y * y]
+        second = [
+            square - moment - rate * x - other * y
+            for square, moment, rate, other in zip(squares, covariance, *frame.slopes, strict=True)
+        ]
+        third = []
+        for k, cube in enumerate([squares[0] * x, squares[0] * y, squares[2] * x, squares[2] * y]):
+            row = cube - skewness[k] - frame.drifts[0][k] * x - frame.drifts[1][k] * y
+            row -= _mixed(k, *([moment * axis for moment in covariance] for axis in (x, y)))
+            for d in range(2):
+                row -= _mixed(k, *([g * second[d + e] for g in frame.slopes[d]] for e in range(2)))
+            third.append(row * self.t)
+        return [row * self.t for row in second], third
+
+
+def _mixed(k: int, of_x: Sequence[FloatArray], of_y: Sequence[FloatArray]) -> FloatArray:
+    """Return 3 c_(ab v_c) for three indices of which k are y, from the products c_ab v_x and c_ab v_y."""
+    if k == 0:
+        return np.asarray(3 * of_x[0])
+    return np.asarray(3 * of_y[2] if k == 3 else (3 - k) * of_x[k] + k * of_y[k - 1])
+
+
+def _changed(values: Sequence[FloatArray], a: FloatArray, b: FloatArray, c: FloatArray) -> list[FloatArray]:
+    """Return derivatives, or moments, in x and y in the coordinates X = a x and Y = b x + c y."""
+    n = len(values) - 1
+    return [
+        np.asarray(a ** (n - k) * sum(math.comb(k, j) * b ** (k - j) * c**j * values[j] for j in range(k + 1)))
+        for k in range(n + 1)
+    ]
+
+
+def bendings(
+    knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, surfaces: Sequence[FloatArray]
+) -> list[Bending]:
+    """Integrate over places at (2, m) torus coordinates, which stand for (m,) areas of the domain.
+
+    All surfaces have these knots and weights; each has its (n, 3) control points.
+    """
+    sums, largest = np.zeros((len(surfaces), 3)), np.zeros(len(surfaces))
+    for block, places in _blocks(knots, log_weights, s):
+        for k, points in enumerate(surfaces):
+            frame = block.frame(points)
+            xx, xy, yy = frame.second
+            squares = xx**2 + 2 * xy**2 + yy**2
+            changes = (frame.third[0] + frame.third[2]) ** 2 + (frame.third[1] + frame.third[3]) ** 2
+            sums[k] += np.array([np.ones_like(xx), squares, changes / 4]) @ _spaces(block, frame, areas[places])
+            largest[k] = max(largest[k], (np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)).max())
+    return [
+        Bending(area, energy, area * variation, most)
+        for (area, energy, variation), most in zip(sums.tolist(), largest.tolist(), strict=True)
+    ]
+
+
+def variation_matrices(
+    knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the (n, n) matrices of ``∫ |P_;ab|²`` and ``∫ |P_;abc|²`` in the metric that (n, 3) points give."""
+    matrices = np.zeros((2, len(knots), len(knots)))
+    for block, places in _blocks(knots, log_weights, s):
+        frame = block.frame(points)
+        roots = np.sqrt(_spaces(block, frame, areas[places]))
+        for matrix, rows, multiples in zip(matrices, block.rows(frame), ((1, 2, 1), (1, 3, 3, 1)), strict=True):
+            table = np.concatenate(
+                [row * (math.sqrt(n) * roots) for row, n in zip(rows, multiples, strict=True)], axis=1
+            )
+            matrix += table @ table.T
+    return matrices[0], matrices[1]
+
+
+def _blocks(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Iterator[tuple[_Block, slice]]:
+    step = max(256, block_length(len(knots)) // 16)  # as many tables of T's size are alive at once
+    for begin in range(0, s.shape[1], step):
+        places = slice(begin, begin + step)
+        yield _Block(knots, log_weights, s[:, places]), places
+
+
+def _spaces(block: _Block, frame: _Frame, areas: FloatArray) -> FloatArray:
+    """Return the areas of the surface for areas of the domain, which the covariance maps to those of x and y."""
+    xx, xy, yy = block.covariance
+    return np.asarray(areas * frame.scale / (xx * yy - xy**2))

@@ -1,0 +1,80 @@
+"""Curvature and its variation: integrals of surfaces that are known, and quadratic forms that agree with them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gtb_cli.fairing.energy import energy_samples
+from gtb_cli.fairing.variation import bendings, variation_matrices
+from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.theory.patch import Patch
+
+
+def sampled(patch: Patch, resolution: int = 24) -> tuple[np.ndarray, ...]:
+    p, areas = energy_samples(patch.domain, resolution)
+    return patch.knots, patch.log_products, MomentMap(patch.knots, patch.log_products).inverse(p), areas
+
+
+def bicubic(f) -> Patch:
+    i, j = (index.ravel() / 3 for index in np.mgrid[:4, :4])
+    return Patch(np.column_stack([i, j]), f(i, j), coefficients="binomial")
+
+
+def graph(a: float) -> Patch:
+    """z = a (x³ + 3 x²y + x y²) + x²: of a = 0 a parabolic cylinder, with curvature 2 / (1 + 4 x²)^1.5."""
+    lattice = bicubic(lambda x, y: np.column_stack([x, y, x]))
+    u = np.random.default_rng(0).random((80, 2))
+    z = a * (u[:, 0] ** 3 + 3 * u[:, 0] ** 2 * u[:, 1] + u[:, 0] * u[:, 1] ** 2) + u[:, 0] ** 2
+    heights = np.linalg.lstsq(lattice.basis(u, "linear"), z, rcond=None)[0]
+    return lattice.replace(control_points=np.column_stack([lattice.knots, heights]))
+
+
+def test_a_cylinder_over_a_parabola():
+    """Arc length s has ds = w dx with w² = 1 + 4 x²; κ = 2 / w³ and H = κ / 2."""
+    patch = graph(0.0)
+    (found,) = bendings(*sampled(patch, 40), [patch.control_points])
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    x, dx = 0.5 + 0.4995 * nodes, 0.4995 * weights
+    w = np.sqrt(1 + 4 * x * x)
+    assert found.area == pytest.approx(0.999 * (w @ dx), rel=1e-6)
+    assert found.energy == pytest.approx(0.999 * ((2 / w**3) ** 2 * w @ dx), rel=1e-6)
+    slope = -12 * x / w**5 / w  # dH/ds
+    assert found.variation == pytest.approx(found.area * 0.999 * (slope**2 * w @ dx), rel=1e-6)
+    assert found.curvature == pytest.approx(2, rel=1e-2)
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e3)])
+def test_integrals_have_no_unit(scale, shift):
+    patch = graph(0.5)
+    one, other = bendings(*sampled(patch), [patch.control_points, patch.control_points * scale + shift])
+    assert other.energy == pytest.approx(one.energy, rel=1e-6)
+    assert other.variation == pytest.approx(one.variation, rel=1e-6)
+    assert other.curvature * scale == pytest.approx(one.curvature, rel=1e-6)
+
+
+def test_forms_are_the_integrals_of_the_surface_whose_metric_they_have():
+    """Of P itself the forms are ∫ |II|² and ∫ |∇II|², however it is parametrised: here with weights that are uneven."""
+    patch = graph(0.5)
+    uneven = Patch(patch.knots, patch.control_points, np.geomspace(1, 3, 16), "binomial")
+    where = sampled(uneven)
+    second, third = variation_matrices(*where, uneven.control_points)
+    (found,) = bendings(*where, [uneven.control_points])
+    points = uneven.control_points
+    assert np.einsum("ik,ij,jk->", points, second, points) == pytest.approx(found.energy, rel=1e-9)
+    # The part of a symmetric tensor of third order that its trace determines has 3/4 of the square of the trace, 2 ∇H
+    assert np.einsum("ik,ij,jk->", points, third, points) >= 3 * found.variation / found.area
+    for matrix in (second, third):
+        np.testing.assert_allclose(matrix @ np.ones(16), 0, atol=1e-9 * np.abs(matrix).max())
+
+
+def test_the_third_form_vanishes_on_paraboloids_seen_from_afar():
+    """z = ε (x² + y²): third derivatives are of order ε³, and ∫ |∇II|² of order ε⁶."""
+    energies = []
+    for size in (1e-2, 2e-2):
+        patch = bicubic(
+            lambda x, y, size=size: np.column_stack([x, y, size * (x * (x - 1 / 3) + y * (y - 1 / 3)) * 1.5])
+        )
+        _, third = variation_matrices(*sampled(patch), patch.control_points)
+        energies.append(np.einsum("ik,ij,jk->", patch.control_points, third, patch.control_points))
+    assert math.log2(energies[1] / energies[0]) == pytest.approx(6, abs=0.1)
