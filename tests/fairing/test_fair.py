@@ -172,7 +172,7 @@ def test_any_size_and_place_of_knots_and_points(scale, shift):
 
 
 def test_repeated_knots_stay_where_they_are_indistinct():
-    patch = load(SPECS / "hexagon.toml")
+    patch = load(SPECS / "pentagon.toml")
     inner = int(np.flatnonzero(~patch.domain.incidence.any(axis=1))[0])
     double = Patch(
         np.vstack([patch.knots, patch.knots[inner]]), np.vstack([patch.control_points, patch.control_points[inner]])
