@@ -342,18 +342,20 @@ def _smaller_thickness(
 def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: int) -> str:
     """Name the largest of a few smaller values that make a solid, or say that none does.
 
-    The first are 1/2, 1/8, 1/64, …; when one is solid, it is bisected upwards.
+    The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
     """
-    many = 20_000  # cells from which on a try takes as long as the mesh
-    tries, low, high = 4 if cells < many else 1, 0.0, value
-    for k in range(tries):
-        middle = float(f"{(low + high) / 2 if low else high / 2 ** (k + 1):.3g}")
+    few, many = 5_000, 20_000  # cells up to which there is time for eight tries, and from which on only for one
+    tries = 8 if cells < few else 4 if cells < many else 1
+    low, high, tried = 0.0, value, 0
+    while tried < (tries if low else min(tries, 4)):
+        middle = float(f"{(low + high) / 2 if low else high / 2 ** (tried + 1):.3g}")
         low, high = (middle, high) if is_solid(middle) else (low, middle)
+        tried += 1
     if low:
         return f"{'a radius of' if name == 'radius' else '`thickness`'} {low:g} was tried and is solid"
-    if tries == 1:
+    if tried == 1:
         return f"a {name} of {high:g} was tried and is not solid"
-    return f"{tries} {'radii' if name == 'radius' else 'thicknesses'} down to {high:g} were tried, and none is solid"
+    return f"{tried} {'radii' if name == 'radius' else 'thicknesses'} down to {high:g} were tried, and none is solid"
 
 
 def _model(spec: Patch | Model) -> Model | None:

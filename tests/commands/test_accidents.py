@@ -60,8 +60,10 @@ def test_a_curve_too_thick_for_its_bends_has_a_radius_that_is_tried(tmp_path):
     (tmp_path / "handle.toml").write_text(HANDLE, encoding="utf-8")
     done = gtb("mesh", tmp_path / "handle.toml", "--radius", 50, "-o", tmp_path / "handle.stl", status=0)
     radius = re.search(r"a radius of (\S+) was tried and is solid", done.err)[1]
-    assert float(radius) > 10
+    assert 10 < float(radius) < 50
     gtb("mesh", tmp_path / "handle.toml", "--radius", radius, "--require", "solid", "-o", tmp_path / "x.stl", status=0)
+    larger = ["--radius", 1.05 * float(radius), "--require", "solid", "-o", tmp_path / "y.stl"]
+    assert gtb("mesh", tmp_path / "handle.toml", *larger).status == 1  # it is nearly the largest
 
 
 def test_files_of_windows_and_names_with_umlauts_and_blanks_are_well(tmp_path):
