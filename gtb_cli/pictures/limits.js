@@ -39,7 +39,7 @@ function small(number, chosen) {   // a picture of a decomposition, to click on
   const places = limits.knots.map(([x, y], i) => [4 + 52 * x, 56 - 52 * (heights.length ? heights[i] : y)]);
   const outline = (c, n) => `<polygon points="${limits.cells[c].polygon.map(i => places[i].join()).join(" ")}" fill="${COLOURS[n % COLOURS.length]}"/>`;
   const spot = ([x, y], i) => `<circle cx="${x}" cy="${y}" r="2.2" fill="${absent.includes(i) ? "#fff" : "#23282d"}"/>`;
-  button.innerHTML = `<svg width="60" height="60" stroke="#23282d" stroke-linejoin="round">${cells.map(outline).join("")}${places.map(spot).join("")}</svg>`;
+  button.innerHTML = `<svg width="60" height="60" style="background:#fbfbfa;border-radius:4px" stroke="#23282d" stroke-linejoin="round">${cells.map(outline).join("")}${places.map(spot).join("")}</svg>`;
   button.title = `limit ${number}`;
   button.style.cssText = `padding:1px;background:none;border-radius:6px;cursor:pointer;border:2px solid ${chosen ? "var(--accent)" : "transparent"}`;
   button.onclick = () => choose(number);
