@@ -10,7 +10,7 @@ from PIL import Image
 
 from gtb_cli import DomainError, Patch, check, regular_decomposition
 from gtb_cli.pictures.look import Camera, Look
-from tests.marks import long
+from tests.marks import long, mostly_long
 from tests.patches import bicubic, cubic_curve, pentagon
 from tests.shell import SPECS, gtb
 from tests.specs import load
@@ -98,16 +98,16 @@ def test_graphs_of_basis_functions_are_no_finer_than_pixels(monkeypatch):
 
 
 def test_one_function_of_a_surface_is_drawn_on_given_axes():
-    ax = Figure().add_subplot()
+    ax = Figure(dpi=30).add_subplot()
     assert pentagon().plot(ax, "basis", index=3, resolution=2) is ax
     assert len(ax.images) == 1
     with pytest.raises(DomainError, match="ax: 'basis' makes a figure of its own"):
         pentagon().plot(ax, "basis", index=(3, 4))
 
 
-@pytest.mark.parametrize("what", ["surface", "basis"])
+@pytest.mark.parametrize("what", mostly_long(["basis", "surface"]))
 def test_a_number_of_a_surface_varies_in_panels_of_one_scale(what):
-    axes = pentagon().plot(what=what, vary={"weights[3]": [1, 50]}, resolution=4, size=(4, 2)).figure.axes
+    axes = pentagon().plot(what=what, vary={"weights[3]": [1, 50]}, resolution=4, size=(4, 2), dpi=30).figure.axes
     names = ["ω₃ = 1", "ω₃ = 50"]
     assert [ax.get_title().split(":")[0] for ax in axes] == names
     assert axes[0].get_xlim() == axes[1].get_xlim()
@@ -117,7 +117,7 @@ def test_a_number_of_a_surface_varies_in_panels_of_one_scale(what):
 
 def test_before_a_knot_moves_the_net_is_the_patchs_own():
     patch = pentagon().replace(weights=np.arange(1.0, 9))
-    axes = patch.plot(merge={3: 1}, steps=[0, 0.5], resolution=2, size=(6, 2)).figure.axes
+    axes = patch.plot(merge={3: 1}, steps=[0, 0.5], resolution=2, size=(6, 2), dpi=30).figure.axes
     assert [ax.get_title() for ax in axes] == ["step = 0", "step = 0.5", "limit"]
     counts = [sum(len(line.get_xdata()) for line in ax.get_lines()) for ax in axes]
     assert counts == [8, 7, 7]  # control points
