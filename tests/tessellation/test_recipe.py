@@ -133,3 +133,28 @@ def test_an_edge_that_three_patches_share_is_not_confused_with_others():
     assert len(fans.joints.crowded) == 1
     for n in (1, 2):
         assert Recipe(n).mesh(fans)[1] == []
+
+
+def box(low: tuple[float, ...], high: tuple[float, ...], name: str) -> list[Patch]:
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    faces = []
+    for axis in range(3):
+        for side in (0, 1):
+            places = [np.roll([side, *uv[:: 2 * side - 1]], axis) for uv in square]
+            points = np.add(low, places * np.subtract(high, low))
+            faces.append(Patch(square, points, name=f"{name}-{axis}{side}"))
+    return faces
+
+
+@pytest.mark.parametrize(
+    ("low", "is_solid"),
+    [((2, 2, 2.5), False), ((2.1, 2, 2.3), False), ((4, 4, 2.5), True), ((4, 4, 4), True), ((4.1, 0, 0), True)],
+)
+def test_boxes_that_pass_through_each_other_along_edges_are_no_solid(low, is_solid):
+    """All triangles of the first pair only touch; the third and the fourth share a part of an edge, or a corner."""
+    model = Model((*box((0, 0, 0), (4, 4, 4), "one"), *box(low, np.add(low, (4, 4, 6)), "two")))
+    if is_solid:
+        assert Recipe(4, require="solid").mesh(model)[1] == []
+    else:
+        with pytest.raises(RequirementError, match="passes through itself"):
+            Recipe(4, require="solid").mesh(model)
