@@ -143,7 +143,7 @@ def _changed(answer: Answer, content: bytes, comparing: Comparing) -> str:
         count = f"{made.new.faces} {'segments' if new.is_curve else 'faces'}"
         return f"new, {count}" if answer.verdict == "extra" else count
     what = [f"{row.label} {row.old or '–'} → {row.new or '–'}" for row in rows(made) if row.is_changed]
-    apart = [f"{answer.found.distance:.3g} apart"] if answer.found is not None else []
+    apart = [f"{answer.found.distance:.3g} apart", *answer.found.faults] if answer.found is not None else []
     return ", ".join(apart + what) or "the same measures"
 
 

@@ -330,3 +330,10 @@ def test_equal_numbers_that_mean_other_sizes_or_places_are_different(kind, first
     )
     gtb("mesh", PENTAGON, "-n", "2", "-o", tmp_path / "x.obj", status=0)
     gtb("diff", one, tmp_path / "x.obj", "--ignore", "connectivity", status=0)
+    for path, folder in ((one, "golden"), (two, "out")):
+        (tmp_path / folder).mkdir()
+        path.rename(tmp_path / folder / f"x.{kind}")
+    assert (
+        f"0 apart, the numbers are meant otherwise: {remark}"
+        in gtb("approve", tmp_path / "golden", tmp_path / "out").err
+    )
