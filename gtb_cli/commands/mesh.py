@@ -220,10 +220,12 @@ def _write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, strea
     """Write the surfaces of one spec as STEP, IGES, BREP or VTU, and say what is exact."""
     if are_several(specs) or is_folder(streams.output):
         raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
-    names = ("normals", "uv", "ascii", "certify", "radius", "thickness")
+    names = ("normals", "uv", "ascii", "certify", "radius", *(["thickness"] if kind in CELL_FORMATS else []))
     options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", *names)
     if kind != "vtu":
         options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", "attributes")
+    if options.recipe.rim == "flat":
+        raise click.UsageError(f"--rim flat is for meshes, and not for {kind.upper()}")
     _check_unit(options, kind)
     if kind in CELL_FORMATS:
         options.refuse(f"is for meshes, and cells of {kind.upper()} share no vertices", "require")
@@ -237,7 +239,13 @@ def _write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, strea
             data, size, warnings = encode_cells(with_y_up(spec) if y_up else spec, kind, recipe)
         else:
             unit, tolerance = options.unit or next(iter(UNITS)), recipe.tolerance_for(spec)
-            data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=bool(recipe.require), y_up=y_up)
+            wall = None
+            if recipe.thickness is not None:
+                from gtb_cli.tessellation.walls import wall_of
+
+                wall = wall_of(with_y_up(spec) if y_up else spec, kind, recipe)
+            closed = bool(recipe.require)
+            data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=closed, y_up=y_up, wall=wall)
     write_blocks(streams.output, [data])
     streams.console.report(streams.output, size, warnings)
 

@@ -1,24 +1,31 @@
 """Surfaces instead of triangles: CAD formats, what is exact in them, and what they lack."""
 
 from gtb_cli.errors import RequirementError
-from gtb_cli.formats.cad import encode_cad
+from gtb_cli.formats.cad import Wall, encode_cad
 from gtb_cli.formats.splines import spline_surfaces
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 
 def encode_surfaces(
-    spec: Patch | Model, kind: str, unit: str, tolerance: float | None, *, closed: bool, y_up: bool
+    spec: Patch | Model,
+    kind: str,
+    unit: str,
+    tolerance: float | None,
+    *,
+    closed: bool,
+    y_up: bool,
+    wall: Wall | None = None,
 ) -> tuple[bytes, str, list[str]]:
     """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
 
     Patches without exact pieces are fitted within the tolerance (without one, see `spline_surfaces`). `closed` asks for
-    solids: a `RequirementError` says that there are open shells. `y_up` turns z to y.
+    solids: a `RequirementError` says that there are open shells. `y_up` turns z to y. See `encode_cad` for a wall.
     """
     if y_up:
         spec = with_y_up(spec)
     found = spline_surfaces(spec, tolerance)
-    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch")
+    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", wall)
     if closed and body.shells:
         raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
     warnings = []

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import bounds_of, cross, dot
+from gtb_cli.arrays import FloatArray, bounds_of, cross, dot
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
@@ -122,6 +122,14 @@ def measure(mesh: Mesh) -> Measures:
         turned_edges=0 if mesh.is_curve else int(np.count_nonzero((number == 2) & (topology.balance != 0))),
         collapsed=int(np.count_nonzero(~proper)),
     )
+
+
+def centre_of_mass(mesh: Mesh) -> FloatArray:
+    """(3,) centre of mass of the inside of a closed mesh: the mean of those of the tetrahedra over its faces."""
+    frame = mesh.vertices.mean(axis=0)
+    a, b, c = (mesh.vertices[corner] - frame for corner in mesh.faces.T)
+    volumes = dot(a, cross(b, c))
+    return np.asarray(frame + volumes @ (a + b + c) / (4 * volumes.sum()))
 
 
 def _finite(value: float | None) -> float | None:
