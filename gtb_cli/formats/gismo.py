@@ -6,7 +6,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.splines import exact_surfaces
 from gtb_cli.formats.surfaces import shortened
@@ -55,8 +55,10 @@ def encode_gismo(spec: Patch | Model) -> tuple[bytes, str, list[str]]:
             raise DomainError(f"{who}{reason}. Files for G+Smo hold exact pieces; VTU files, other cells") from None
         nets += [surface.net for surface in surfaces]
         owners += [index] * len(surfaces)
-    size = float(np.ptp(np.concatenate([net[..., :3].reshape(-1, 3) for net in nets]), axis=0).max())
-    interfaces, unlike = interfaces_of(nets, size)
+    points = np.concatenate([net[..., :3].reshape(-1, 3) for net in nets])
+    # Control points of pieces are sums, with roundings of the coordinates.
+    near = max(SAME * float(np.ptp(points, axis=0).max()), 64 * EPS * float(np.abs(points).max()))
+    interfaces, unlike = interfaces_of(nets, near)
     met = {side for found in interfaces for side in (found.first, found.second)}
     boundaries: dict[str, list[str]] = {}
     edges: dict[int, list[FloatArray]] = {}
@@ -76,8 +78,8 @@ def encode_gismo(spec: Patch | Model) -> tuple[bytes, str, list[str]]:
     return text.encode("utf-8"), size_text, warnings
 
 
-def interfaces_of(nets: Sequence[FloatArray], size: float) -> tuple[list[Interface], int]:
-    """Return the pairs of sides that are one curve, and the number of those that are one at other parameters."""
+def interfaces_of(nets: Sequence[FloatArray], near: float) -> tuple[list[Interface], int]:
+    """Return the pairs of sides with points as `near`, and the number of those that have other parameters."""
     from scipy.spatial import cKDTree
 
     sides = [(piece, side, rows) for piece, net in enumerate(nets) for side, rows in enumerate(_sides(net))]
@@ -85,13 +87,13 @@ def interfaces_of(nets: Sequence[FloatArray], size: float) -> tuple[list[Interfa
     found: list[Interface] = []
     taken: set[tuple[int, int]] = set()
     unlike = 0
-    for a, b in sorted(cKDTree(middles).query_pairs(SAME * size)):
+    for a, b in sorted(cKDTree(middles).query_pairs(near)):
         (p, s, one), (q, t, other) = sides[a], sides[b]
-        if {(p, s), (q, t)} & taken or np.ptp(one[:, :3], axis=0).max() <= SAME * size:
+        if {(p, s), (q, t)} & taken or np.ptp(one[:, :3], axis=0).max() <= near:
             continue
         for forward in (True, False):
             rows = other if forward else other[::-1]
-            if len(rows) != len(one) or np.abs(one[:, :3] - rows[:, :3]).max() > SAME * size:
+            if len(rows) != len(one) or np.abs(one[:, :3] - rows[:, :3]).max() > near:
                 continue
             ratios = rows[:, 3] / one[:, 3]
             if np.ptp(ratios) > SAME * ratios.max():

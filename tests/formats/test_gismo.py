@@ -9,6 +9,7 @@ from scipy.interpolate import BSpline
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.gismo import encode_gismo
 from gtb_cli.formats.splines import exact_surfaces
+from gtb_cli.theory.model import Model
 from tests.patches import bezier_triangle, bicubic, integer_pentagon, pentagon
 from tests.shell import SPECS
 from tests.specs import load
@@ -97,6 +98,20 @@ def test_known_numbers_of_interfaces():
     assert encode_gismo(bicubic())[1] == "1 piece, 0 interfaces, 4 boundary sides"
     assert encode_gismo(integer_pentagon())[1] == "5 pieces, 5 interfaces, 10 boundary sides"
     assert encode_gismo(bezier_triangle())[1] == "3 pieces, 3 interfaces, 6 boundary sides"
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(0.01, 1e7), (1e-9, 0), (1e9, 0)])
+def test_size_and_place_change_no_interface(scale, shift):
+    for patch in (integer_pentagon(), bezier_triangle()):
+        moved = patch.replace(control_points=scale * patch.control_points + shift)
+        (_, lines, boundaries), (_, *expected) = read(encode_gismo(moved)[0]), read(encode_gismo(patch)[0])
+        assert [lines, boundaries] == expected
+
+
+def test_a_rounding_of_coordinates_parts_no_sides():
+    far = bicubic().replace(control_points=bicubic().control_points / 100 + 1e7)
+    beside = far.replace(control_points=np.nextafter(far.control_points, np.inf))
+    assert encode_gismo(Model((far, beside)))[1] == "2 pieces, 4 interfaces, 0 boundary sides"
 
 
 def test_what_has_no_pieces_is_refused():
