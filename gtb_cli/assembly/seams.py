@@ -56,8 +56,11 @@ class Seam:
     @cached_property
     def place(self) -> FloatArray:
         """(3,) point with the largest angle."""
+        return self._point(self._worst)
+
+    def _point(self, k: int) -> FloatArray:
         rim = self._rims[0]
-        at = rim.place._replace(rows=slice(0, 1), s=rim.place.s[:, [self._worst]])
+        at = rim.place._replace(rows=slice(0, 1), s=rim.place.s[:, [k]])
         return np.asarray(rim.patch.points_at([at], 1)[0])
 
     @cached_property
@@ -67,7 +70,17 @@ class Seam:
         It is taken over the places where both are finite and the angle is at most `MAX_CREASE_DEGREES`; NaN if there is
         no such place. It is computed when asked for, which takes longer than the angle.
         """
-        return bends([self])[0]
+        return self._most_bent[0]
+
+    @cached_property
+    def bend_place(self) -> FloatArray:
+        """(3,) point with the largest difference `bend`, or NaN."""
+        bend, k = self._most_bent
+        return np.full(3, math.nan) if math.isnan(bend) else self._point(k)
+
+    @cached_property
+    def _most_bent(self) -> tuple[float, int]:
+        return _bends([self])[0]
 
     def name(self, model: Model) -> str:
         """Return the names of both edges, for messages."""
@@ -111,6 +124,11 @@ def joints(model: Model | SpecPath) -> tuple[Seam, ...]:
 
 def bends(seams: Sequence[Seam]) -> list[float]:
     """Measure `Seam.bend` of each seam; rims at the same places of one basis are measured together."""
+    return [bend for bend, _ in _bends(seams)]
+
+
+def _bends(seams: Sequence[Seam]) -> list[tuple[float, int]]:
+    """Return the bend of each seam, and the number of the place that has it."""
     alike: dict[tuple[RationalBasis, Face, bytes], list[_Rim]] = {}
     for rim in (rim for seam in seams if seam._smooth.any() for rim in seam._rims):
         alike.setdefault((rim.patch.rational_basis, rim.place.face, rim.place.s.tobytes()), []).append(rim)
@@ -122,12 +140,15 @@ def bends(seams: Sequence[Seam]) -> list[float]:
             found = curvatures_at([rim.patch for rim in part], [part[0].place], SEAM_PLACES).mean
             mean |= {id(rim): rim.sign * values for rim, values in zip(part, found, strict=True)}
 
-    def bend(seam: Seam) -> float:
+    def bend(seam: Seam) -> tuple[float, int]:
         if not seam._smooth.any():
-            return math.nan
+            return math.nan, 0
         ours, theirs = (mean[id(rim)] for rim in seam._rims)
-        across = 2 * np.abs(ours - theirs)[seam._smooth]
-        return float(across[np.isfinite(across)].max()) if np.isfinite(across).any() else math.nan
+        across = np.where(seam._smooth, 2 * np.abs(ours - theirs), math.nan)
+        if not np.isfinite(across).any():
+            return math.nan, 0
+        k = int(np.where(np.isfinite(across), across, -1.0).argmax())
+        return float(across[k]), k
 
     return [bend(seam) for seam in seams]
 

@@ -6,17 +6,26 @@ import math
 import os
 import re
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.errors import RequirementError, SpecError
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.options import INPUT, WholeNumber, length_of, numbers_of, output_options, streams_options
-from gtb_cli.shell.streams import Streams, about, number_rows, opened, read_bytes, shown_input, stem_of
+from gtb_cli.shell.options import (
+    INPUT,
+    WholeNumber,
+    json_option,
+    length_of,
+    numbers_of,
+    output_options,
+    streams_options,
+)
+from gtb_cli.shell.streams import Streams, about, number_rows, opened, read_bytes, shown_input, stem_of, write_json
 from gtb_cli.vocabulary import CONTINUITIES, IMPORTS, TEMPLATES
 
 if TYPE_CHECKING:
+    from gtb_cli.arrays import FloatArray
     from gtb_cli.design.fill import Filling
 
 
@@ -127,6 +136,7 @@ def _points(path: str, sizes: tuple[int, int]) -> list[list[float]]:
     metavar="D",
     help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole.",
 )
+@json_option
 @streams_options
 def fill(
     loop: str,
@@ -135,6 +145,7 @@ def fill(
     inner: str,
     fullness: float | None,
     raises: int | None,
+    as_json: bool,
     streams: Streams,
 ) -> None:
     """\b
@@ -146,8 +157,11 @@ def fill(
     is to touch tangent planes along it (the second row of control points, as many as in the first). It may also be a
     .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring.
 
-    Along each side with a ribbon the tangent planes are exact up to rounding; the largest angle is printed. A patch
-    that folds or is turned over is not written, and the exit status is 1.
+    Along each side with a ribbon the tangent planes are exact up to rounding. A certificate says what was measured: for
+    each side the largest angle between normals, away from corners, and, in a model, the largest difference between
+    curvatures across; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its variation) and the largest curvature of the patch
+    without its outermost hundredth; folds among some thousand places. With --json it is printed as data in place of the
+    spec, which -o writes. A patch that folds or is turned over is not written, and the exit status is 1.
     """
     from gtb_cli.design.filling import filled
     from gtb_cli.design.loops import read_loop
@@ -159,10 +173,45 @@ def fill(
     with about(source):
         name = None if isinstance(found, Model) else stem_of(loop)
         filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)
+        if as_json:
+            write_json(STANDARD, _certificate(filling))
         if filling.fault:
             raise RequirementError(f"{filling.fault}; it is not written")
-    streams.write(dump(filling.model or filling.patch))
+    if not as_json or streams.output != STANDARD:
+        streams.write(dump(filling.model or filling.patch))
     _report(filling, streams.console)
+
+
+def _certificate(filling: Filling) -> dict[str, Any]:
+    """Return what was measured as plain data; None stands for what is not known."""
+
+    def known(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    sides = [
+        {
+            "name": side.name,
+            "angle": known(contact.angle),
+            "place": None if math.isnan(contact.angle) else contact.place.tolist(),
+            "curvature_difference": known(contact.bend),
+            "curvature_place": None if math.isnan(contact.bend) else contact.bend_place.tolist(),
+        }
+        for side, contact in zip(filling.sides, filling.contacts, strict=True)
+    ]
+    return {
+        "name": filling.patch.name,
+        "sides": sides,
+        "corner_angles": [known(angle) for angle in filling.corner_angles.tolist()],
+        "area": filling.bending.area,
+        "bending": filling.bending.energy,
+        "variation": filling.bending.variation,
+        "curvature": filling.bending.curvature,
+        "folds": filling.folds,
+        "sharp_turns": filling.sharp_turns,
+        "knots": len(filling.patch.knots),
+        "remarks": list(filling.remarks),
+        "fault": filling.fault,
+    }
 
 
 def _report(filling: Filling, console: Console) -> None:
@@ -179,10 +228,25 @@ def _report(filling: Filling, console: Console) -> None:
         console.warn(
             f"the patch turns sharply at {filling.sharp_turns} of some thousand places: coarse meshes fold there"
         )
+    for side, contact in zip(filling.sides, filling.contacts, strict=True):
+        met = (
+            "curve met"
+            if math.isnan(contact.angle)
+            else f"angle to its planes up to {_near(contact.angle, contact.place, ' degrees')}"
+        )
+        bend = contact.bend
+        bent = "" if math.isnan(bend) else f", curvatures across differ by up to {_near(bend, contact.bend_place)}"
+        console.note(f"{side.name}: {met}{bent}")
+    bending, knots = filling.bending, len(filling.patch.knots)
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
-    knots = len(filling.patch.knots)
-    bent = f"bending {filling.bending.energy:.3g}, variation {filling.bending.variation:.2g}"
-    console.note(f"{sides} sides, {knots} knots, {bent}{angle}")
+    console.note(f"{sides} sides, {knots} knots, no folds at some thousand places{angle}")
+    bent, varied = (f"{round(value, 12):.3g}" for value in (bending.energy, bending.variation))  # 0 of planes
+    curvature = f"largest curvature {bending.curvature:.3g}"
+    console.note(f"but for the outermost hundredth: bending {bent}, variation {varied}, {curvature}")
+
+
+def _near(value: float, place: FloatArray, unit: str = "") -> str:
+    return f"{value:.2g}{unit} near ({', '.join(f'{x:.4g}' for x in place)})"
 
 
 @click.command("import")

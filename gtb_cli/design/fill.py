@@ -8,7 +8,7 @@ null space of ``v ↦ <normal, v>``. One linear least-squares problem chooses a 
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import partial
 
 import numpy as np
@@ -42,8 +42,33 @@ from gtb_cli.values import frozen
 VISIBLE = 0.01
 """Of the way to the middle: what is nearer to the boundary is not seen, and there curvature may grow without bounds."""
 
+_AWAY = (stations() > 0.02) & (stations() < 0.98)  # places nearer to the ends of a side belong to its corners
+
 MOST_BENDING = 1.02
 """Relative to the least that is found: a patch bends no more, so that its curvature varies less."""
+
+
+@frozen
+class Contact:
+    """The largest differences between a patch and what it meets along one side of its hole.
+
+    Attributes
+    ----------
+    angle : float
+        In degrees, between its normals and the given ones, away from the ends of the side; NaN without planes.
+    place : (3,) float
+        The point with this angle; NaN without planes.
+    bend : float
+        Between its normal curvature across the side and its neighbour's, in units of 1 / length; NaN where that is not
+        known or not finite.
+    bend_place : (3,) float
+        The point with this difference, or NaN.
+    """
+
+    angle: float
+    place: FloatArray
+    bend: float = math.nan
+    bend_place: FloatArray = field(default_factory=lambda: np.full(3, math.nan))
 
 
 @frozen
@@ -57,8 +82,8 @@ class Filling:
         In the order of the patch's edges.
     bending : Bending
         Integrals of curvature and of its variation over the patch without the outermost hundredth.
-    angle : float
-        Largest angle in degrees between the patch's normals and the given ones along its edges, away from corners.
+    contacts : tuple of Contact
+        What was measured along each side.
     corner_angles : (r,) float
         Angle in degrees between the planes of sides k − 1 and k at corner k; NaN if a side has no planes.
     raises : tuple of int
@@ -76,13 +101,18 @@ class Filling:
     patch: Patch
     sides: tuple[HoleSide, ...]
     bending: Bending
-    angle: float
+    contacts: tuple[Contact, ...]
     corner_angles: FloatArray
     raises: tuple[int, ...]
     folds: int
     sharp_turns: int
     remarks: tuple[str, ...]
     model: Model | None = None
+
+    @property
+    def angle(self) -> float:
+        """Largest angle in degrees between the patch's normals and the given ones, away from corners; NaN if none."""
+        return max((each.angle for each in self.contacts if not math.isnan(each.angle)), default=math.nan)
 
     @property
     def fault(self) -> str | None:
@@ -142,7 +172,7 @@ def fill_loop(
             fields = [nearest_field(field, side, n) for field, side, n in zip(fields, unit, normals, strict=True)]
         found = []
         for patch, bent in _solved(edges, fields, inner, fullness):
-            turned = sum(_angle(patch, k, n) > 90 for k, n in enumerate(normals) if n is not None)
+            turned = sum(_angles(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
             turns, folds = _turns(patch), _folds(patch)
             found.append((turns + 1000 * (folds + turned), patch, bent, times, turns, folds))
             if not found[-1][0]:
@@ -176,7 +206,7 @@ def fill_loop(
         patch,
         ordered,
         Bending(bent.area * size**2, bent.energy, bent.variation, bent.curvature / size),
-        max((_angle(patch, k, n) for k, n in enumerate(normals) if n is not None), default=math.nan),
+        tuple(_contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True))),
         _corner_angles(normals),
         tuple(times),
         folds,
@@ -305,15 +335,24 @@ def _directions(patch: Patch, s: FloatArray) -> FloatArray:
     return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))
 
 
-def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
-    """Return the largest angle in degrees between the patch's and the given normals along a side, without its ends."""
-    corner_width = 0.02  # parameters as near to the ends belong to corners
-    t = stations()
-    away = (t > corner_width) & (t < 1 - corner_width)
-    corner = patch.domain.vertices - patch.knots[side]
-    found = edge_normals(patch, int(np.abs(corner).sum(axis=1).argmin()), t[away])
-    sine = np.linalg.norm(np.cross(found, normals[away]), axis=1)
-    return float(np.degrees(np.arctan2(sine, (found * normals[away]).sum(axis=1))).max())
+def edge_of(patch: Patch, side: int) -> int:
+    """Return the edge of a filling that is a side: each begins at the knot of its number."""
+    return int(np.abs(patch.domain.vertices - patch.knots[side]).sum(axis=1).argmin())
+
+
+def _contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None) -> Contact:
+    if normals is None:
+        return Contact(math.nan, np.full(3, math.nan))
+    angles = _angles(patch, side, normals)
+    k = int(angles.argmax())
+    return Contact(float(angles[k]), points_and_tangents(given.curve, stations()[_AWAY][[k]])[0][0])
+
+
+def _angles(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
+    """Return the angles in degrees between the patch's and the given normals along a side, without its ends."""
+    found = edge_normals(patch, edge_of(patch, side), stations()[_AWAY])
+    sine = np.linalg.norm(np.cross(found, normals[_AWAY]), axis=1)
+    return np.asarray(np.degrees(np.arctan2(sine, (found * normals[_AWAY]).sum(axis=1))))
 
 
 def _corner_angles(normals: Sequence[FloatArray | None]) -> FloatArray:

@@ -7,7 +7,8 @@ from dataclasses import replace
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import finite
-from gtb_cli.design.fill import Filling, fill_loop
+from gtb_cli.assembly.seams import joints
+from gtb_cli.design.fill import Filling, edge_of, fill_loop
 from gtb_cli.design.holes import ring_of, ring_sides
 from gtb_cli.design.loops import read_loop
 from gtb_cli.design.sides import HoleSide, curve_side
@@ -97,7 +98,8 @@ def filled(
         if hole is not None:
             raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
         return fill_loop(_loosened(found, continuity), name, inner=inner, fullness=fullness, raises=raises)
-    sides = _loosened(ring_sides(found, ring_of(found, hole)), continuity)
+    ring = ring_of(found, hole)
+    sides = _loosened(ring_sides(found, ring), continuity)
     taken = {patch.name for patch in found}
     names = (name or "hole", *(f"{name or 'hole'}-{k}" for k in range(1, len(taken) + 1)))
     unique = next(candidate for candidate in names if candidate not in taken)
@@ -106,7 +108,14 @@ def filled(
     remarks = filling.remarks
     if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] == len(found)]:
         remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
-    return replace(filling, remarks=remarks, model=whole)
+    beside = found.replace(patches=(*(found.patches[k] for k in sorted({ref[0] for ref in ring})), filling.patch))
+    seams = {seam.second[1]: seam for seam in joints(beside) if seam.second[0] == len(beside) - 1}
+    edges = [seams.get(edge_of(filling.patch, k)) for k in range(len(filling.sides))]
+    contacts = [
+        contact if seam is None else replace(contact, bend=seam.bend, bend_place=seam.bend_place)
+        for contact, seam in zip(filling.contacts, edges, strict=True)
+    ]
+    return replace(filling, contacts=tuple(contacts), remarks=remarks, model=whole)
 
 
 def _loosened(sides: Sequence[HoleSide], continuity: str) -> Sequence[HoleSide]:

@@ -162,6 +162,22 @@ MADE: Kind = MEASURES | {
     "versions?": VERSIONS,
 }
 
+FILLED: dict[str, Kind] = {
+    "name": (TEXT, None),
+    "sides": [
+        {
+            "name": TEXT,
+            **_each("angle curvature_difference", (NUMBER, None)),
+            **_each("place curvature_place", (POINT, None)),
+        }
+    ],
+    "corner_angles": [(NUMBER, None)],
+    **_each("area bending variation curvature", NUMBER),
+    **_each("folds sharp_turns knots", INTEGER),
+    "remarks": [TEXT],
+    "fault": (TEXT, None),
+}
+
 # What is printed or written, by its name, with its title
 SCHEMAS: dict[str, tuple[str, tuple[dict[str, Kind], ...]]] = {
     "info": ("gtb info as JSON", tuple(HEAD | kind for kind in (PATCH, MODEL, MESH, FAULTY))),
@@ -172,6 +188,7 @@ SCHEMAS: dict[str, tuple[str, tuple[dict[str, Kind], ...]]] = {
         tuple(HEAD | kind for kind in (CELLS, {"patches": [CELLS]}, {"decompositions": [CONE]})),
     ),
     "eval": ("gtb eval as JSON", tuple(HEAD | EVALUATED | {key: [POINT]} for key in ("points", "basis"))),
+    "fill": ("gtb fill as JSON", (HEAD | FILLED,)),
     "errors": ("errors and warnings on standard error", (HEAD | {"errors": [FAULT], "status": INTEGER},)),
     "version": ("gtb and its packages", (HEAD | VERSIONS | {"click": TEXT},)),
     "sequence": ("sequence.json", (HEAD | {"name": (TEXT, None), "meshes": [MEMBER], "rate": RATE},)),

@@ -1,5 +1,6 @@
 """Holes filled with one patch: boundary and tangent planes are what was given, and the inside is fair."""
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +30,7 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.design.loops import ARC, homogeneous, random_sides
 from tests.marks import long, mostly_long
+from tests.outputs import check_json
 from tests.shell import SPECS, gtb
 from tests.specs import load
 
@@ -502,6 +504,31 @@ def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():
     assert filling.bending.variation < 0.6 * plain.bending.variation
     swings = [np.ptp(bent_beside(filled.patch)) for filled in (filling, plain)]
     assert swings[0] < 0.6 * swings[1]
+
+
+def test_the_certificate_is_what_curvature_and_normals_say_at_its_places(tmp_path):
+    """At a corner of the rounded cube, between quarters of cylinders with radius 1, whose mean curvature is 1/2."""
+    cube = load(SPECS / "rounded-cube.toml")
+    path = tmp_path / "open.toml"
+    path.write_text(dump(Model(tuple(patch for patch in cube if patch.name != "corner"))), encoding="utf-8")
+    done = gtb("fill", path, "--json", status=0)
+    check_json("gtb fill --json", done)
+    found = json.loads(done.out)
+    patch = fill(path).patch
+    assert found["folds"] == 0
+    assert len(found["sides"]) == 3
+    for k, side in enumerate(found["sides"]):
+        assert side["angle"] < PLANES
+        start, end = patch.domain.vertices[[k, (k + 1) % 3]]
+        along = np.linspace(2e-4, 1 - 2e-4, 401)[:, None]
+        edge = start + along * (end - start)
+        points = patch.evaluate(edge, "linear")
+        here = int(np.linalg.norm(points - side["curvature_place"], axis=1).argmin())
+        across = 2 * np.abs(mean_curvature(patch, edge) - 0.5)
+        assert across[here] == pytest.approx(side["curvature_difference"], rel=1e-2)
+        assert across.max() < 1.1 * side["curvature_difference"]
+    bent = np.abs(mean_curvature(patch, energy_samples(patch.domain, 12, 0.01)[0]))
+    assert bent.max() < found["curvature"] < 2 * bent.max()
 
 
 def bent_beside(patch):
