@@ -14,7 +14,7 @@ Limits
     degenerate, regular_control_surface, degeneration, MeshSequence, Member, MeasuredRate,
     merge_knots, move_knots, knot_limit, KnotLimit, Film, knot_sequence
 Other patches
-    elevate, isocurve, bezier_pieces, split_curve, fit, Fit, fill, Filling, fair, Fairing
+    elevate, isocurve, bezier_pieces, split_curve, fit, Fit, fill, Filling, Contact, fair, Fairing
 Meshes
     tessellate, Recipe, Mesh, write_mesh, read_mesh
 Measurements
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from gtb_cli.checks.report import Finding as Finding
     from gtb_cli.checks.report import ModelReport as ModelReport
     from gtb_cli.checks.report import Report as Report
+    from gtb_cli.design.fill import Contact as Contact
     from gtb_cli.design.fill import Filling as Filling
     from gtb_cli.design.filling import fill as fill
     from gtb_cli.design.fit import Fit as Fit
@@ -110,7 +111,7 @@ else:
         "bezier.pieces": "bezier_pieces split_curve",
         "checks.check": "check",
         "checks.report": "Finding ModelReport Report",
-        "design.fill": "Filling",
+        "design.fill": "Contact Filling",
         "design.filling": "fill",
         "design.fit": "Fit fit",
         "design.isocurve": "isocurve",

@@ -55,7 +55,7 @@ class DerivativeField:
             for begin in range(0, len(u), step):
                 heights = shape.heights_of_columns(u[begin : begin + step], begin)
                 for number, rows in groups(shape.faces.at(heights)):
-                    for here, jet in self._toric(shape.faces[number], heights[:, rows]):
+                    for here, jet in self._toric(shape.faces[number], heights[:, rows], order):
                         result[..., begin + rows[here]] = jet[order]
         else:
             for location in self.basis.locations(u, parametrization):
@@ -95,7 +95,7 @@ class DerivativeField:
         near = np.abs(shape.heights - whole) <= knot_tolerance(shape.knots) * shape.normal_lengths
         return np.where(near, whole, shape.heights)
 
-    def _toric(self, face: Face, heights: FloatArray) -> Iterator[tuple[IntArray, Jet]]:
+    def _toric(self, face: Face, heights: FloatArray, order: Order) -> Iterator[tuple[IntArray, Jet]]:
         """Yield columns led by one knot, of (r, m) edge functions on a face, and derivatives there.
 
         A facet through the face has the edge function 0: of its powers in a derivative, 0⁰ = 1 alone is left.
@@ -106,7 +106,7 @@ class DerivativeField:
         for k, here in groups(np.where(face.knots[:, None], e, -np.inf).argmax(axis=0)):
             powers = self._exponents - np.where(zero, 0.0, self._exponents[k])
             directions = shape.normals[:, :, None] / x[:, None, here]
-            jet = jet_of(_power_terms(powers, zero, e[:, here] - e[k, here], directions), self._sums(k))
+            jet = jet_of(_power_terms(powers, zero, e[:, here] - e[k, here], directions, order), self._sums(k))
             for facet in face.facets.tolist():
                 self._mark(jet, facet, face, k)
             yield here, jet
@@ -182,43 +182,45 @@ def jet_of(terms: Terms, sums: Callable[[FloatArray], FloatArray]) -> Jet:
     value = sums(terms.point) / total
     rates = [x.sum(axis=0) / total for x in terms.first]
     first = [sums(x) / total - value * rate for x, rate in zip(terms.first, rates, strict=True)]
-    second = np.empty((d, d, *value.shape))
-    for x, (a, b) in zip(terms.second, combinations_with_replacement(range(d), 2), strict=True):
+    second = np.zeros((d, d, *value.shape))
+    for x, (a, b) in zip(terms.second, combinations_with_replacement(range(d), 2), strict=False):
         bend = sums(x) / total - value * (x.sum(axis=0) / total) - first[a] * rates[b] - first[b] * rates[a]
         second[a, b] = second[b, a] = bend
     return Jet(value, np.array(first), second)
 
 
-def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions: FloatArray) -> Terms:
+def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions: FloatArray, order: Order) -> Terms:
     """Terms e^e, and their derivatives, of products of (n, r) powers of r edge functions.
 
     Some edge functions are zero. The (r, d, m) directions are derivatives of their logarithms, of those that are zero
-    derivatives of themselves.
+    derivatives of themselves. With order 1, second derivatives, whose time grows with r², are left out.
     """
     r, d, m = directions.shape
-    f = np.where(e > UNDERFLOW_EXPONENT, np.exp(e), 0.0)
-    orders = [
-        np.where(zero, factor * (powers == order), live)
-        for order, factor, live in ((0, 1, 1.0), (1, 1, powers), (2, 2, powers * (powers - 1)))
-    ]
-
-    def derivative(*edges: int) -> FloatArray:
-        """(n,) factor of the term in a derivative by some edge functions."""
-        counts = [edges.count(j) for j in range(r)]
-        return np.asarray(np.prod([orders[count][:, j] for j, count in enumerate(counts) if count or zero[j]], axis=0))
-
-    point = f * (powers[:, zero] == 0).all(axis=1)[:, None]
-    slopes = np.array([derivative(j) for j in range(r)]).T
-    pairs = list(combinations_with_replacement(range(r), 2))
-    bends = np.array([derivative(*pair) for pair in pairs]).T
-    second = []
-    for a, b in combinations_with_replacement(range(d), 2):
-        products = [
-            directions[i, a] * directions[j, b] + (directions[j, a] * directions[i, b] if i != j else 0.0)
-            for i, j in pairs
-        ]
-        second.append(f * (bends @ np.array(products).reshape(len(pairs), m)))
-    return Terms(point, tuple(f * (slopes @ directions[:, a]) for a in range(d)), tuple(second))
+    on, first, twice = (
+        np.where(zero, factor * (powers == power), live)
+        for power, factor, live in ((0, 1, 1.0), (1, 1, powers), (2, 2, powers * (powers - 1)))
+    )
+    on_face = on[:, zero].prod(axis=1)
+    rest = np.repeat(on_face[:, None], r, axis=1)  # on the face, but for the facet itself
+    for j in np.flatnonzero(zero).tolist():
+        rest[:, j] = on[:, zero & (np.arange(r) != j)].prod(axis=1)
+    slopes, f = first * rest, np.where(e > UNDERFLOW_EXPONENT, np.exp(e), 0.0)
+    ways = list(combinations_with_replacement(range(d), 2))[: None if order == 2 else 0]
+    bends = [np.zeros((len(f), m)) for _ in ways]
+    for i in range(r if order == 2 else 0):
+        after = slice(i + 1, r)
+        mixed = np.where(zero[after], first[:, [i]], slopes[:, [i]]) * first[:, after]
+        if not zero[i]:
+            mixed = first[:, [i]] * slopes[:, after]
+        factors = np.column_stack([twice[:, i] * rest[:, i], mixed])
+        for bend, (a, b) in zip(bends, ways, strict=True):
+            both = directions[i, a] * directions[after, b] + directions[after, a] * directions[i, b]
+            bend += factors @ np.concatenate([directions[i : i + 1, a] * directions[i, b], both])
+    return Terms(
+        f * on_face[:, None],
+        tuple(f * (slopes @ directions[:, a]) for a in range(d)),
+        tuple(f * bend for bend in bends),
+    )
 
 
 def _unlimited(powers: FloatArray, order: int) -> BoolArray:
