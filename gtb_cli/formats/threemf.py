@@ -105,7 +105,7 @@ def read_threemf(data: bytes) -> Content:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             return _Reader(archive).content()
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, expat.ExpatError) as error:
-        raise GtbError(f"is not a whole 3MF file: {error}") from None
+        raise GtbError(f"is not a whole 3MF file: {str(error) or 'it is cut off'}") from None
     except (LookupError, ValueError, OverflowError) as error:
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
@@ -128,6 +128,8 @@ class _Reader:
         name = MODEL if MODEL in names else next(iter(names), None)
         if name is None:
             raise GtbError("is a ZIP archive without the model of a 3MF file")
+        if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise GtbError("is compressed in a way that no 3MF file is")
         if archive.getinfo(name).file_size > LARGEST:
             raise GtbError(f"says that its model has more than {LARGEST >> 30} GB")
         self.meshes: dict[str, _Mesh] = {}

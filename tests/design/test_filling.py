@@ -14,7 +14,7 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.design.test_fill import CUP, HERE, TRIANGLE
-from tests.marks import mostly_long
+from tests.marks import long, mostly_long
 from tests.meshes.test_rims import walls
 from tests.specs import SECONDS
 from tests.tools.mutations import mutated
@@ -71,6 +71,7 @@ def test_plane_rims_are_closed_by_plane_lids_and_floors(profile, sides):
     assert solid.to_trimesh().volume > 0
 
 
+@long
 def test_a_lid_that_would_fold_is_refused_and_so_are_planes_that_are_not_met():
     corners = [(0, 0), (4, 2), (0, 4), (1.9, 2)]  # the last of them concave
     curves = [Patch([0, 1], [[*a, 0], [*b, 0]]) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]

@@ -368,6 +368,7 @@ def test_a_thickened_surface_is_a_solid_of_its_two_sides_and_rims(
     assert volume(shape) == pytest.approx(abs(outer**2 - 4) * math.pi / 4 * 5, rel=1e-6)
 
 
+@long
 def test_solids_that_the_kernel_would_make_wrong_are_refused(tmp_path: Path) -> None:
     sides = [[0, 0], [1, 0], [0, 1], [1, 1]]
     roof = [[[-1, 0, 0], [0, 0, 0], [-1, 1, 0], [0, 1, 0]], [[0, 0, 0], [1, 0, -1], [0, 1, 0], [1, 1, -1]]]

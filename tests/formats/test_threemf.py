@@ -29,12 +29,16 @@ def tree_of(data: bytes) -> ElementTree.Element:
 
 
 def archive(
-    objects: str, build: str = '<item objectid="1"/>', name: str = "3D/3dmodel.model", prolog: str = ""
+    objects: str,
+    build: str = '<item objectid="1"/>',
+    name: str = "3D/3dmodel.model",
+    prolog: str = "",
+    method: int = zipfile.ZIP_STORED,
 ) -> bytes:
     """A file as other programs write it."""
     file = io.BytesIO()
     text = f'{prolog}<model xmlns="{CORE[1:-1]}"><resources>{objects}</resources><build>{build}</build></model>'
-    with zipfile.ZipFile(file, "w") as written:
+    with zipfile.ZipFile(file, "w", method) as written:
         written.writestr(name, text)
     return file.getvalue()
 
@@ -92,6 +96,7 @@ def test_objects_are_placed_where_components_and_items_say():
     ("data", "message"),
     [
         (archive("")[:-9], "is not a whole 3MF file: "),
+        (archive("", method=zipfile.ZIP_BZIP2), "is compressed in a way that no 3MF file is"),
         (archive("", name="x.xml"), "is a ZIP archive without the model"),
         (archive('<object id="1">'), "is not a whole 3MF file: mismatched tag"),
         (archive("", build=""), "has no vertices"),

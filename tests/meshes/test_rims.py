@@ -97,7 +97,7 @@ def test_a_flat_rim_lies_in_its_plane_and_keeps_the_wall(name, thickness, n):
     assert wall_near_rims(solid, thickness, heights).min() > 0.985 * abs(thickness)
 
 
-@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
+@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1.0, 1e7), (1e-9, 0.0), (1e9, 0.0)]))
 def test_a_flat_rim_has_any_size_and_place(scale, shift):
     solid, remarks = Recipe(3, thickness=2 * scale, rim="flat").mesh(walls(DISH, 5, False, scale, shift))
     assert remarks == []

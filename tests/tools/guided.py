@@ -151,7 +151,7 @@ def seeds(kind: str) -> list[bytes]:
         from tests.tiny_meshes import curve, encoded, surface
 
         for mesh in (surface(1), curve(2)):
-            for format in ("obj", "ply", "glb") if mesh.is_curve else ("obj", "ply", "glb", "stl"):
+            for format in ("obj", "ply", "glb") if mesh.is_curve else ("obj", "ply", "glb", "stl", "3mf"):
                 found.append(encoded(mesh, format))
                 if format in ("ply", "stl"):
                     found.append(encoded(mesh, format, ascii=True))
