@@ -178,7 +178,7 @@ class _Reader:
     def content(self) -> Content:
         """Place the objects, each after those that it refers to: an object names only earlier ones."""
         most = 50_000_000  # numbers of all placed objects: few bytes may name many
-        effort = 2000  # numbers that take as long as an object without any
+        effort = 10_000  # numbers that take as long as an object without any
         order = {key: number for number, key in enumerate(self.meshes)}
         vertices: list[FloatArray] = []
         cells: list[IntArray] = []
