@@ -82,9 +82,9 @@ def evaluate(
     --grid reads nothing: its parameters cover the domain, corners and edges included, and each line is "u v x y z"
     (for a curve "t x y z"), which plotting programs read.
 
-    A parameter within 9e-16 of the size of the domain from an edge lies on it. If the next knots are near to that edge
-    (0.01, say), T has gone more than half of its way there, and no toric parameter stands for the points between:
-    --parametrization linear reaches them.
+    A parameter within 9e-16 of the size of the domain from an edge (or of its largest coordinate) lies on it. If the
+    next knots are near to that edge (0.01, say), T has gone more than half of its way there, and no toric parameter
+    stands for the points between: --parametrization linear reaches them.
     """
     if grid is not None and params != STANDARD:
         raise click.UsageError(f"--grid makes parameters: {params} cannot be read as well")
