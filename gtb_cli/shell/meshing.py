@@ -115,7 +115,8 @@ def write_lines(streams: Streams, kind: str, mesh: Mesh) -> None:
 def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = ()) -> str:
     """Describe the size of a mesh, for messages; with extents and volume if it is found to be closed as it is `stored`.
 
-    Where remarks say that faces cross, what they bound several times is counted so, and the volume is marked.
+    Where remarks say that faces cross, or there are several parts, what they bound several times is counted so, and the
+    volume is marked.
     """
     text = f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
     if stored is None or mesh.is_curve:
@@ -128,7 +129,8 @@ def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = ())
         return text
     low, high = measures.bounds
     extents = " × ".join(_amount(end - start) for start, end in zip(low, high, strict=True))
-    counted = " counted with crossings" if any(line.startswith(CROSSES) for line in remarks) else ""
+    counted = f" of {measures.components} parts together" if measures.components > 1 else ""
+    counted = " counted with crossings" if any(line.startswith(CROSSES) for line in remarks) else counted
     return f"{text}, closed, {extents}, volume {_amount(measures.volume)}{counted}"
 
 

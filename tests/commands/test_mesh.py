@@ -11,11 +11,13 @@ import trimesh
 
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
+from gtb_cli.language.writer import dump
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.shell import PENTAGON, SPECS, gtb
 from tests.specs import load
@@ -195,3 +197,17 @@ def test_no_file_has_a_number_that_is_none(name):
                 assert np.isfinite(numbers_of_glb(result.out)).all()
             else:
                 assert not re.search(rb"\b(?:nan|inf)\b", result.out, re.IGNORECASE)
+
+
+def test_the_volume_of_parts_inside_each_other_is_called_that_of_both(tmp_path):
+    """Both cubes look outwards: what is in the inner one counts twice."""
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    patches = [
+        Patch(square, [np.roll([size * side, *np.multiply(size, uv[:: 2 * side - 1])], axis) + at for uv in square])
+        for size, at in ((4, 0), (1, 1))
+        for axis in range(3)
+        for side in (0, 1)
+    ]
+    (tmp_path / "nested.toml").write_text(dump(Model(tuple(patches))), encoding="utf-8")
+    shown = gtb("mesh", tmp_path / "nested.toml", "-n", "2", "-o", tmp_path / "x.stl", status=0).err
+    assert shown.endswith("closed, 4 × 4 × 4, volume 65 of 2 parts together\n")
