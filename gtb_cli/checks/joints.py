@@ -36,16 +36,21 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
     seams = [seam for seam in joints(model) if math.isfinite(seam.angle)]
     if seams:
         worst = max(seams, key=lambda seam: seam.angle)
-        place = ", ".join(f"{x:.4g}" for x in worst.place)
-        reason = f"degrees, the largest angle between normals, where {worst.name(model)} meet, near ({place})"
+        where = f"where {worst.name(model)} meet, near ({_shown(worst.place)})"
+        reason = f"degrees, the largest angle between normals, {where}"
         found["angle of joints"] = number(worst.angle, reason)
     bent = [(bend, seam) for seam, bend in zip(seams, bends(seams), strict=True) if math.isfinite(bend)]
     if bent:
         bend, most = max(bent, key=lambda pair: pair[0])
-        reason = f"1/length, the largest difference of normal curvatures across, where {most.name(model)} meet"
+        where = f"where {most.name(model)} meet, near ({_shown(most.bend_place)})"
+        reason = f"1/length, the largest difference of normal curvatures across, {where}"
         found["curvature across joints"] = number(bend, reason)
     # By this theorem an edge is the curve of its own knots.
     return tuple(replace(finding, name=name, reference="Thm 4.0") for name, finding in found.items())
+
+
+def _shown(place: FloatArray) -> str:
+    return ", ".join(f"{x:.4g}" for x in place)
 
 
 def _joined(model: Model) -> Finding:
