@@ -3,7 +3,8 @@
 Inside each edge, with Bézier points q_0 … q_m, there is a row of m knots shifted by half a step, with control points
 ``(q_j + q_{j+1})/2 + v_j``: the first part lies on the tangent line, and v is a polynomial field in the given tangent
 planes. So the edge's tangent and the direction to the row span these planes. All such fields form a linear space, the
-null space of ``v ↦ <normal, v>``. One linear least-squares problem chooses a field and the inner control points.
+null space of ``v ↦ <normal, v>``. Linear least-squares problems choose a field and the inner control points: that of a
+thin plate, then, in the metric of its surface, that of the least variation of curvature.
 """
 
 import math
