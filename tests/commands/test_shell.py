@@ -55,13 +55,13 @@ def start():
     """Start real processes, which ignore no signals at first; what is left of them is ended with the test."""
     children = []
 
-    def started(*arguments: object, preexec_fn=lambda: None, **options) -> subprocess.Popen:
+    def started(*arguments: object, preexec_fn=lambda: None, variables=(), **options) -> subprocess.Popen:
         def prepare():
             for number in STOPPING:
                 signal.signal(number, signal.SIG_DFL)
             preexec_fn()
 
-        child = subprocess.Popen(command(*arguments), env=environment(), preexec_fn=prepare, **options)
+        child = subprocess.Popen(command(*arguments), env=environment(**dict(variables)), preexec_fn=prepare, **options)
         children.append(child)
         return child
 
@@ -378,7 +378,9 @@ def test_a_disk_that_fills_up_leaves_the_old_files(arguments, there, start, tmp_
     if there:
         gtb(*arguments, "-n", "10", "-o", out, status=0)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
-    child = start(*arguments, "-o", out, stderr=subprocess.PIPE, preexec_fn=limited(resource.RLIMIT_FSIZE, 4096))
+    limit = limited(resource.RLIMIT_FSIZE, 4096)
+    without = {"PYTHONDONTWRITEBYTECODE": "1"}  # which Python would cut at the limit, for all later processes
+    child = start(*arguments, "-o", out, stderr=subprocess.PIPE, preexec_fn=limit, variables=without)
     _, error = child.communicate(timeout=TIMEOUT)
     assert child.returncode == 2
     assert re.fullmatch(rf"gtb: error: cannot write {out}/\S+\.obj: File too large\n", error.decode())
