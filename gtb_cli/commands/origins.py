@@ -173,12 +173,12 @@ def fill(
     with about(source):
         name = None if isinstance(found, Model) else stem_of(loop)
         filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)
-        if as_json:
-            write_json(STANDARD, _certificate(filling))
-        if filling.fault:
-            raise RequirementError(f"{filling.fault}; it is not written")
-    if not as_json or streams.output != STANDARD:
-        streams.write(dump(filling.model or filling.patch))
+    if not filling.fault and not (as_json and streams.output == STANDARD):
+        streams.write(dump(filling.model or filling.patch))  # before its certificate: it may be impossible
+    if as_json:
+        write_json(STANDARD, _certificate(filling))
+    if filling.fault:
+        raise RequirementError(f"{filling.fault}; it is not written").within(source)
     _report(filling, streams.console)
 
 
@@ -228,14 +228,19 @@ def _report(filling: Filling, console: Console) -> None:
         console.warn(
             f"the patch turns sharply at {filling.sharp_turns} of some thousand places: coarse meshes fold there"
         )
+    points = filling.patch.control_points
+    size = (points.max(axis=0) - points.min(axis=0)).max()
+    digits = 4 + int(math.log10(abs(points).max() / size))  # more of them far from the origin
+
+    def near(place: FloatArray) -> str:
+        return f"near ({', '.join(f'{x:.{digits}g}' for x in place)})"
+
     for side, contact in zip(filling.sides, filling.contacts, strict=True):
-        met = (
-            "curve met"
-            if math.isnan(contact.angle)
-            else f"angle to its planes up to {_near(contact.angle, contact.place, ' degrees')}"
-        )
-        bend = contact.bend
-        bent = "" if math.isnan(bend) else f", curvatures across differ by up to {_near(bend, contact.bend_place)}"
+        met, bent = "curve met", ""
+        if not math.isnan(contact.angle):
+            met = f"angle to its planes up to {contact.angle:.2g} degrees {near(contact.place)}"
+        if not math.isnan(contact.bend):
+            bent = f", curvatures across differ by up to {contact.bend:.2g} {near(contact.bend_place)}"
         console.note(f"{side.name}: {met}{bent}")
     bending, knots = filling.bending, len(filling.patch.knots)
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
@@ -243,10 +248,6 @@ def _report(filling: Filling, console: Console) -> None:
     bent, varied = (f"{round(value, 12):.3g}" for value in (bending.energy, bending.variation))  # 0 of planes
     curvature = f"largest curvature {bending.curvature:.3g}"
     console.note(f"but for the outermost hundredth: bending {bent}, variation {varied}, {curvature}")
-
-
-def _near(value: float, place: FloatArray, unit: str = "") -> str:
-    return f"{value:.2g}{unit} near ({', '.join(f'{x:.4g}' for x in place)})"
 
 
 @click.command("import")

@@ -152,6 +152,8 @@ def fill_loop(
         raise DomainError(f"inner: expected fair or flat, got {inner!r}")
     if not 0 < fullness <= 1000:
         raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
+    if fullness != 1 and all(side.across is None for side in sides):
+        raise DomainError("fullness: continues along tangent planes, and no side has any")
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners

@@ -37,9 +37,10 @@ def encode_surfaces(
         warnings.append(f"fitted within {found.error:.2g}, not exact, {bend}: {who}{shortened(reason)}")
     counts = {"exact": len(found.surfaces) - found.fitted, "fitted": found.fitted}
     faces = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
+    faces += " face" if len(found.surfaces) == 1 else " faces"
     bodies = {"solid": body.solids, "open shell": body.shells}
     parts = [f"{count} {name}{'s' if count > 1 else ''}" for name, count in bodies.items() if count]
-    return body.data, ", ".join([f"{faces} faces", *parts]), warnings
+    return body.data, ", ".join([faces, *(["the offset and rims"] if wall else []), *parts]), warnings
 
 
 def with_y_up(spec: Patch | Model) -> Patch | Model:

@@ -195,8 +195,8 @@ class _Reader:
                 raise GtbError(f"has more than {most} numbers in all objects together")
             vertices.append(np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3) @ place[:3, :3] + place[3, :3])
             found = np.array(mesh.corners).reshape(-1, 3)
-            if len(found) and not 0 <= found.min() <= found.max() < len(vertices[-1]):
-                raise GtbError(f"triangles: expected vertices below {len(vertices[-1])}, got {found.max()}")
+            if len(wrong := found[(found < 0) | (found >= len(vertices[-1]))]):
+                raise GtbError(f"triangles: expected vertices below {len(vertices[-1])}, got {wrong[0]}")
             cells.append(found + count)
             ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
             for (start, part), end in zip(mesh.parts, ends, strict=False):

@@ -54,8 +54,8 @@ def text_about(answer: Answer) -> str:
     faults = "".join(f"  {fault}\n" for fault in found.faults)
     if found.method == "vertices":
         text += f"the same faces, vertices up to {found.distance:.3g} apart (mean {found.mean:.3g}), {tolerance}"
-        if found.same:
-            return text
+        if found.same or not found.distance:
+            return text + faults
         where = f" of {found.group}" if found.group else ""
         places = f"{_at(found.forward.at)} and {_at(found.backward.at)}"
         return f"{text}{faults}  most at vertex {found.vertex}{where}: {places}\n"

@@ -361,7 +361,8 @@ def test_a_thickened_surface_is_a_solid_of_its_two_sides_and_rims(
 ) -> None:
     """A quarter of a tube, of which the volume is known."""
     write(cylinder(), tmp_path / "c.toml")
-    gtb("mesh", tmp_path / "c.toml", "--thickness", thickness, "-o", tmp_path / "c.step", status=0)
+    result = gtb("mesh", tmp_path / "c.toml", "--thickness", thickness, "-o", tmp_path / "c.step", status=0)
+    assert result.err.endswith("c.step: 1 exact face, the offset and rims, 1 solid\n")
     shape = read((tmp_path / "c.step").read_bytes(), "step", tmp_path)
     assert len(parts(shape, "SOLID")) == 1
     assert len(parts(shape, "FACE")) == 6

@@ -18,7 +18,8 @@ CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
 CORNERS = '<vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/>'
 TRIANGLE = f'<mesh><vertices>{CORNERS}</vertices><triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh>'
 
-BEYOND, LETTER = TRIANGLE.replace('v3="2"', 'v3="3"'), TRIANGLE.replace('v2="1"', 'v2="a"')
+BEYOND, BELOW = TRIANGLE.replace('v3="2"', 'v3="3"'), TRIANGLE.replace('v3="2"', 'v3="-1"')
+LETTER = TRIANGLE.replace('v2="1"', 'v2="a"')
 
 
 def tree_of(data: bytes) -> ElementTree.Element:
@@ -105,6 +106,7 @@ def test_objects_are_placed_where_components_and_items_say():
             archive(f'<object id="1">{BEYOND}</object>'),
             "expected vertices below 3, got 3",
         ),
+        (archive(f'<object id="1">{BELOW}</object>'), "expected vertices below 3, got -1"),
         (archive(f'<object id="1">{LETTER}</object>'), "its description is wrong: "),
         (archive(f'<object id="1">{TRIANGLE}</object>', '<item objectid="1" transform="1 2"/>'), "cannot reshape"),
         (
