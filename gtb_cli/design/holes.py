@@ -48,7 +48,7 @@ def ring_of(model: Model, edge: str | None) -> tuple[EdgeRef, ...]:
                 return ring
         raise DomainError(f"hole: no open ring has an edge {edge!r}; rings begin with: {known}")
     if len(found) > 1:
-        raise DomainError(f"hole: the model has {len(found)}, `edge` names one of: {known}")
+        raise DomainError(f"hole: the model has {len(found)}, `hole` names one of: {known}")
     return found[0]
 
 

@@ -46,6 +46,8 @@ def test_fill_takes_files_and_models(tmp_path):
         gtb_cli.fill(tmp_path / "none.toml")
     with pytest.raises(DomainError, match="hole: names an edge"):
         gtb_cli.fill(triangle(), hole="x")
+    with pytest.raises(DomainError, match="hole: the model has 2, `hole` names one of"):
+        gtb_cli.fill(walls([(1, 0), (1, 1), (1, 2)], 3))
     with pytest.raises(DomainError, match="ribbons: expected 3"):
         gtb_cli.fill(triangle(), [None])
     with pytest.raises(DomainError, match=r"ribbons\[1\]: expected shape \(2, 3\), got \(3, 3\)"):
