@@ -236,7 +236,7 @@ def _report(filling: Filling, console: Console) -> None:
         return f"near ({', '.join(f'{x:.{digits}g}' for x in place)})"
 
     for side, contact in zip(filling.sides, filling.contacts, strict=True):
-        met, bent = "curve met", ""
+        met, bent = "no tangent planes given", ""
         if not math.isnan(contact.angle):
             met = f"angle to its planes up to {contact.angle:.2g} degrees {near(contact.place)}"
         if not math.isnan(contact.bend):
