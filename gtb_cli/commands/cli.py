@@ -19,7 +19,7 @@ DONE, REFUSED, FAILED = 0, 1, 2
 # Groups of commands, each with its summary in one line
 GROUPS = {
     "Make": {
-        "mesh": "Turn curves, patches and models into meshes.",
+        "mesh": "Make meshes: OBJ, PLY, STL, GLB or 3MF.",
         "degenerate": "Mesh a toric degeneration and its limit.",
         "knot-limit": "Mesh a patch whose knots move to others, and the limit.",
         "new": "Print a starter spec with comments.",
@@ -30,7 +30,7 @@ GROUPS = {
     "Look and compare": {
         "info": "Say what a spec describes, or what a mesh measures.",
         "view": "Make a page to look at surfaces in a browser.",
-        "plot": "Draw a figure for print: PNG, SVG or PDF.",
+        "plot": "Draw a figure for print, or a film of a sequence.",
         "check": "Measure the properties of a patch that the paper proves.",
         "diff": "Compare meshes, or folders of them, with a tolerance.",
         "approve": "Take new meshes over as those to compare with.",

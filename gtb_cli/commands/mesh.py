@@ -130,15 +130,15 @@ def mesh(
     """\b
     Example: gtb mesh specs/pentagon.toml -o pentagon.obj
 
-    Turn curves, patches and models into meshes.
+    Turn curves, patches and models into meshes: OBJ, PLY, STL, GLB or 3MF.
 
     A curve becomes a polyline. For several specs, OUT is a folder, made if missing, and each file in it is named after
     its spec file; a folder stands for the specs in it. A spec with an error is reported and left out, and the exit
     status is 2; it is 1 if only what --require asks for is missing.
 
     STEP, IGES and BREP files (extra gtb-cli[cad]) hold surfaces: the exact rational Bézier pieces of each patch that
-    has them, or pieces fitted within --tolerance. They are sewn, and are a solid if closed. VTU files hold exact curved
-    cells for ParaView, or are refused.
+    has them, or pieces fitted within --tolerance. They are sewn, and are a solid if closed. Files for G+Smo hold exact
+    pieces; VTU files, for ParaView, such pieces as curved cells or, without any, quadratic ones.
     """
     output, console, spec_format = streams.output, streams.console, streams.spec_format
     if (surfaces := _surface_format(options.format, output)) is not None:

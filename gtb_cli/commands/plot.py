@@ -136,8 +136,10 @@ def plot(
     """\b
     Example: gtb plot specs/pentagon.toml -o pentagon.png
 
-    Draw a spec, or a sequence of meshes, as a figure for print: PNG, SVG, PDF or, for LaTeX, PGF (without surfaces).
-    A sequence may also be a film: FIG is .gif or .apng or, where ffmpeg is installed, .mp4.
+    Draw a spec, or a sequence of meshes, as a figure or a film.
+
+    Figures for print are PNG, SVG, PDF or, for LaTeX, PGF (without surfaces); films, of sequences only, are .gif, .apng
+    or, where ffmpeg is installed, .mp4.
 
     \b
     curve, surface  with control points and the net of the lifting or, without one, of the lattice;

@@ -183,9 +183,8 @@ def content_of_all_limits(path: str, recipe: Recipe | None, spec_format: str | N
         patch = single(spec)
         cones = all_decompositions(patch, console, most=most)
         parts = parts_of(patch, cones)
-        fine = (
-            recipe.resolution if recipe is not None else 10 if patch.dimension == 2 else 64
-        )  # segments of each edge of each cell
+        few = 10 if patch.dimension == 2 else 64  # segments of each edge of each cell
+        fine = few if recipe is None else recipe.resolution
         _refuse_too_many(sum(cell_count(part.patch.domain, fine) for part in parts.values()))
         found = content_of_limits(patch, cones, parts, fine)
     command = "gtb decompose --all" if len(cones) < most else f"gtb decompose --all --max {most}"

@@ -8,6 +8,8 @@ height of knots over it, and so do curvatures: over all of Δ the thin-plate int
 corner it may be for any power of h as a factor. So both energies are integrals over Δ without its outermost thousandth.
 """
 
+from collections.abc import Iterator
+from functools import cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -48,13 +50,63 @@ def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy, resolut
 
 
 def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, kind: Energy) -> FloatArray:
-    """Return the (n, n) energy matrix of any number of samples, as `moments_energy` does of some hundred."""
+    """Return the (n, n) energy matrix of samples at (2, m) torus coordinates that stand for (m,) areas."""
+    if kind not in ("dirichlet", "thin-plate"):
+        raise DomainError(f"energy: expected thin-plate or dirichlet, got {kind!r}")
     form = np.zeros((len(knots), len(knots)))
+    for block, places in moments(knots, log_weights, s):
+        root, (tx, ty), (cxx, cxy, cyy) = np.sqrt(areas[places]), block.first, block.covariance
+        det = cxx * cyy - cxy**2
+        jxx, jxy, jyy = cyy / det, -cxy / det, cxx / det
+        px, py = tx * jxx + ty * jxy, tx * jxy + ty * jyy
+        rows = [px * root, py * root]
+        if kind == "thin-plate":
+            along_x, along_y = block.skewness[:3], block.skewness[1:]
+            axx, axy, ayy = (
+                table - block.t * c - (px * kx + py * ky)
+                for table, c, kx, ky in zip(block.second, block.covariance, along_x, along_y, strict=True)
+            )
+            pxx = jxx**2 * axx + 2 * jxx * jxy * axy + jxy**2 * ayy
+            pxy = jxx * jxy * axx + (jxx * jyy + jxy**2) * axy + jxy * jyy * ayy
+            pyy = jxy**2 * axx + 2 * jxy * jyy * axy + jyy**2 * ayy
+            rows = [pxx * root, pyy * root, pxy * (np.sqrt(2) * root)]
+        table = np.concatenate(rows, axis=1)
+        form += table @ table.T
+    return form
+
+
+class Moments:
+    """T and its derivatives at m places, in coordinates x, y of the knots from their mean μ, listed by the powers of y.
+
+    The (n, m) tables `first`, `second` and `third` are T times one, two and three coordinates. The first are the
+    derivatives of T in torus coordinates.
+    """
+
+    def __init__(self, knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> None:
+        self.t = shares(exponents(knots, log_weights, s))
+        self.x, self.y = (axis[:, None] - axis @ self.t for axis in knots.T)
+        self.first = [self.t * self.x, self.t * self.y]
+        self.second = [self.first[0] * self.x, self.first[0] * self.y, self.first[1] * self.y]
+        self.covariance = [table.sum(axis=0) for table in self.second]
+
+    @cached_property
+    def third(self) -> list[FloatArray]:
+        """T xxx, T xxy, T xyy and T yyy."""
+        (xx, _, yy), x, y = self.second, self.x, self.y
+        return [xx * x, xx * y, yy * x, yy * y]
+
+    @cached_property
+    def skewness(self) -> list[FloatArray]:
+        """Third central moments, which are the sums of these."""
+        return [table.sum(axis=0) for table in self.third]
+
+
+def moments(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Iterator[tuple[Moments, slice]]:
+    """Yield the moments at (2, m) torus coordinates, block by block, and which places these are."""
     step = max(256, block_length(len(knots)) // 16)  # as many tables of T's size are alive at once
     for begin in range(0, s.shape[1], step):
-        block = slice(begin, begin + step)
-        form += moments_energy(knots, log_weights, s[:, block], areas[block], kind)
-    return form
+        places = slice(begin, begin + step)
+        yield Moments(knots, log_weights, s[:, places]), places
 
 
 def energy_samples(domain: Domain, resolution: int, left_out: float = 1e-3) -> tuple[FloatArray, FloatArray]:
@@ -84,32 +136,3 @@ def _sectors(vertices: FloatArray) -> FloatArray:
     """Return (r,) areas of the triangles between edges and the middle of the vertices."""
     out = vertices - vertices.mean(axis=0)
     return np.asarray(planar_cross(out, np.roll(out, -1, axis=0)) / 2)
-
-
-def moments_energy(
-    knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, kind: Energy
-) -> FloatArray:
-    """Return the (n, n) energy matrix of samples at (2, m) torus coordinates that stand for (m,) areas."""
-    t = shares(exponents(knots, log_weights, s))
-    x, y = (axis[:, None] - axis @ t for axis in knots.T)
-    tx, ty = t * x, t * y
-    cxx, cxy, cyy = (tx * x).sum(axis=0), (tx * y).sum(axis=0), (ty * y).sum(axis=0)
-    det = cxx * cyy - cxy**2
-    jxx, jxy, jyy = cyy / det, -cxy / det, cxx / det
-    px, py = tx * jxx + ty * jxy, tx * jxy + ty * jyy
-    root = np.sqrt(areas)
-    if kind == "dirichlet":
-        rows = np.concatenate([px * root, py * root], axis=1)
-        return np.asarray(rows @ rows.T)
-    if kind != "thin-plate":
-        raise DomainError(f"energy: expected thin-plate or dirichlet, got {kind!r}")
-    txx, txy, tyy = tx * x, tx * y, ty * y
-    kxxx, kxxy, kxyy, kyyy = ((table * axis).sum(axis=0) for table, axis in ((txx, x), (txx, y), (tyy, x), (tyy, y)))
-    axx = txx - t * cxx - (px * kxxx + py * kxxy)
-    axy = txy - t * cxy - (px * kxxy + py * kxyy)
-    ayy = tyy - t * cyy - (px * kxyy + py * kyyy)
-    pxx = jxx**2 * axx + 2 * jxx * jxy * axy + jxy**2 * ayy
-    pxy = jxx * jxy * axx + (jxx * jyy + jxy**2) * axy + jxy * jyy * ayy
-    pyy = jxy**2 * axx + 2 * jxy * jyy * axy + jyy**2 * ayy
-    rows = np.concatenate([pxx * root, pyy * root, pxy * (np.sqrt(2) * root)], axis=1)
-    return np.asarray(rows @ rows.T)

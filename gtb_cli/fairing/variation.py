@@ -11,13 +11,13 @@ Variational design and fairing of spline surfaces, 1994). Each is T times a poly
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.moment.torus import block_length, exponents, shares
+from gtb_cli.fairing.energy import Moments, moments
 from gtb_cli.values import frozen
 
 
@@ -57,60 +57,49 @@ class _Frame(NamedTuple):
     drifts: list[list[FloatArray]]
 
 
-class _Block:
-    """T and its derivatives at the places of one block, as sums over moments of the knots' coordinates x and y."""
+def _frame(block: Moments, points: FloatArray) -> _Frame:
+    """Return the surface of (n, 3) control points."""
+    p = block.t.T @ points
+    one = [table.T @ points for table in block.first]
+    two = [table.T @ points - c[:, None] * p for table, c in zip(block.second, block.covariance, strict=True)]
+    three = [table.T @ points - k[:, None] * p for table, k in zip(block.third, block.skewness, strict=True)]
+    for k in range(4):
+        three[k] -= _mixed(k, *([c[:, None] * axis for c in block.covariance] for axis in one))
+    length = np.linalg.norm(one[0], axis=1)
+    shear = (one[0] * one[1]).sum(axis=1) / length
+    cross = np.cross(*one)
+    scale = np.linalg.norm(cross, axis=1)
+    normal, width = cross / scale[:, None], scale / length
+    change = 1 / length, -shear / (length * width), 1 / width
+    columns = [each[:, None] for each in change]
+    one, two, three = (_changed(rates, *columns) for rates in (one, two, three))
+    second, third = ([(rate * normal).sum(axis=1) for rate in rates] for rates in (two, three))
+    slopes, drifts = ([[(rate * tangent).sum(axis=1) for rate in r] for tangent in one] for r in (two, three))
+    third = [
+        rate - sum(_mixed(k, *([g * second[d + e] for g in slopes[d]] for e in range(2))) for d in range(2))
+        for k, rate in enumerate(third)
+    ]
+    return _Frame(change, scale, second, third, slopes, drifts)
 
-    def __init__(self, knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> None:
-        self.t = shares(exponents(knots, log_weights, s))
-        self.x, self.y = (axis[:, None] - axis @ self.t for axis in knots.T)
-        self.first = [self.t * self.x, self.t * self.y]
-        self.second = [self.first[0] * self.x, self.first[0] * self.y, self.first[1] * self.y]
-        self.third = [table * self.x for table in self.second] + [self.second[2] * self.y]
-        self.covariance = [table.sum(axis=0) for table in self.second]
-        self.skewness = [table.sum(axis=0) for table in self.third]
 
-    def frame(self, points: FloatArray) -> _Frame:
-        """Return the surface of (n, 3) control points."""
-        p = self.t.T @ points
-        one = [table.T @ points for table in self.first]
-        two = [table.T @ points - c[:, None] * p for table, c in zip(self.second, self.covariance, strict=True)]
-        three = [table.T @ points - k[:, None] * p for table, k in zip(self.third, self.skewness, strict=True)]
-        for k in range(4):
-            three[k] -= _mixed(k, *([c[:, None] * axis for c in self.covariance] for axis in one))
-        length = np.linalg.norm(one[0], axis=1)
-        shear = (one[0] * one[1]).sum(axis=1) / length
-        cross = np.cross(*one)
-        scale = np.linalg.norm(cross, axis=1)
-        normal, width = cross / scale[:, None], scale / length
-        change = 1 / length, -shear / (length * width), 1 / width
-        columns = [each[:, None] for each in change]
-        one, two, three = (_changed(rates, *columns) for rates in (one, two, three))
-        second, third = ([(rate * normal).sum(axis=1) for rate in rates] for rates in (two, three))
-        slopes, drifts = ([[(rate * tangent).sum(axis=1) for rate in r] for tangent in one] for r in (two, three))
-        third = [
-            rate - sum(_mixed(k, *([g * second[d + e] for g in slopes[d]] for e in range(2))) for d in range(2))
-            for k, rate in enumerate(third)
-        ]
-        return _Frame(change, scale, second, third, slopes, drifts)
-
-    def rows(self, frame: _Frame) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Return (n, m) coefficients of the control points in each P_;ab and P_;abc."""
-        a, b, c = frame.change
-        x, y = a * self.x, b * self.x + c * self.y
-        covariance, skewness = (_changed(moments, a, b, c) for moments in (self.covariance, self.skewness))
-        squares = [x * x, x * y, y * y]
-        second = [
-            square - moment - rate * x - other * y
-            for square, moment, rate, other in zip(squares, covariance, *frame.slopes, strict=True)
-        ]
-        third = []
-        for k, cube in enumerate([squares[0] * x, squares[0] * y, squares[2] * x, squares[2] * y]):
-            row = cube - skewness[k] - frame.drifts[0][k] * x - frame.drifts[1][k] * y
-            row -= _mixed(k, *([moment * axis for moment in covariance] for axis in (x, y)))
-            for d in range(2):
-                row -= _mixed(k, *([g * second[d + e] for g in frame.slopes[d]] for e in range(2)))
-            third.append(row * self.t)
-        return [row * self.t for row in second], third
+def _rows(block: Moments, frame: _Frame) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return (n, m) coefficients of the control points in each P_;ab and P_;abc."""
+    a, b, c = frame.change
+    x, y = a * block.x, b * block.x + c * block.y
+    covariance, skewness = (_changed(sums, a, b, c) for sums in (block.covariance, block.skewness))
+    squares = [x * x, x * y, y * y]
+    second = [
+        square - moment - rate * x - other * y
+        for square, moment, rate, other in zip(squares, covariance, *frame.slopes, strict=True)
+    ]
+    third = []
+    for k, cube in enumerate([squares[0] * x, squares[0] * y, squares[2] * x, squares[2] * y]):
+        row = cube - skewness[k] - frame.drifts[0][k] * x - frame.drifts[1][k] * y
+        row -= _mixed(k, *([moment * axis for moment in covariance] for axis in (x, y)))
+        for d in range(2):
+            row -= _mixed(k, *([g * second[d + e] for g in frame.slopes[d]] for e in range(2)))
+        third.append(row * block.t)
+    return [row * block.t for row in second], third
 
 
 def _mixed(k: int, of_x: Sequence[FloatArray], of_y: Sequence[FloatArray]) -> FloatArray:
@@ -137,9 +126,9 @@ def bendings(
     All surfaces have these knots and weights; each has its (n, 3) control points.
     """
     sums, largest = np.zeros((len(surfaces), 3)), np.zeros(len(surfaces))
-    for block, places in _blocks(knots, log_weights, s):
+    for block, places in moments(knots, log_weights, s):
         for k, points in enumerate(surfaces):
-            frame = block.frame(points)
+            frame = _frame(block, points)
             xx, xy, yy = frame.second
             squares = xx**2 + 2 * xy**2 + yy**2
             changes = (frame.third[0] + frame.third[2]) ** 2 + (frame.third[1] + frame.third[3]) ** 2
@@ -156,10 +145,10 @@ def variation_matrices(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the (n, n) matrices of ``∫ |P_;ab|²`` and ``∫ |P_;abc|²`` in the metric that (n, 3) points give."""
     matrices = np.zeros((2, len(knots), len(knots)))
-    for block, places in _blocks(knots, log_weights, s):
-        frame = block.frame(points)
+    for block, places in moments(knots, log_weights, s):
+        frame = _frame(block, points)
         roots = np.sqrt(_spaces(block, frame, areas[places]))
-        for matrix, rows, multiples in zip(matrices, block.rows(frame), ((1, 2, 1), (1, 3, 3, 1)), strict=True):
+        for matrix, rows, multiples in zip(matrices, _rows(block, frame), ((1, 2, 1), (1, 3, 3, 1)), strict=True):
             table = np.concatenate(
                 [row * (math.sqrt(n) * roots) for row, n in zip(rows, multiples, strict=True)], axis=1
             )
@@ -167,14 +156,7 @@ def variation_matrices(
     return matrices[0], matrices[1]
 
 
-def _blocks(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Iterator[tuple[_Block, slice]]:
-    step = max(256, block_length(len(knots)) // 16)  # as many tables of T's size are alive at once
-    for begin in range(0, s.shape[1], step):
-        places = slice(begin, begin + step)
-        yield _Block(knots, log_weights, s[:, places]), places
-
-
-def _spaces(block: _Block, frame: _Frame, areas: FloatArray) -> FloatArray:
+def _spaces(block: Moments, frame: _Frame, areas: FloatArray) -> FloatArray:
     """Return the areas of the surface for areas of the domain, which the covariance maps to those of x and y."""
     xx, xy, yy = block.covariance
     return np.asarray(areas * frame.scale / (xx * yy - xy**2))

@@ -107,11 +107,10 @@ def encode_mesh(
         )
     if ascii and holds.text == "never":
         raise ExportError(f"{kind.upper()} has no text form: expected obj, ply or stl with `ascii`")
-    if unit is not None and (unit not in UNITS or kind not in UNIT_FORMATS):
-        expected = (
-            f"expected one of {', '.join(UNITS)}, got {unit!r}" if unit not in UNITS else f"{kind.upper()} has none"
-        )
-        raise ExportError(f"unit: {expected}")
+    if unit is not None and unit not in UNITS:
+        raise ExportError(f"unit: expected one of {', '.join(UNITS)}, got {unit!r}")
+    if unit is not None and kind not in UNIT_FORMATS:
+        raise ExportError(f"unit: {kind.upper()} has none")
     _check_cells(mesh)
     if not (normals and holds.normals) or mesh.is_curve:
         mesh = replace(mesh, normals=None, normal_of=None, exact_normals=False)  # type: ignore[arg-type]

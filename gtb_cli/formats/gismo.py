@@ -1,5 +1,6 @@
 """XML files for G+Smo: exact rational Bézier rectangles, which of their sides meet, and names of all others."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
@@ -122,7 +123,7 @@ def _edges(patch: Patch) -> list[FloatArray]:
 def _edge_of(rows: FloatArray, edges: Sequence[FloatArray]) -> int:
     """The edge on which a side lies: that which is nearest to its ends and to a point between."""
     degree = len(rows) - 1
-    shares = np.array([np.prod([(degree - i) / (i + 1) for i in range(k)]) for k in range(degree + 1)]) * rows[:, 3]
+    shares = np.array([math.comb(degree, k) for k in range(degree + 1)]) * rows[:, 3]
     between = shares @ rows[:, :3] / shares.sum()
     spots = np.array([rows[0, :3], between, rows[-1, :3]])
     far = [np.linalg.norm(spots[:, None] - points, axis=2).min(axis=1).max() for points in edges]

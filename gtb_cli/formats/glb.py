@@ -251,15 +251,14 @@ def _content(tree: dict[str, Any], binary: bytes) -> Content:
     points = stacked(vertices, 3, np.float64)
     extras = tree.get("asset", {}).get("extras")
     extras = extras if isinstance(extras, dict) else {}
-    if extras.get("unit") in UNITS:
-        points /= UNITS[extras["unit"]]
-    if extras.get("up") != "z":
+    unit, is_z_up = extras.get("unit"), extras.get("up") == "z"
+    if unit in UNITS:
+        points /= UNITS[unit]
+    if not is_z_up:
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-    unit = extras.get("unit") if extras.get("unit") in UNITS else "no unit"
-    space = f"{unit}, {'z' if extras.get('up') == 'z' else 'y'} up"
-    return Content(
-        points + 0.0, stacked(cells[width], width, np.int32), single_half_steps, tuple(groups), space
-    )  # not -0
+    space = f"{unit if unit in UNITS else 'no unit'}, {'z' if is_z_up else 'y'} up"
+    points += 0.0  # not -0
+    return Content(points, stacked(cells[width], width, np.int32), single_half_steps, tuple(groups), space)
 
 
 def _placed_meshes(tree: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:

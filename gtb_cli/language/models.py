@@ -80,17 +80,13 @@ class ModelReader:
         for i, entry in enumerate(names):
             path: Path = ("include", i)
             table = Table(entry, path, self.values) if isinstance(entry, dict) else None
-            name = entry if table is None else table.entries.get("file")
+            name, place, expected = entry, path, "the name of a file or a table"
             if table is not None:
                 table.unknown_keys(INCLUDE_KEYS)
+                name, place, expected = table.entries.get("file"), (*path, "file"), "the name of a file"
             if not isinstance(name, str) or not name:
-                if table is not None and name is None:
-                    table.fault("file", "is missing")
-                else:
-                    expected = "the name of a file" + (" or a table" if table is None else "")
-                    self.faults.add(
-                        path if table is None else (*path, "file"), f"must be {expected}, got {shown(name)}"
-                    )
+                is_missing = table is not None and name is None
+                self.faults.add(place, "is missing" if is_missing else f"must be {expected}, got {shown(name)}")
                 continue
             try:
                 found = self._include(name)

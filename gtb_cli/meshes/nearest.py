@@ -70,11 +70,7 @@ class NearestCells:
             near = np.flatnonzero(np.einsum("ij,ij->i", outside, outside) < bounds[point] ** 2)
             point, node = point[near], node[near]
             if level:
-                below = len(self.boxes[level - 1][0])
-                point = np.repeat(point, BRANCHES)
-                node = (node[:, None] * BRANCHES + np.arange(BRANCHES)).ravel()
-                inside = node < below
-                point, node = point[inside], node[inside]
+                point, node = self.inside(level, point, node)
                 stack += [(level - 1, point[a:b], node[a:b]) for a, b in _ranges(len(point), PAIR_BATCH)][::-1]
                 continue
             cell = self.order[node]
@@ -85,6 +81,12 @@ class NearestCells:
             bounds[point[better]] = distance[better]
             cells[point[better]] = cell[better]
         return bounds, cells
+
+    def inside(self, level: int, rows: IntArray, nodes: IntArray) -> tuple[IntArray, IntArray]:
+        """Pair each row with the boxes of the level below in its own box, or with the cells of level 0."""
+        rows, nodes = np.repeat(rows, BRANCHES), (nodes[:, None] * BRANCHES + np.arange(BRANCHES)).ravel()
+        is_there = nodes < len(self.boxes[level - 1][0])  # the last box of a level may have fewer
+        return rows[is_there], nodes[is_there]
 
     @cached_property
     def order(self) -> IntArray:

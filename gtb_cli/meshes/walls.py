@@ -5,7 +5,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, column_dot, cross, cross_of_columns, dot, unit
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.nearest import BRANCHES, NearestCells
+from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import weld
 
@@ -89,9 +89,7 @@ def _ways_out(
             met = np.flatnonzero(enter <= leave + slack * reach)
             ray, node = ray[met], node[met]
             if level:
-                below = boxes[level - 1][0].shape[1]
-                ray, node = np.repeat(ray, BRANCHES), (node[:, None] * BRANCHES + np.arange(BRANCHES)).ravel()
-                ray, node = ray[node < below], node[node < below]
+                ray, node = tree.inside(level, ray, node)
         np.minimum.at(lengths, ray, _lengths(starts[ray], ways[ray], tree.order[node], tree, normals, slack))
     return np.where(lengths > reach, np.inf, lengths)
 

@@ -46,19 +46,9 @@ def _mp4(images: list[np.ndarray]) -> bytes:
     height, width = (length // 2 * 2 for length in images[0].shape[:2])  # H.264 halves the colours' resolution
     frames = [image[:height, :width].tobytes() for image in images]
     frames += [frames[-1]] * (LAST_MS // FRAME_MS - 1)
-    command = ["ffmpeg", "-v", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
-    command += ["-r", f"1000/{FRAME_MS}", "-i", "-", "-pix_fmt", "yuv420p", "-threads", "1"]
-    command += [
-        "-fflags",
-        "+bitexact",
-        "-flags",
-        "+bitexact",
-        "-movflags",
-        "frag_keyframe+empty_moov",
-        "-f",
-        "mp4",
-        "-",
-    ]
+    given = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r 1000/{FRAME_MS} -i -"
+    made = "-pix_fmt yuv420p -threads 1 -fflags +bitexact -flags +bitexact -movflags frag_keyframe+empty_moov -f mp4 -"
+    command = f"ffmpeg -v error {given} {made}".split()
     done = subprocess.run(command, input=b"".join(frames), capture_output=True, check=False)
     if done.returncode:
         reason = done.stderr.decode("utf-8", "replace").strip().splitlines() or ["no reason"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.energy import energy, energy_samples, moments_energy
+from gtb_cli.fairing.energy import energy, energy_at, energy_samples
 from gtb_cli.fairing.fair import fair, kept_knots
 from gtb_cli.language.loading import parse
 from gtb_cli.theory.curvature import curvature
@@ -54,7 +54,7 @@ def test_energy_agrees_with_differences(name, kind):
     form = np.zeros((len(patch.knots),) * 2)
     for where in patch.rational_basis.locations(q, "linear"):
         ones = np.ones(where.s.shape[1])
-        form += moments_energy(where.knots / size, patch.log_products, where.s * size, ones, kind)
+        form += energy_at(where.knots / size, patch.log_products, where.s * size, ones, kind)
     value = np.einsum("ik,ij,jk->", patch.control_points, form, patch.control_points)
     if kind == "dirichlet":
         expected = sum((((at(q + d) - at(q - d)) / (2 * h)) ** 2).sum() for d in (x, y)) * size**2
