@@ -5,15 +5,18 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.shell.console import STANDARD
-from gtb_cli.shell.limits import LimitRequest, limit_options, refuse_limit
+from gtb_cli.shell.limits import limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, gathered, numbers_of, spec_format_option
 from gtb_cli.shell.streams import Streams, about, format_of, refuse_terminal, write_blocks
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SEQUENCE_RECORD, SIZE_LIMITS, STRETCH_LIMITS
+
+if TYPE_CHECKING:
+    from gtb_cli.pictures.sequences import Approach
 
 FIGURE_FORMATS = ("png", "svg", "pdf", "pgf")  # the default first
 FILM_FORMATS = ("gif", "apng", "mp4")
@@ -128,7 +131,7 @@ def plot(
     spec: str,
     what: str | None,
     format: str | None,
-    limit: LimitRequest,
+    limit: Approach,
     vary: tuple[str, int, tuple[float, ...], tuple[str, ...]] | None,
     streams: Streams,
     **looks: Any,
@@ -189,7 +192,7 @@ def plot(
         with streams.spec_of(spec) as loaded:
             variation = Variation(*vary) if vary else None
             wanted = "sequence" if film else what
-            picture = picture_of(loaded, wanted, {**looks, "vary": variation, **vars(limit.approach)})
+            picture = picture_of(loaded, wanted, {**looks, "vary": variation, **vars(limit)})
             look = picture.look
             if film:
                 frames = frames_of_picture(loaded, picture, "film")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.limits import all_decompositions, heights_of, lifting_of, moves_of, x_of
+from gtb_cli.shell.limits import all_decompositions, lifting_of, moves_of, x_of
 from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument
 from gtb_cli.shell.sequences import NAME_DIGITS, SequenceOutput, sequence_options
 from gtb_cli.shell.streams import single
@@ -81,6 +81,7 @@ def degenerate(
         raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
     out.check_length(xs)
     from gtb_cli.sequences.sequence import degeneration
+    from gtb_cli.theory.degeneration import heights_of
 
     with out.streams.spec_of(spec) as loaded:
         patch = single(loaded)

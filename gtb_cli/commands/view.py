@@ -12,7 +12,7 @@ import click
 from gtb_cli.errors import ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import in_options
-from gtb_cli.shell.limits import LimitRequest, all_decompositions, limit_options, refuse_limit
+from gtb_cli.shell.limits import all_decompositions, limit_options, refuse_limit
 from gtb_cli.shell.options import (
     INPUT,
     OUTPUT,
@@ -31,6 +31,7 @@ from gtb_cli.vocabulary import FORMATS, RESOLUTION, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.pictures.content import Content
+    from gtb_cli.pictures.sequences import Approach
 
 
 # Default parameters x of a degeneration and steps of a knot limit; the slider interpolates linearly between them
@@ -90,7 +91,7 @@ def view(
     watch: bool,
     port: int,
     limits: bool,
-    limit: LimitRequest,
+    limit: Approach,
     spec_format: str | None,
     console: Console,
 ) -> None:
@@ -122,9 +123,9 @@ def view(
     With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
     the last good picture.
     """
-    if compare and (watch or limit.given() or len(paths) != 2):
+    if compare and (watch or limit.given or len(paths) != 2):
         raise click.UsageError("--compare takes two files, and neither --watch nor the options of a limit")
-    if limits and (compare or limit.given() or len(paths) != 1):
+    if limits and (compare or limit.given or len(paths) != 1):
         raise click.UsageError("--limits takes one spec, and neither --compare nor the options of a limit")
     see = partial(content_of_paths, paths, recipe, spec_format, limit)
     if limits:
@@ -161,7 +162,7 @@ def _comparison(paths: tuple[str, ...], recipe: Recipe, spec_format: str | None)
 
 
 def content_of_paths(
-    paths: tuple[str, ...], recipe: Recipe | None, spec_format: str | None, limit: LimitRequest
+    paths: tuple[str, ...], recipe: Recipe | None, spec_format: str | None, limit: Approach
 ) -> Content:
     """Return what a page shows of files and folders, or of the way to a limit."""
     from gtb_cli.pictures.content import joined
@@ -191,7 +192,7 @@ def content_of_all_limits(path: str, recipe: Recipe | None, spec_format: str | N
     return replace(found, limits={**(found.limits or {}), "command": command})
 
 
-def _content(path: str, recipe: Recipe | None, spec_format: str | None, limit: LimitRequest) -> Content:
+def _content(path: str, recipe: Recipe | None, spec_format: str | None, limit: Approach) -> Content:
     sequence_resolution = 20  # segments of each edge of each cell in a sequence
     from gtb_cli.pictures.content import content_of, content_of_frames, content_of_mesh
 
@@ -217,10 +218,10 @@ def _content(path: str, recipe: Recipe | None, spec_format: str | None, limit: L
         if recipe is not None and recipe.tolerance is None:
             _refuse_too_many(recipe.faces(spec))
         name = (spec.name or "patch") if path == STANDARD else stem
-        if limit.given():
-            _refuse_solid(recipe, f"shows one mesh, and {limit.given()[0]} a sequence")
+        if limit.given:
+            _refuse_solid(recipe, in_options(f"shows one mesh, and `{limit.given[0]}` a sequence"))
             fine = sequence_resolution if recipe is None else recipe.resolution
-            frames = limit.approach.frames(single(spec), fine, x=PAGE_X, steps=PAGE_STEPS, distances=False)
+            frames = limit.frames(single(spec), fine, x=PAGE_X, steps=PAGE_STEPS, distances=False)
             _refuse_too_many(len(frames.meshes[0].cells))
             return content_of_frames(frames, name)
         content = content_of(spec, recipe, name)

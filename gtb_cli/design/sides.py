@@ -205,16 +205,8 @@ def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
     for before, side in zip([sides[-1], *sides[:-1]], sides, strict=True):
         _, (ahead, _) = points_and_tangents(side.curve, np.array([0.0, 1.0]))
         _, (_, end) = points_and_tangents(before.curve, np.array([0.0, 1.0]))
-        one, back, *normals = unit(
-            np.stack(
-                [
-                    ahead,
-                    -end,
-                    area if before.across is None else side_normals(before)[-1],
-                    area if side.across is None else side_normals(side)[0],
-                ]
-            )
-        )
+        planes = [area if each.across is None else side_normals(each)[k] for each, k in ((before, -1), (side, 0))]
+        one, back, *normals = unit(np.stack([ahead, -end, *planes]))
         sine = max(float(np.cross(one, back) @ normal) for normal in normals)
         if -180 + least_turn < math.degrees(math.atan2(sine, float(one @ back))) < -least_turn:
             place = ", ".join(f"{x:.4g}" for x in side.ends[0])

@@ -20,6 +20,7 @@ from gtb_cli.pictures.plates import draw_all_decompositions
 from gtb_cli.pictures.sequences import Approach, Frames, default_resolution, default_values, figure_of_frames
 from gtb_cli.pictures.shapes import draw_curves, draw_mesh, draw_surfaces
 from gtb_cli.spec_paths import SpecPath, loaded
+from gtb_cli.theory.degeneration import heights_of
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import PLOT_KINDS
@@ -203,7 +204,7 @@ def _draw_on(ax: Axes, thing: Patch | Model | Mesh, picture: Picture) -> None:
             draw_domain(ax, thing, look)
         elif what == "decomposition":
             draw = draw_lifted if look.lifted and thing.dimension == 2 else draw_decomposition
-            draw(ax, regular_decomposition(thing.knots, approach.heights(thing)), look)
+            draw(ax, regular_decomposition(thing.knots, heights_of(thing, approach.lifting)), look)
         elif thing.dimension == 2:
             draw_bases(lambda _: [ax], [thing], look, [""])
         else:

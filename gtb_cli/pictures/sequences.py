@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, shifted
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.files import read_file
-from gtb_cli.knots.decomposition import lifting_of_knot
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import LINE_COLOURS, NET
 from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_numbers
@@ -22,7 +21,7 @@ from gtb_cli.pictures.nets import is_flat, net_of
 from gtb_cli.pictures.scene import HIDDEN_STRENGTH, Surface, plain, plane_view, space_views
 from gtb_cli.pictures.shapes import surface_of, with_normals
 from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
-from gtb_cli.theory.degeneration import lifting_of
+from gtb_cli.theory.degeneration import heights_of
 from gtb_cli.theory.knot_limit import knot_limit
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -212,12 +211,6 @@ class Approach:
         named |= {"merge": bool(self.merge), "steps": self.steps is not None}
         return [name for name, is_given in named.items() if is_given]
 
-    def heights(self, patch: Patch) -> FloatArray:
-        """(n,) the lifting; a `DomainError` says that there is none, or that it does not fit."""
-        if isinstance(self.lifting, int | np.integer):
-            return lifting_of_knot(len(patch.knots), int(self.lifting))
-        return lifting_of(patch, self.lifting)
-
     def frames(
         self, patch: Patch, resolution: int, *, x: Sequence[float], steps: Sequence[float], distances: bool
     ) -> Frames:
@@ -235,7 +228,7 @@ class Approach:
             found = knot_sequence(patch, self.merge, values, resolution, distances=distances)
             own = tuple(patch.control_points[list(pair)] for pair in net_of(patch))
             return replace(frames_of(found, limit, net_of(limit)), own_net=own)
-        heights = self.heights(patch)
+        heights = heights_of(patch, self.lifting)
         found = degeneration(patch, self.x if len(self.x) else x, heights, resolution, distances=distances)
         return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
 

@@ -1,10 +1,9 @@
-"""Options that ask for a degeneration or a knot limit: x, lifting, moves and steps."""
+"""Options that ask for a degeneration or a knot limit: x, lifting, merge and steps."""
 
 from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
@@ -13,7 +12,6 @@ from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.options import evaluated, gathered, numbers_of
 
 if TYPE_CHECKING:
-    from gtb_cli.arrays import FloatArray
     from gtb_cli.knots.all_decompositions import LiftingCone
     from gtb_cli.pictures.sequences import Approach
     from gtb_cli.shell.console import Console
@@ -56,17 +54,6 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
     return moves
 
 
-def heights_of(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray:
-    """Return (n,) lifting values: those given; 1 at the knot with this index and 0 at all others; or the patch's own.
-
-    Raises a `DomainError` if there are none, or their number is not that of the knots.
-    """
-    from gtb_cli.knots.decomposition import lifting_of_knot
-    from gtb_cli.theory.degeneration import lifting_of
-
-    return lifting_of(patch, lifting_of_knot(len(patch.knots), lifting) if isinstance(lifting, int) else lifting)
-
-
 def all_decompositions(
     patch: Patch, console: Console, *, triangulations: bool = False, most: int | None = None
 ) -> list[LiftingCone]:
@@ -84,45 +71,34 @@ def all_decompositions(
     return sorted(found, key=lambda cone: cone.cells)
 
 
-@dataclass(frozen=True)
-class LimitRequest:
-    """The degeneration or knot limit that the options ask for: see `Approach`."""
-
-    xs: tuple[float, ...]
-    lifting: tuple[float, ...] | int | None
-    moves: dict[int, int]
-    steps: tuple[float, ...] | None
-
-    def given(self) -> list[str]:
-        """Return the names of the options that were given."""
-        return [in_options(f"`{name}`") for name in self.approach.given]
-
-    @property
-    def approach(self) -> Approach:
-        """The same for the library."""
-        from gtb_cli.pictures.sequences import Approach
-
-        return Approach(self.xs, self.lifting, self.moves, self.steps)
-
-
-def refuse_limit(limit: LimitRequest, path: str) -> None:
+def refuse_limit(limit: Approach, path: str) -> None:
     """Refuse the options of a limit if the input is not a spec."""
-    if limit.given():
-        raise click.UsageError(f"{limit.given()[0]} is for specs, and {path} is not a spec")
+    if limit.given:
+        option = in_options(f"`{limit.given[0]}`")
+        raise click.UsageError(f"{option} is for specs, and {path} is not a spec")
+
+
+def _approach(
+    x: tuple[float, ...],
+    lifting: tuple[float, ...] | int | None,
+    merge: dict[int, int],
+    steps: tuple[float, ...] | None,
+) -> Approach:
+    from gtb_cli.pictures.sequences import Approach
+
+    return Approach(x, lifting, merge, steps)
 
 
 limit_options = gathered(
     "limit",
-    LimitRequest,
-    click.option("-x", "--x", "xs", callback=x_of, multiple=True, metavar="X", help="Sequence: x of a degeneration."),
+    _approach,
+    click.option("-x", "--x", callback=x_of, multiple=True, metavar="X", help="Sequence: x of a degeneration."),
     click.option(
         "--lifting",
         callback=lifting_of,
         metavar="L,…",
         help="A lifting value for each knot, or knot:K, as for degenerate.",
     ),
-    click.option(
-        "--merge", "moves", callback=moves_of, multiple=True, metavar="K:Q", help="Sequence: knot K moves to knot Q."
-    ),
+    click.option("--merge", callback=moves_of, multiple=True, metavar="K:Q", help="Sequence: knot K moves to knot Q."),
     click.option("--steps", callback=numbers_of, metavar="S,…", help="Sequence: fractions of that way."),
 )

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, finite, one_for_each
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
+from gtb_cli.knots.decomposition import RegularDecomposition, lifting_of_knot, regular_decomposition
 from gtb_cli.spec_paths import of_patch
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -88,6 +88,13 @@ def cells_of(patch: Patch, decomposition: RegularDecomposition) -> Model:
     name = patch.name or "patch"
     cells = [patch.part(np.array(cell), name=f"{name}-cell{i}") for i, cell in enumerate(decomposition.cells)]
     return Model(tuple(cells), name=patch.name)
+
+
+def heights_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
+    """(n,) a lifting as in `lifting_of`, where an index stands for that of the knot whose weight alone grows."""
+    if isinstance(lifting, int | np.integer):
+        return lifting_of_knot(len(patch.knots), int(lifting))
+    return lifting_of(patch, lifting)
 
 
 def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:

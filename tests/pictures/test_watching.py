@@ -12,7 +12,7 @@ import pytest
 
 from gtb_cli.commands.view import content_of_paths
 from gtb_cli.pictures.content import Content
-from gtb_cli.shell.limits import LimitRequest
+from gtb_cli.pictures.sequences import Approach
 from gtb_cli.shell.watching import HOST, Watch, handler
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import SPECS, gtb
@@ -29,7 +29,7 @@ def spec(tmp_path):
 
 def watch_of(path) -> Watch:
     def see() -> Content:
-        return content_of_paths((str(path),), Recipe(3), None, LimitRequest((), None, {}, None))
+        return content_of_paths((str(path),), Recipe(3), None, Approach())
 
     return Watch([str(path)], see)
 
@@ -84,7 +84,7 @@ def test_a_pipe_in_the_place_of_a_spec_is_not_waited_for(spec):
 def test_a_pipe_in_a_sequence_is_not_waited_for(name, tmp_path):
     assert gtb("degenerate", SPECS / "pentagon.toml", "--x", "1", "-n", "2", "-o", tmp_path / "made").status == 0
     file = tmp_path / "made" / name
-    see = partial(content_of_paths, (str(file.parent),), None, None, LimitRequest((), None, {}, None))
+    see = partial(content_of_paths, (str(file.parent),), None, None, Approach())
     seen = Watch([str(file.parent)], see)
     assert seen.error == ""
     text = file.read_bytes()
