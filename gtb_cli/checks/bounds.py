@@ -13,7 +13,8 @@ def bounds(patches: Sequence[Patch]) -> FloatArray:
     """(2, 3) lowest and highest coordinates of patches together.
 
     Found from samples, about the best of which smaller and smaller copies of Δ are sampled: exact to eight digits of
-    the size, unless an extremum is narrower than the distance of the first samples, a 48th of an edge.
+    the size, unless an extremum is narrower than the distance of the first samples, a 48th of an edge, and not near a
+    knot.
     """
     corners = np.concatenate([patch.evaluate(patch.domain.vertices) for patch in patches])
     boxes = np.array([bounds_of(patch.control_points) for patch in patches])
@@ -36,7 +37,8 @@ def _extremes(patch: Patch, ways: IntArray) -> FloatArray:
     starts, apart = 4, 0.1  # best samples for each way, and their distances as fractions of the size of Δ
     signs = np.repeat(np.concatenate([-np.eye(3), np.eye(3)])[ways], starts, axis=0)
     samples = triangulation(patch.domain, 48).parameters
-    points = _points(patch, samples, 1e-3)
+    points = np.concatenate([_points(patch, samples, 1e-3), patch.evaluate(patch.knots, "linear")])
+    samples = np.concatenate([samples, patch.knots])  # each T_i peaks at its knot, in however narrow a layer
     heights = signs @ points.T
     for k in range(len(signs) - 1):
         if (k + 1) % starts:

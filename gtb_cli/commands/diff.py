@@ -111,10 +111,10 @@ def diff(
     distance of a point of either from the other. With --as surface, two specs are compared as what they describe, to
     three digits, by a search that proves nothing. Faces that are turned over, missing, there twice or without area,
     other holes or parts, and vertices that are shared in another way are differences, too, unless --ignore says
-    otherwise; normals and texture coordinates are none. The tolerance is never less than what the numbers in the files
-    can hold; the size is the diagonal of the bounding box of the smaller mesh; vertices that no face uses do not count.
-    The distance of surfaces is found to a tenth of the tolerance; if that takes too long for large meshes, a warning,
-    the report and "proved" in JSON say so.
+    otherwise; normals, texture coordinates, attributes, colours and names are none. The tolerance is never less than
+    what the numbers in the files can hold; the size is the diagonal of the bounding box of the smaller mesh; vertices
+    that no face uses do not count. The distance of surfaces is found to a tenth of the tolerance; if that takes too
+    long for large meshes, a warning, the report and "proved" in JSON say so.
 
     In two folders, all files of the same name are compared: those that are not meshes, nor specs of folders without
     meshes, by their bytes. A missing or an extra file is a difference. Hidden files and manifests do not count.

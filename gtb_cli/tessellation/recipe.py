@@ -185,8 +185,23 @@ class Recipe:
         if self.require:
             from gtb_cli.assembly.requirements import require
 
-            require(self.require, spec, mesh, surface, faults + folds, (stored, coarse))
+            finer = self._fine(spec, surface) if "unfolded" in self.require else surface
+            require(self.require, spec, mesh, finer, faults + folds, (stored, coarse))
         return mesh, remarks + faults + folds + thin
+
+    def _fine(self, spec: Patch | Model, surface: Mesh) -> Mesh:
+        """The mesh of a surface if it folds or is fine, else one of at most half a million faces that may fold."""
+        from gtb_cli.knots.triangulation import cell_count
+        from gtb_cli.meshes.solidity import folded_places
+        from gtb_cli.tessellation.tessellate import tessellate
+
+        most_faces, segments = 500_000, RESOLUTION
+        while sum(cell_count(patch.domain, segments) for patch in spec.patches) > most_faces and segments > 1:
+            segments //= 2
+        is_fine = surface.is_curve or len(surface.cells) >= most_faces
+        if is_fine or (self.tolerance is None and self.resolution >= segments) or folded_places(surface):
+            return surface
+        return tessellate(spec, segments, normals=False)
 
     def _remarks_on_surface(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
         """Remarks on corners, on the seams of a model, and on how its mesh is spread."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias, get_args
 
 import numpy as np
 
-from gtb_cli.arrays import INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, distinct, dot, index_type, paired
+from gtb_cli.arrays import EPS, INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, distinct, dot, index_type, paired
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import cell_count
@@ -111,6 +111,8 @@ def tessellate(
     patches = shape.patches
     joints = shape.joints if isinstance(shape, Model) else None
     moved = farthest_move(patches, joints) if isinstance(shape, Model) and shape.weld and joints else 0.0
+    if moved:  # points computed in two ways differ by rounding, too
+        moved += 16 * EPS * max(float(np.abs(patch.control_points).max()) for patch in patches)
     if tolerance is None:
         refuse_faces(sum(cell_count(patch.domain, resolution) for patch in patches), resolution, max_faces)
         toric = torically if joints is None else torically_inside
@@ -128,7 +130,11 @@ def tessellate(
         else:
             mosaic, points = refined(patches, joints, sampler, float(tolerance) - rounding, max_faces)
     if joints and moved:
-        points = welded_points(mosaic, points, patches, joints)
+        before, points = points, welded_points(mosaic, points, patches, joints)
+        farthest = float(np.linalg.norm(points - before, axis=1).max())
+        # Distances of seams are measured, and may be larger between their samples.
+        if certify and tolerance is not None and farthest > moved:
+            raise ToleranceError(f"tolerance: is not certified, as welding moves vertices by {farthest:.3g}")
     return _mesh(mosaic, points, sampler, shape, joints, normals)
 
 

@@ -111,6 +111,15 @@ def test_a_fold_is_found(tmp_path):
     assert "not unfolded: with a thickness of 3 the offset folds" in thick.err
 
 
+@pytest.mark.parametrize("fineness", [{"resolution": 1}, {"tolerance": 100.0}])
+def test_a_fold_between_the_vertices_of_a_coarse_mesh_is_found(fineness):
+    """Two triangles do not fold, and the patch, whose middle control point is far outside, does."""
+    knots = [(x, y) for x in range(3) for y in range(3)]
+    points = [(x, y) if (x, y) != (1, 1) else (9, 1) for x, y in knots]
+    with pytest.raises(RequirementError, match="not unfolded: patch turns back on itself at"):
+        Recipe(**fineness, require="unfolded").mesh(Patch(knots, points))
+
+
 BOW_TIE = """
 name = "bow"
 knots = [[0, 0], [0, 1], [1, 0], [1, 1]]

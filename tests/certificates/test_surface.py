@@ -248,6 +248,14 @@ def test_what_welding_moves_is_taken_off_the_tolerance():
         assert max(farthest(patch, mesh) for patch in model.patches) <= 4 * moved
 
 
+def test_a_seam_that_moves_farther_than_was_measured_is_not_certified(monkeypatch):
+    """Distances of welded seams are measured at some places, and those between may be larger."""
+    short = Patch(SQUARE, [(0, 0, 0), (0.09, 0, 0), (0.5, 1, 0.3), (-0.5, 1, 0)])
+    monkeypatch.setattr("gtb_cli.tessellation.tessellate.farthest_move", lambda *_: 0.01)
+    with pytest.raises(ToleranceError, match=r"is not certified, as welding moves vertices by 0\.045"):
+        tessellate(Model((short,), weld=0.1), tolerance=0.18, certify=True, seconds=4.0)
+
+
 SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
 
 

@@ -42,3 +42,14 @@ def test_a_paraboloid_has_its_top_between_the_samples():
     points = [(x[i], y[j], 1 + heights[0][i] + heights[1][j]) for j in range(3) for i in range(3)]
     knots = [(i, j) for j in range(3) for i in range(3)]
     assert bounds([Patch(knots, points, coefficients="binomial")])[1] == pytest.approx([1, 1, 1], abs=1e-9)
+
+
+def test_a_peak_at_a_knot_in_a_thin_layer_is_found():
+    """At a distance of 1e-5 from an edge the surface is 0.68 high, and flat a little farther away."""
+    knots = [(0, 0), (1, 0), (1, 1), (0, 1), (0.3, 1e-5), (0.3, 2e-5)]
+    points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.3, 0, 1), (0.3, 0, -1)]
+    patch = Patch(knots, points, weights=[1, 1, 1, 1, 100, 100])
+    found = bounds([patch])
+    there = patch.evaluate(patch.knots, "linear")
+    assert (found[0] <= there.min(axis=0)).all()
+    assert (found[1] >= there.max(axis=0)).all()
