@@ -254,9 +254,11 @@ def _usage_text(error: click.UsageError) -> str:
 
         name, known = error.option_name, [name for param in error.ctx.command.params for name in param.opts]
         meant = [other for other in known if other.startswith(name)] or get_close_matches(name, known, n=1)
+        text = f"No such option '{name}'."  # in these words with any version of click
         if meant:
-            return f"No such option '{name}'. Did you mean {' or '.join(meant)}?"
-    text = " ".join(error.format_message().split())
+            return f"{text} Did you mean {' or '.join(meant)}?"
+    else:
+        text = " ".join(error.format_message().split())
     if text.endswith("?") or error.ctx is None:
         return text
     return f"{text.rstrip('.')}. Try '{error.ctx.command_path} --help'."
