@@ -236,12 +236,12 @@ def _report(filling: Filling, console: Console) -> None:
         return f"near ({', '.join(f'{x:.{digits}g}' for x in place)})"
 
     for side, contact in zip(filling.sides, filling.contacts, strict=True):
-        met, bent = "no tangent planes given", ""
-        if not math.isnan(contact.angle):
-            met = f"angle to its planes up to {contact.angle:.2g} degrees {near(contact.place)}"
+        if math.isnan(contact.angle):
+            continue  # of a side without tangent planes nothing is measured
+        bent = ""
         if not math.isnan(contact.bend):
             bent = f", curvatures across differ by up to {contact.bend:.2g} {near(contact.bend_place)}"
-        console.note(f"{side.name}: {met}{bent}")
+        console.note(f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees {near(contact.place)}{bent}")
     bending, knots = filling.bending, len(filling.patch.knots)
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
     console.note(f"{sides} sides, {knots} knots, no folds at some thousand places{angle}")
