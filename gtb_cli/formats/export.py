@@ -181,8 +181,6 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
         messages.append(f"{shown}: holds no texture coordinates, none are written")
     if normals and mesh.is_curve:
         messages.append(f"{shown}: a curve has no normals, none are written")
-    if normals and kind == "3mf" and not mesh.is_curve:
-        messages.append("3MF: holds no normals, none are written")
     if kind == "ply" and normals and not mesh.is_curve and round(mesh.largest_split, 6) > 1.0:
         messages.append(
             f"PLY: holds one normal a vertex, the mean where several meet, here at up to {mesh.largest_split:.3g} "

@@ -142,7 +142,6 @@ def test_warned_of_readers_that_refuse(tmp_path, capsys):
 
 def test_warned_of_what_is_left_out():
     assert warnings_for(surface(), "stl", uv=True) == ["STL: holds no texture coordinates, none are written"]
-    assert warnings_for(surface(), "3mf", normals=True) == ["3MF: holds no normals, none are written"]
     assert warnings_for(curve(), "obj", normals=True) == ["OBJ: a curve has no normals, none are written"]
     small = replace(surface(), parameters=surface().parameters * 1e-9)
     assert len(warnings_for(small, "obj", uv=True)) == 1
