@@ -59,7 +59,7 @@ gallery: $(VENV)/.development ## draw the pictures of specs/README.md and GUIDE.
 browser: $(VENV)/.development ## let Debian's Chromium and Firefox, those that are installed, show pages of gtb view and gtb diff
 	@{ { command -v chromium && command -v chromedriver; } || { command -v firefox-esr && command -v Xvfb; }; } >/dev/null \
 	|| { echo "expected a browser: apt-get install chromium chromium-driver, or firefox-esr xvfb libgl1-mesa-dri"; exit 2; }
-	@$(RUN) pytest tests/pictures/test_browser.py tests/review/test_browser.py
+	@$(RUN) pytest tests/pages/test_browser.py tests/review/test_browser.py
 
 bench: $(BUILD)/bench/.installed ## measure times beside floors and peers, as a table of ratios; installs 1 GB below build
 	@OPENBLAS_NUM_THREADS=1 $(BUILD)/bench/bin/python -m tests.benchmarks

@@ -78,9 +78,9 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference as Difference
     from gtb_cli.meshes.hausdorff import Distance as Distance
     from gtb_cli.meshes.mesh import Mesh as Mesh
-    from gtb_cli.pictures.figures import plot as plot
-    from gtb_cli.pictures.notebook import frame as frame
-    from gtb_cli.pictures.page import page as page
+    from gtb_cli.pages.notebook import frame as frame
+    from gtb_cli.pages.page import page as page
+    from gtb_cli.plots.figures import plot as plot
     from gtb_cli.sequences.rates import MeasuredRate as MeasuredRate
     from gtb_cli.sequences.sequence import Member as Member
     from gtb_cli.sequences.sequence import MeshSequence as MeshSequence
@@ -130,9 +130,9 @@ else:
         "meshes.difference": "Difference",
         "meshes.hausdorff": "Distance",
         "meshes.mesh": "Mesh",
-        "pictures.figures": "plot",
-        "pictures.notebook": "frame",
-        "pictures.page": "page",
+        "pages.notebook": "frame",
+        "pages.page": "page",
+        "plots.figures": "plot",
         "sequences.rates": "MeasuredRate",
         "sequences.sequence": "Member MeshSequence degeneration knot_sequence",
         "tessellation.recipe": "Recipe",

@@ -28,7 +28,8 @@ WINGS = [
         "sequences",
         "fairing",
         "design",
-        "pictures",
+        "plots",
+        "pages",
         "checks",
         "review",
         "shell",
@@ -169,7 +170,7 @@ def test_a_text_of_a_room_names_no_option():
             texts = [node for node in nodes(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
             found |= {name for text in texts if id(text) not in alone and option.search(text.value)}
     # A comment of a spec that `gtb new` writes, and options of the Python interpreter and of ffmpeg.
-    assert found == {"language.starter", "imports.rhino", "pictures.film"}
+    assert found == {"language.starter", "imports.rhino", "plots.film"}
 
 
 def test_slow_packages_are_imported_when_they_are_used():

@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from tests.marks import long
-from tests.pictures.images import pixels
+from tests.plots.images import pixels
 from tests.tools.guide import GUIDE, LARGEST, PICTURES, PREFIX, pictures, run, steps, text
 from tests.transcripts import matches
 

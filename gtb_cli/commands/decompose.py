@@ -83,7 +83,7 @@ def decompose(
             parts = [_decomposition(loaded, lifting, net)]
             found = _data(parts[0])
     if net:
-        from gtb_cli.pictures.nets import mesh_of_nets
+        from gtb_cli.plots.nets import mesh_of_nets
 
         return write_lines(streams, kind, mesh_of_nets(loaded.patches, parts, loaded.name))
     if as_json:
@@ -95,7 +95,7 @@ def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, net: bool) -
     """Return the decomposition by a lifting, or the spec's own; for the usual net of a Bézier patch without one."""
     from gtb_cli.knots.decomposition import regular_decomposition
     from gtb_cli.knots.lattice import lattice_of
-    from gtb_cli.pictures.nets import bowl
+    from gtb_cli.plots.nets import bowl
     from gtb_cli.theory.degeneration import lifting_of
 
     has_usual_net = patch.dimension == 1 or lattice_of(patch.domain) is not None

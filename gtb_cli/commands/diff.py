@@ -159,7 +159,7 @@ def diff(
 
 def _refuse_pictures(folder: str, compared: Sequence[str]) -> None:
     """Refuse pictures that cannot be drawn, or would be compared, before anything is."""
-    from gtb_cli.pictures.look import settings
+    from gtb_cli.plots.look import settings
 
     refuse_within(folder, compared)
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing

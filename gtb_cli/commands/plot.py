@@ -16,7 +16,7 @@ from gtb_cli.shell.streams import Streams, about, format_of, refuse_terminal, wr
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SEQUENCE_RECORD, SIZE_LIMITS, STRETCH_LIMITS
 
 if TYPE_CHECKING:
-    from gtb_cli.pictures.sequences import Approach
+    from gtb_cli.plots.sequences import Approach
 
 FIGURE_FORMATS = ("png", "svg", "pdf", "pgf")  # the default first
 FILM_FORMATS = ("gif", "apng", "mp4")
@@ -165,15 +165,15 @@ def plot(
     kind = format_of(output, format, (*FIGURE_FORMATS, *FILM_FORMATS))
     if kind not in ("svg", "pgf"):
         refuse_terminal(output, kind, "-o FIG")
-    from gtb_cli.pictures.look import encoded, settings
+    from gtb_cli.plots.look import encoded, settings
 
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
     with settings():  # a missing matplotlib is reported before anything is computed
         pass
-    from gtb_cli.pictures.figures import Variation, figure_of, frames_of_picture, picture_of
-    from gtb_cli.pictures.film import encoded_film
-    from gtb_cli.pictures.look import look_of
-    from gtb_cli.pictures.sequences import figure_of_frames, film_of_frames, read_frames
+    from gtb_cli.plots.figures import Variation, figure_of, frames_of_picture, picture_of
+    from gtb_cli.plots.film import encoded_film
+    from gtb_cli.plots.look import look_of
+    from gtb_cli.plots.sequences import figure_of_frames, film_of_frames, read_frames
 
     is_folder = os.path.isdir(spec) or os.path.basename(spec) == SEQUENCE_RECORD
     if is_folder:

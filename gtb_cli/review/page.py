@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.pictures.page import page_with
+from gtb_cli.pages.page import page_with
 from gtb_cli.review.changes import MAX_SHOWN_FACES, Change, Review
 from gtb_cli.review.table import amount, rows, visible
 

@@ -13,7 +13,7 @@ from gtb_cli.shell.options import evaluated, gathered, numbers_of
 
 if TYPE_CHECKING:
     from gtb_cli.knots.all_decompositions import LiftingCone
-    from gtb_cli.pictures.sequences import Approach
+    from gtb_cli.plots.sequences import Approach
     from gtb_cli.shell.console import Console
     from gtb_cli.theory.patch import Patch
 
@@ -84,7 +84,7 @@ def _approach(
     merge: dict[int, int],
     steps: tuple[float, ...] | None,
 ) -> Approach:
-    from gtb_cli.pictures.sequences import Approach
+    from gtb_cli.plots.sequences import Approach
 
     return Approach(x, lifting, merge, steps)
 

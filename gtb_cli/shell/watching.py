@@ -17,7 +17,7 @@ from gtb_cli.shell.memory import shortage
 from gtb_cli.shell.streams import is_device
 
 if TYPE_CHECKING:
-    from gtb_cli.pictures.content import Content
+    from gtb_cli.pages.content import Content
 
 HOST = "127.0.0.1"
 
@@ -41,7 +41,7 @@ class Watch:
             if self._stamps and all(_stamp(file) == stamp for file, stamp in self._stamps.items()):
                 return
             from gtb_cli.language.includes import sources
-            from gtb_cli.pictures.page import page_data
+            from gtb_cli.pages.page import page_data
 
             files = [file for path in self._paths for file in (sources(path) if os.path.isfile(path) else [path])]
             self._stamps = {file: _stamp(file) for file in files}
@@ -66,7 +66,7 @@ class Watch:
     def page(self) -> str:
         """Return the page as it is now."""
         self.look()
-        from gtb_cli.pictures.page import page_with
+        from gtb_cli.pages.page import page_with
 
         return page_with({**self.data, "watch": self.version, "error": self.error}, self.data.get("name", "gtb view"))
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.pictures.images import pixels
+from tests.plots.images import pixels
 
 WINDOW = (760, 560)  # width and height of a window, with what the browser itself shows
 

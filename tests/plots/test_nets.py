@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gtb_cli.pictures.nets import isoparametric_paths, net_of
+from gtb_cli.plots.nets import isoparametric_paths, net_of
 from gtb_cli.theory.patch import Patch
 
 SQUARE = np.array([[i, j] for j in range(3) for i in range(4)], dtype=float)

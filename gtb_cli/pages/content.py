@@ -17,10 +17,10 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, sides_of
 from gtb_cli.meshes.walls import wall_of_vertices
 from gtb_cli.meshes.welding import weld
-from gtb_cli.pictures.look import subscript
-from gtb_cli.pictures.nets import net_of
-from gtb_cli.pictures.sequences import Frames
-from gtb_cli.pictures.shapes import with_normals
+from gtb_cli.plots.look import subscript
+from gtb_cli.plots.nets import net_of
+from gtb_cli.plots.sequences import Frames
+from gtb_cli.plots.shapes import with_normals
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
@@ -70,7 +70,7 @@ class Content:
     vertices: int = 0
     normals: str = ""
     remarks: tuple[str, ...] = ()
-    limits: Mapping[str, Any] | None = None  # see `gtb_cli.pictures.limits`
+    limits: Mapping[str, Any] | None = None  # see `gtb_cli.pages.limits`
 
     @property
     def is_curve(self) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.marks import long
-from tests.pictures.images import pixels
+from tests.plots.images import pixels
 from tests.tools import guide
 from tests.tools.gallery import LARGEST, PICTURES, README, REPORT, pictures
 

@@ -15,11 +15,11 @@ from gtb_cli.arrays import FloatArray, shifted
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.files import read_file
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.pictures.colours import LINE_COLOURS, NET
-from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_numbers
-from gtb_cli.pictures.nets import is_flat, net_of
-from gtb_cli.pictures.scene import HIDDEN_STRENGTH, Surface, plain, plane_view, space_views
-from gtb_cli.pictures.shapes import surface_of, with_normals
+from gtb_cli.plots.colours import LINE_COLOURS, NET
+from gtb_cli.plots.look import Look, empty_figure, panels, settings, with_numbers
+from gtb_cli.plots.nets import is_flat, net_of
+from gtb_cli.plots.scene import HIDDEN_STRENGTH, Surface, plain, plane_view, space_views
+from gtb_cli.plots.shapes import surface_of, with_normals
 from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
 from gtb_cli.theory.degeneration import heights_of
 from gtb_cli.theory.knot_limit import knot_limit

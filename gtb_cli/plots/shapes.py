@@ -11,10 +11,10 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import facet_normals, filled_normals
-from gtb_cli.pictures.colours import INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
-from gtb_cli.pictures.look import Look, subscript
-from gtb_cli.pictures.nets import curve_path, edge_path, is_flat, isoparametric_paths, net_of
-from gtb_cli.pictures.scene import HIDDEN_STRENGTH, Surface, View, plain, plane_view, space_views
+from gtb_cli.plots.colours import INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
+from gtb_cli.plots.look import Look, subscript
+from gtb_cli.plots.nets import curve_path, edge_path, is_flat, isoparametric_paths, net_of
+from gtb_cli.plots.scene import HIDDEN_STRENGTH, Surface, View, plain, plane_view, space_views
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model

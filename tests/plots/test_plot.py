@@ -8,10 +8,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import gtb_cli
-from gtb_cli.pictures.colours import OPEN, TWO_SIDED, scale_of
+from gtb_cli.plots.colours import OPEN, TWO_SIDED, scale_of
 from gtb_cli.vocabulary import COLOUR_MAPS
 from tests.marks import long, mostly_long
-from tests.pictures.images import near, pixels
+from tests.plots.images import near, pixels
 from tests.shell import PENTAGON, SPECS, environment, gtb, process
 
 SMALL = ("--size", "2.4,1.8", "--dpi", "60", "-n", "6")

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from gtb_cli import DomainError, Patch, check, regular_decomposition
-from gtb_cli.pictures.look import Camera, Look
+from gtb_cli.plots.look import Camera, Look
 from tests.marks import long, mostly_long
 from tests.patches import bicubic, cubic_curve, pentagon
 from tests.shell import SPECS, gtb
@@ -87,7 +87,7 @@ def test_a_sequence_is_of_a_patch_with_a_lifting_and_makes_its_own_figure():
 
 
 def test_graphs_of_basis_functions_are_no_finer_than_pixels(monkeypatch):
-    from gtb_cli.pictures import bases
+    from gtb_cli.plots import bases
 
     asked = []
     tessellate = bases.tessellate

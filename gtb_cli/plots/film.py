@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtb_cli.errors import ExportError
-from gtb_cli.pictures.look import settings
+from gtb_cli.plots.look import settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gtb_cli.pictures.raster import NO_TRIANGLE, rasterised
+from gtb_cli.plots.raster import NO_TRIANGLE, rasterised
 
 
 def test_pixels_whose_centres_a_triangle_covers():

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from tests.pictures.images import near
+from tests.plots.images import near
 from tests.shell import SPECS, command, environment, gtb
 from tests.specs import load
 from tests.tools.browser import BROWSERS, WINDOW, Browser

@@ -15,8 +15,8 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.solidity import CROSSES
-from gtb_cli.pictures.colours import scale_of
-from gtb_cli.pictures.content import Content, content_of, content_of_mesh
+from gtb_cli.pages.content import Content, content_of, content_of_mesh
+from gtb_cli.plots.colours import scale_of
 from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
@@ -46,12 +46,12 @@ def page_of(content: Content) -> str:
     return page_with(page_data(content), content.name)
 
 
-def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pictures") -> str:
+def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pages") -> str:
     """Return the text of a page with this data, by the template and the scripts of a package."""
     folder = files(package)
     page = folder.joinpath("page.html").read_text(encoding="utf-8")
     own = sorted(each.name for each in folder.iterdir() if each.name.endswith(".js") and each.name != COMMON)
-    scripts = [files("gtb_cli.pictures").joinpath(COMMON), *map(folder.joinpath, own)]
+    scripts = [files("gtb_cli.pages").joinpath(COMMON), *map(folder.joinpath, own)]
     script = "\n".join(each.read_text(encoding="utf-8") for each in scripts)
     # No text of a spec can end the script element that holds it.
     text = json.dumps(data, ensure_ascii=True, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import bounds_of
 from gtb_cli.knots.all_decompositions import LiftingCone
 from gtb_cli.knots.decomposition import border_net, regular_decomposition
-from gtb_cli.pictures.content import NO_POINTS, Content, content_of, joined
+from gtb_cli.pages.content import NO_POINTS, Content, content_of, joined
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.degeneration import cells_of
 from gtb_cli.theory.patch import Patch

@@ -1,1 +1,0 @@
-"""Pictures: figures for print, and pages that turn in a browser."""
