@@ -1,15 +1,23 @@
 """What `make bench` does, with a thousandth of the points: times say nothing, results are compared all the same."""
 
+import dataclasses
 import math
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gtb_cli.design.loops import loop_from_text
+from gtb_cli.design.sides import side_normals, stations
+from gtb_cli.fairing.variation import bendings
+from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.theory.patch import Patch
 from tests import benchmarks
-from tests.benchmarks import Row, compared, filling, paired
+from tests.benchmarks import Row, compared, filling, gb, paired
 from tests.benchmarks.__main__ import line, main
+from tests.benchmarks.jets import bending, normals
 from tests.marks import long
 
 SCALE = 1e-3
@@ -42,10 +50,40 @@ def test_every_line_has_a_ratio_or_a_peer_that_is_missing(name, count, capsys):
 
 @long
 def test_a_hole_in_a_cubic_is_filled_near_to_it(capsys):
-    filling.main([5])
+    filling.main(["5"])
     text = capsys.readouterr().out
     assert ", 0 folds, " in text
     assert float(text.split()[2]) < 2e-3  # Open CASCADE misses it by 2.2e-3, and a thin plate by 3.5e-3
+
+
+def test_a_generalized_bezier_patch_with_four_sides_is_bicubic_and_bends_as_one():
+    """Two independent derivations of curvature and its variation agree."""
+    heights = np.random.default_rng(4).normal(size=(4, 4))
+    grid = np.stack([*np.meshgrid(np.arange(4) / 3, np.arange(4) / 3, indexing="ij"), heights], axis=-1)
+    turned = [np.rot90(grid, -k) for k in range(4)]  # whose first column is side k
+    found = gb.GeneralizedBezier(np.array([side[:, :2].swapaxes(0, 1) for side in turned]), np.zeros(3))
+    knots = grid[..., :2].reshape(-1, 2)
+    bicubic = Patch(knots, grid.reshape(-1, 3), coefficients=np.outer([1, 3, 3, 1], [1, 3, 3, 1]).ravel())
+    places = np.random.default_rng(5).uniform(0.1, 0.9, (20, 2))
+    turn = gb.polygon(4)[[0, 1, 3]]
+    to_polygon = turn[0] + places @ (turn[1:] - turn[0])
+    jets = found.jets(to_polygon)
+    assert jets[0] == pytest.approx(bicubic.evaluate(places, "linear"), abs=1e-12)
+    s = MomentMap(knots, bicubic.log_products).inverse(places, 1e-13)
+    areas = np.ones(20)
+    [expected] = bendings(knots, bicubic.log_products, s, areas, [bicubic.control_points])
+    bent = bending(jets, 2 * areas)  # the area of the polygon
+    assert dataclasses.astuple(bent) == pytest.approx(dataclasses.astuple(expected), rel=1e-9)
+
+
+def test_generalized_bezier_patches_touch_their_ribbons():
+    path = Path(__file__).parent / "design" / "cagd86.gbp"
+    patch, sides = gb.GeneralizedBezier.read(path), loop_from_text(path.read_bytes(), str(path))
+    corners, t = gb.polygon(5), stations()[[9, 48, 80]]
+    for k, side in enumerate(sides):
+        places = corners[k] + t[:, None] * (corners[(k + 1) % 5] - corners[k])
+        angles = np.cross(normals(patch.jets((1 - 1e-9) * places)), side_normals(side)[[9, 48, 80]])
+        assert np.abs(angles).max() < 1e-8
 
 
 def test_a_missed_budget_and_what_is_counted_are_said():

@@ -1,18 +1,30 @@
-"""Holes cut into the graph of a cubic, filled by `gtb fill` and by Open CASCADE: what is missed, and how it bends.
+"""Holes filled by `gtb fill`, as generalized Bézier patches and by Open CASCADE: what is missed, and how they bend.
 
-`python -m tests.benchmarks.filling` prints a table. The hole is a regular polygon around which the graph is known, with
-its tangent planes; the distance from the graph inside is of the size of the hole.
+`python -m tests.benchmarks.filling FILE.gbp …` prints how the fillings of sets of ribbons bend: E = ∫ κ₁² + κ₂² and
+MV = area · ∫ |∇H|², without the outermost hundredth of the way to the middle; a `.gbp` file is a whole GB patch.
+Without files, or for numbers of sides, the hole is cut into the graph of a cubic: a regular polygon around which the
+graph is known, with its tangent planes. The distance from the graph inside is of the size of the hole.
 """
 
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
-from gtb_cli.design.fill import fill_loop
-from gtb_cli.design.sides import HoleSide, bernstein, stations
+from gtb_cli.design.fill import VISIBLE, fill_loop
+from gtb_cli.design.loops import read_loop
+from gtb_cli.design.sides import HoleSide, bernstein, side_normals, stations
 from gtb_cli.fairing.energy import energy_samples
+from gtb_cli.fairing.variation import Bending
+from gtb_cli.knots.domain import domain
+from gtb_cli.knots.triangulation import central_triangulation
+from gtb_cli.meshes.solidity import folded_pairs
+from gtb_cli.theory.model import Model
+from tests.benchmarks.gb import GeneralizedBezier, polygon
+from tests.benchmarks.jets import bending, normals
+from tests.benchmarks.open_cascade import Filled
 
 Graph = Callable[[np.ndarray], np.ndarray]
 
@@ -34,21 +46,13 @@ def cubic(seed: int) -> tuple[Graph, Graph]:
     return value, gradient
 
 
-def corners(n: int) -> np.ndarray:
-    turns = np.arange(n) * 2 * np.pi / n
-    return np.column_stack([np.cos(turns), np.sin(turns)])
-
-
 def bezier(places: np.ndarray, value: Graph) -> np.ndarray:
-    """(4, 4, 3) or (4, 3) Bézier points of the graph over a grid of places, with steps of a third."""
-    points = np.concatenate([places, value(places.reshape(-1, 2)).reshape(*places.shape[:-1], 1)], axis=-1)
-    inverse = np.linalg.inv(bernstein(3, np.arange(4) / 3))
-    points = np.tensordot(inverse, points, 1)
-    return points if points.ndim == 2 else np.tensordot(inverse, points, (1, 1)).swapaxes(0, 1)
+    """(4, 3) Bézier points of the graph over places with steps of a third."""
+    return np.asarray(np.linalg.solve(bernstein(3, np.arange(4) / 3), np.column_stack([places, value(places)])))
 
 
 def sides(n: int, value: Graph, gradient: Graph) -> list[HoleSide]:
-    found, v, t = [], corners(n), stations()[:, None]
+    found, v, t = [], polygon(n), stations()[:, None]
     for k in range(n):
         start, end = v[k], v[(k + 1) % n]
         along = end - start
@@ -60,70 +64,102 @@ def sides(n: int, value: Graph, gradient: Graph) -> list[HoleSide]:
     return found
 
 
-def open_cascade(n: int, value: Graph) -> np.ndarray:
-    """(m, 3) vertices of a mesh of Open CASCADE's filling between faces of the graph outside the hole."""
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
-    from OCP.BRepOffsetAPI import BRepOffsetAPI_MakeFilling
-    from OCP.collections import Array2_gp_Pnt
-    from OCP.Geom import Geom_BezierSurface
-    from OCP.GeomAbs import GeomAbs_G1
-    from OCP.gp import gp_Pnt
-    from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
-    from OCP.TopExp import TopExp_Explorer
-    from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS
-
-    filling, v, kept = BRepOffsetAPI_MakeFilling(), corners(n), []
-    for k in range(n):
-        start, end = v[k], v[(k + 1) % n]
-        out = 0.3 * (start + end) / 2
-        steps = np.arange(4) / 3
-        places = start + steps[:, None, None] * out + steps[None, :, None] * (end - start)
-        table = Array2_gp_Pnt(1, 4, 1, 4)
-        for (i, j), point in zip(np.ndindex(4, 4), bezier(places, value).reshape(-1, 3).tolist(), strict=True):
-            table.SetValue(i + 1, j + 1, gp_Pnt(*point))
-        face = BRepBuilderAPI_MakeFace(Geom_BezierSurface(table), 1e-9).Face()
-        explorer = TopExp_Explorer(face, TopAbs_EDGE)
-        edges = []
-        while explorer.More():
-            edges.append(TopoDS.Edge(explorer.Current()))
-            explorer.Next()
-
-        def off(edge: object, middle: np.ndarray = (start + end) / 2) -> float:
-            p = BRep_Tool.Curve_s(edge, 0.0, 1.0).Value(0.5)
-            return float(np.hypot(p.X() - middle[0], p.Y() - middle[1]))
-
-        kept.append(face)
-        filling.Add(min(edges, key=off), face, GeomAbs_G1)
-    filling.Build()
-    shape = filling.Shape()
-    BRepMesh_IncrementalMesh(shape, 1e-3)
-    explorer = TopExp_Explorer(shape, TopAbs_FACE)
-    mesh = BRep_Tool.Triangulation_s(TopoDS.Face(explorer.Current()), TopLoc_Location())
-    return np.array([(p.X(), p.Y(), p.Z()) for p in (mesh.Node(i + 1) for i in range(mesh.NbNodes()))])
+MISSING = "not installed"
 
 
-def main(counts: Sequence[int]) -> None:
+def measured(
+    jets: Callable[[np.ndarray], np.ndarray],
+    areas: Callable[[np.ndarray], np.ndarray],
+    edge: Callable[[int, np.ndarray], np.ndarray],
+    found: Sequence[HoleSide],
+) -> tuple[Bending, float, int]:
+    """How a surface over a regular polygon bends, its largest angle in degrees from given planes, and its folds.
+
+    `jets` and `areas` are those of its own parameters at places in the polygon, `edge` the jets along a side.
+    """
+    region = domain(polygon(len(found)), "unit")
+    places, sizes = energy_samples(region, 40, VISIBLE)
+    bent = bending(jets(places), sizes * areas(places))
+    t = stations()
+    away = (t > 0.02) & (t < 0.98)  # as `Filling.contacts`
+    angles = []
+    for k, side in enumerate(found):
+        sine = np.linalg.norm(np.cross(normals(edge(k, t[away])), side_normals(side)[away]), axis=1)
+        angles.append(np.degrees(np.arcsin(np.minimum(sine, 1))).max())
+    mesh = central_triangulation(region, 16)
+    vertices = jets(mesh.parameters * (1 - 1e-9))[0]  # corners are limits
+    return bent, float(max(angles)), len(folded_pairs(vertices, mesh.cells))
+
+
+def line(name: str, bent: Bending, angle: float, folds: int, seconds: float) -> str:
+    return f"  {name:13} {bent.energy:8.4g} {bent.variation:8.4g} {angle:8.1e} {folds:5} {seconds:8.2f}"
+
+
+def ribbons(path: str) -> None:
+    """Print how three fillings of a `.gbp` file bend: E, MV, degrees from the planes, folds, processor seconds."""
+    found = read_loop(Path(path).read_bytes(), path)
+    assert not isinstance(found, Model)
+    print(f"{Path(path).name}, {len(found)} sides, E, MV, degrees, folds, seconds", flush=True)
+    begin = time.process_time()
+    filling = fill_loop(found)
+    seconds = time.process_time() - begin
+    print(line("gtb fill", filling.bending, filling.angle, filling.folds + filling.sharp_turns, seconds), flush=True)
+    gb, corner = GeneralizedBezier.read(path), polygon(len(found))
+
+    def gb_edge(k: int, t: np.ndarray) -> np.ndarray:
+        on = corner[k] + t[:, None] * (np.roll(corner, -1, axis=0)[k] - corner[k])
+        return gb.jets((1 - 1e-9) * on)  # some coordinates have only limits on an edge
+
+    begin = time.process_time()
+    figures = measured(gb.jets, lambda places: np.ones(len(places)), gb_edge, found)
+    print(line("GB", *figures, time.process_time() - begin), flush=True)
+    try:
+        Filled(found)  # the first takes in the libraries
+        begin = time.process_time()
+        other = Filled(found)
+        seconds = time.process_time() - begin
+    except (ImportError, RuntimeError) as error:
+        print(f"  Open CASCADE: {MISSING if isinstance(error, ImportError) else error}")
+        return
+    figures = measured(
+        lambda places: other.at(other.parameters(places)[0]),
+        lambda places: other.parameters(places)[1],
+        lambda k, t: other.at(other.on_edge(k, t)[0]),
+        found,
+    )
+    print(line("Open CASCADE", *figures, seconds), flush=True)
+
+
+def cubics(counts: Sequence[int]) -> None:
     for n in counts:
         value, gradient = cubic(n)
         found, begin = sides(n, value, gradient), time.process_time()
         filling = fill_loop(found)
         seconds = time.process_time() - begin
-        points = filling.patch.evaluate(energy_samples(filling.patch.domain, 20)[0], "linear")
+        places = energy_samples(filling.patch.domain, 20)[0]
         size = float(np.ptp(np.concatenate([side.ends for side in found]), axis=0).max())
-        missed = np.abs(points[:, 2] - value(points[:, :2])).max() / size
+
+        def missed(points: np.ndarray, value: Graph = value, size: float = size) -> str:
+            return f"{np.abs(points[:, 2] - value(points[:, :2])).max() / size:.1e}"
+
         bent = filling.bending
-        text = f"{n} sides: {missed:.1e} from the graph, {filling.angle:.0e} degrees, {filling.folds} folds"
-        text += f", {seconds:.2f} s, bending {bent.energy:.3g}, variation {bent.variation:.2g}"
+        text = f"{n} sides: {missed(filling.patch.evaluate(places, 'linear'))} from the graph, "
+        text += f"{filling.angle:.0e} degrees, {filling.folds} folds, {seconds:.2f} s, "
+        text += f"bending {bent.energy:.3g}, variation {bent.variation:.2g}; Open CASCADE: "
         try:
-            other = open_cascade(n, value)
-            text += f"; Open CASCADE: {np.abs(other[:, 2] - value(other[:, :2])).max() / size:.1e}"
+            other = Filled(found)
+            text += missed(other.at(other.parameters(energy_samples(domain(polygon(n), "unit"), 20)[0])[0])[0])
         except ImportError:
-            text += "; Open CASCADE is not installed"
+            text += MISSING
         print(text, flush=True)
 
 
+def main(words: Sequence[str]) -> None:
+    for word in words:
+        if word.endswith(".gbp"):
+            ribbons(word)
+    cubics([int(word) for word in words if word.isdecimal()] or ([] if words else range(3, 9)))
+
+
 if __name__ == "__main__":
-    main([int(word) for word in sys.argv[1:]] or range(3, 9))
+    main(sys.argv[1:])
