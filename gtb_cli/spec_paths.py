@@ -30,6 +30,9 @@ def of_patch(
     return taking  # type: ignore[return-value]  # it may be named, as `patch`
 
 
-def loaded(spec: Any) -> Any:
-    """Load the patch or model of a path; return anything else as it is."""
-    return registered("load")(spec) if isinstance(spec, str | os.PathLike) else spec
+def loaded(thing: Any, *kinds: str) -> Any:
+    """Load the patch or model of a path; `DomainError` if this or another thing is of none of these public classes."""
+    found = registered("load")(thing) if isinstance(thing, str | os.PathLike) else thing
+    if not isinstance(found, tuple(map(registered, kinds))):
+        raise DomainError(f"expected a {' or '.join(kinds)}, or the path of a spec file, got {type(found).__name__}")
+    return found

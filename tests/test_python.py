@@ -129,7 +129,12 @@ def test_what_is_not_meant_is_said(pentagon, tmp_path):
         (lambda: pentagon.replace(lifting=np.ones((8, 1))), r"lifting: expected 8, .*got shape \(8, 1\)"),
         (lambda: pentagon.replace(weights=["1/2"] * 8), "weights: .*gtb_cli.from_dict takes expressions"),
         (lambda: Patch([0, 1], [["pi", 0], [1, 1]]), "control_points: .*gtb_cli.from_dict takes expressions"),
-        (lambda: gtb_cli.joints(pentagon), "joints: expected a Model, got Patch"),
+        (lambda: gtb_cli.page(None), "expected a Patch or Model or Mesh, or the path of a spec file, got NoneType"),
+        (lambda: gtb_cli.plot([1]), "expected a Patch or Model or Mesh, .*got list"),
+        (lambda: gtb_cli.check(3), "expected a Patch or Model, .*got int"),
+        (lambda: gtb_cli.bezier_pieces({}), "expected a Patch or Model, .*got dict"),
+        (lambda: gtb_cli.convergence_rate(pentagon), "expected a RegularDecomposition, got Patch"),
+        (lambda: gtb_cli.joints(pentagon), "expected a Model, or the path of a spec file, got Patch"),
         (
             lambda: gtb_cli.write_mesh(pentagon, tmp_path / "x.stl"),
             "expected a Mesh, such as .*tessellate makes, got Patch",

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, cross
-from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
 from gtb_cli.moment.torus import block_length
@@ -101,15 +100,13 @@ def joints(model: Model | SpecPath) -> tuple[Seam, ...]:
     normal curvatures along the seam agree as well; by Euler's theorem the normal curvatures across it then differ by
     twice the difference of the mean curvatures.
     """
-    model = loaded(model)
-    if not isinstance(model, Model):
-        raise DomainError(f"joints: expected a Model, got {type(model).__name__}")
-    if model.dimension == 1:
+    found: Model = loaded(model, "Model")
+    if found.dimension == 1:
         return ()
     t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
-    shared = model.joints.shared
-    uses = [use for joint in shared for use in ((joint.first, t), (joint.second, joint.across(model.patches, t)))]
-    rims, normals = _rims(model, uses)
+    shared = found.joints.shared
+    uses = [use for joint in shared for use in ((joint.first, t), (joint.second, joint.across(found.patches, t)))]
+    rims, normals = _rims(found, uses)
     ours, theirs = normals[::2], normals[1::2]
     sines = np.linalg.norm(cross(ours.reshape(-1, 3), theirs.reshape(-1, 3)), axis=1).reshape(ours.shape[:2])
     angles = np.degrees(np.arctan2(sines, (ours * theirs).sum(axis=2)))

@@ -38,7 +38,7 @@ def bezier_pieces(spec: Patch | Model | SpecPath, max_degree: int = MAX_DEGREE) 
     pieces, or only of a higher degree; its message gives the reason and an alternative. Not in the paper: these are
     Krasauskas' charts of toric patches.
     """
-    found: Patch | Model = loaded(spec)
+    found: Patch | Model = loaded(spec, "Patch", "Model")
     if isinstance(found, Patch):
         return Model(_pieces_of(found, max_degree), found.name)
     pieces: list[Patch] = []

@@ -74,7 +74,7 @@ def check(shape: Patch | Model | SpecPath) -> Report | ModelReport:
     ----------
     See `PROPERTIES`, which has one for each property.
     """
-    found: Patch | Model = loaded(shape)
+    found: Patch | Model = loaded(shape, "Patch", "Model")
     if isinstance(found, Model):
         return ModelReport(found.name, tuple(map(check_patch, found)), joint_findings(found))
     return check_patch(found)

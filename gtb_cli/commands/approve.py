@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import click
@@ -96,9 +95,9 @@ def _answers(golden: str, out: str, comparing: Comparing) -> Iterable[Answer]:
 
 def _take_over(golden: str, taken: Sequence[Answer], comparing: Comparing) -> list[str]:
     """Replace all files or none; return what changes in each."""
-    from gtb_cli.files import StagedFiles
+    from gtb_cli.files import StagedFiles, discard_unfinished
 
-    made, changes, errors = list[str](), list[str](), list[str | Fault]()
+    changes, errors = list[str](), list[str | Fault]()
     try:
         with StagedFiles() as files:
             for answer in taken:
@@ -114,14 +113,12 @@ def _take_over(golden: str, taken: Sequence[Answer], comparing: Comparing) -> li
                 except GtbError as error:
                     errors += error.args
                 if not errors:
-                    made += _make_folder(os.path.dirname(target))
+                    _make_folder(os.path.dirname(target))
                     files.add(target, [content])
             if errors:
                 raise GtbError(*errors, Fault("nothing was taken over", golden))
     except BaseException:
-        for folder in reversed(made):
-            with suppress(OSError):  # it has files that could be renamed
-                os.rmdir(folder)
+        discard_unfinished()
         raise
     return changes
 
@@ -147,18 +144,19 @@ def _changed(answer: Answer, content: bytes, comparing: Comparing) -> str:
     return ", ".join(apart + what) or "the same measures"
 
 
-def _make_folder(folder: str) -> list[str]:
-    """Make a folder where there is none, and return those that were made, the outer one first."""
+def _make_folder(folder: str) -> None:
+    """Make a folder where there is none; until it has files, it goes with what is unfinished."""
+    from gtb_cli.files import begin
+
     missing = [folder]
     while missing[-1] and not os.path.isdir(missing[-1]):
         missing.append(os.path.dirname(missing[-1]))
-    made = missing[-2::-1]
-    for each in made:
+    for each in missing[-2::-1]:
+        begin(each)
         try:
             os.mkdir(each)
         except OSError as error:
             raise GtbError(f"cannot make the folder {each}: {error.strerror}") from None
-    return made
 
 
 def _is_elsewhere(golden: str, answer: Answer) -> bool:

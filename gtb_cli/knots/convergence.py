@@ -8,7 +8,7 @@ from operator import or_
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.errors import ToleranceError
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.decomposition import RegularDecomposition
 
 MAX_GAPS = 50_000_000  # pairs of knots times cells: about a second
@@ -34,6 +34,8 @@ def convergence_rate(decomposition: RegularDecomposition) -> float:
 
     Raises
     ------
+    DomainError
+        The argument is something else.
     ToleranceError
         There are too many knots and cells (``MAX_GAPS``).
 
@@ -46,6 +48,8 @@ def convergence_rate(decomposition: RegularDecomposition) -> float:
     ----------
     Not in the paper, which has the limit (Thm 3.2, Thm 4.2) without a rate.
     """
+    if not isinstance(decomposition, RegularDecomposition):
+        raise DomainError(f"decomposition: expected a RegularDecomposition, got {type(decomposition).__name__}")
     gaps = np.stack([decomposition.gaps(cell) for cell in range(len(decomposition.cells))])
     if gaps.size * gaps.shape[1] > MAX_GAPS:
         raise ToleranceError(f"{gaps.shape[1]} knots and {gaps.shape[0]} cells are too many for a rate of convergence")

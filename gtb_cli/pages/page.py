@@ -30,7 +30,7 @@ def page(thing: Patch | Model | Mesh | SpecPath, recipe: Recipe | None = None) -
 
     With a recipe, it shows the mesh that this makes of a patch or model, such as a solid.
     """
-    found: Patch | Model | Mesh = loaded(thing)
+    found: Patch | Model | Mesh = loaded(thing, "Patch", "Model", "Mesh")
     return page_of(content_of_mesh(found, found.name) if isinstance(found, Mesh) else content_of(found, recipe))
 
 

@@ -89,7 +89,7 @@ def plot(
     ExportError
         matplotlib is not installed.
     """
-    found: Patch | Model | Mesh = loaded(thing)
+    found: Patch | Model | Mesh = loaded(thing, "Patch", "Model", "Mesh")
     picture = picture_of(found, what, options)
     if ax is None:
         return figure_of(found, picture).axes[0]

@@ -264,6 +264,26 @@ def test_a_process_that_is_stopped_in_an_import_leaves_no_new_folder(tmp_path):
     assert names(tmp_path) == []
 
 
+STOPPED_WITH_A_FOLDER = """
+import os, signal
+
+def made(*arguments, make=os.mkdir):
+    make(*arguments)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+os.mkdir = made
+from gtb_cli.__main__ import main
+main()
+"""
+
+
+def test_a_first_approval_that_is_stopped_leaves_no_new_folder(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "x.txt").write_text("new", encoding="utf-8")
+    done = run_process([sys.executable, "-c", STOPPED_WITH_A_FOLDER, "approve", "golden", "out"], tmp_path)
+    assert (done.status, names(tmp_path)) == (128 + signal.SIGTERM, ["out"])
+
+
 def test_signals_that_are_ignored_stay_ignored(start, tmp_path):
     mesh = ["mesh", PENTAGON, "-n", "100", "-o", tmp_path / "x.obj", "-q"]
     child = start(*mesh, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))
