@@ -122,6 +122,18 @@ def bounds_of(points: NDArray[Any]) -> NDArray[Any]:
     return np.array([[column.min() for column in points.T], [column.max() for column in points.T]])
 
 
+def point_text(point: FloatArray, around: FloatArray) -> str:
+    """Return a point for messages, with four digits of the size of the (m, d) points around it, more if these are far.
+
+    What is rounding of this size is written as 0.
+    """
+    low, high = bounds_of(around)
+    size = float((high - low).max())
+    far = float(max(np.abs(low).max(), np.abs(high).max()))
+    digits = 4 + int(np.log10(max(1.0, min(far / size, 1e13)))) if size else 17
+    return f"({', '.join(f'{x if abs(x) > 1e-9 * size else 0.0:.{digits}g}' for x in point.tolist())})"
+
+
 def distinct(values: NDArray[Any]) -> NDArray[Any]:
     """Return distinct rows, or numbers, sorted; without indices `numpy.unique` imports numpy.ma."""
     return np.asarray(np.unique(values, axis=0, return_index=True)[0])

@@ -13,6 +13,7 @@ from gtb_cli.arrays import (
     index_type,
     paired,
     planar_cross,
+    point_text,
     positive,
     read_only,
     shifted,
@@ -118,3 +119,16 @@ def test_bounds_are_the_extremes_of_each_column(count):
         assert bounds_of(rows).tolist() == [points.min(axis=0).tolist(), points.max(axis=0).tolist()]
     points[count // 2, 1] = np.nan
     assert np.isnan(bounds_of(points)).tolist() == 2 * [[False, True, False]]
+
+
+@pytest.mark.parametrize(
+    ("size", "shift", "text"),
+    [
+        (1, 0, "(0.3333, 0, 0.6667)"),
+        (1e-9, 0, "(3.333e-10, 0, 6.667e-10)"),
+        (80, 1e7, "(10000026.7, 10000000, 10000053.3)"),
+    ],
+)
+def test_a_point_is_told_from_others_of_its_model_wherever_that_is(size, shift, text):
+    around = np.array([[0, 0, 0], [1, 1, 1]]) * size + shift
+    assert point_text(np.array([1 / 3, 1e-17, 2 / 3]) * size + shift, around) == text

@@ -75,16 +75,19 @@ def require(
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:
     """Say which seams have an angle larger than the given one."""
+    import numpy as np
+
+    from gtb_cli.arrays import point_text
     from gtb_cli.assembly.seams import joints
     from gtb_cli.theory.model import Model
 
     if not isinstance(spec, Model):
         return []
-    lines = []
+    lines, points = [], np.concatenate([patch.control_points for patch in spec])
     for seam in joints(spec):
         if not seam.angle <= angle:
-            place = ", ".join(f"{x:.4g}" for x in seam.place)
-            lines.append(f"not smooth: {seam.name(spec)} meet at {seam.angle:.3g} degrees, near ({place})")
+            place = point_text(seam.place, points)
+            lines.append(f"not smooth: {seam.name(spec)} meet at {seam.angle:.3g} degrees, near {place}")
     return lines
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, point_text
 from gtb_cli.assembly.seams import bends, joints
 from gtb_cli.checks.report import Finding, at_most, not_applicable, number
 from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_points_at
@@ -33,24 +33,21 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
             f"largest gap of the {len(shared.almost)} pairs of edges that nearly coincide, of the model's size",
         ),
     }
+    points = np.concatenate([patch.control_points for patch in model])
     seams = [seam for seam in joints(model) if math.isfinite(seam.angle)]
     if seams:
         worst = max(seams, key=lambda seam: seam.angle)
-        where = f"where {worst.name(model)} meet, near ({_shown(worst.place)})"
+        where = f"where {worst.name(model)} meet, near {point_text(worst.place, points)}"
         reason = f"degrees, the largest angle between normals, {where}"
         found["angle of joints"] = number(worst.angle, reason)
     bent = [(bend, seam) for seam, bend in zip(seams, bends(seams), strict=True) if math.isfinite(bend)]
     if bent:
         bend, most = max(bent, key=lambda pair: pair[0])
-        where = f"where {most.name(model)} meet, near ({_shown(most.bend_place)})"
+        where = f"where {most.name(model)} meet, near {point_text(most.bend_place, points)}"
         reason = f"1/length, the largest difference of normal curvatures across, {where}"
         found["curvature across joints"] = number(bend, reason)
     # By this theorem an edge is the curve of its own knots.
     return tuple(replace(finding, name=name, reference="Thm 4.0") for name, finding in found.items())
-
-
-def _shown(place: FloatArray) -> str:
-    return ", ".join(f"{x:.4g}" for x in place)
 
 
 def _joined(model: Model) -> Finding:

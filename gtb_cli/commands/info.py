@@ -191,7 +191,7 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
             lines.append(("welded edges", f"{found['welded_edges']}, up to {found['welded_distance']:.3g} apart"))
         for crowded in found["crowded_edges"]:
             lines.append(("crowded edge", "; ".join(crowded)))
-        lines += [("joint", _joint_text(joint)) for joint in found["joints"]]
+        lines += [("joint", _joint_text(joint, found["control_box"])) for joint in found["joints"]]
         if not patches:
             count = found["shared_edges"] if found["dimension"] == 2 else 0
             lines.append(("and more", f"{count} joints in all, and each patch: with --long"))
@@ -232,12 +232,15 @@ def _listed(names: list[str], in_full: bool) -> str:
     return "; ".join(names[: len(names) - more]) + (f" and {more} more, with --long" if more else "")
 
 
-def _joint_text(joint: dict[str, Any]) -> str:
+def _joint_text(joint: dict[str, Any], box: list[list[float]]) -> str:
     """Describe a joint in one line."""
     text = " and ".join(joint["edges"])
     if joint["angle"] is None:
         return f"{text}: without normals"
-    place = ", ".join(f"{x:.4g}" for x in joint["place"])
-    text += f": {joint['angle']:.2g} degrees near ({place})"
+    import numpy as np
+
+    from gtb_cli.arrays import point_text
+
+    text += f": {joint['angle']:.2g} degrees near {point_text(np.array(joint['place']), np.array(box))}"
     bend = joint["curvature_difference"]
     return text if bend is None else f"{text}, curvatures across differ by {bend:.3g}"

@@ -230,22 +230,20 @@ def _write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, strea
     if kind in CELL_FORMATS:
         options.refuse(f"is for meshes, and cells of {kind.upper()} share no vertices", "require")
     from gtb_cli.formats.surfaces import encode_surfaces, with_y_up
+    from gtb_cli.tessellation.curved_cells import encode_cells, unused
 
-    recipe, y_up = options.recipe, options.up == "y"
-    with streams.spec_of(specs[0]) as spec:
+    recipe = options.recipe
+    with streams.spec_of(specs[0]) as given:
+        spec = with_y_up(given) if options.up == "y" else given
         if kind in CELL_FORMATS:
-            from gtb_cli.tessellation.curved_cells import encode_cells
-
-            data, size, warnings = encode_cells(with_y_up(spec) if y_up else spec, kind, recipe)
+            data, size, warnings = encode_cells(spec, kind, recipe)
         else:
-            unit, tolerance = options.unit or next(iter(UNITS)), recipe.tolerance_for(spec)
-            wall = None
-            if recipe.thickness is not None:
-                from gtb_cli.tessellation.walls import wall_of
+            from gtb_cli.tessellation.walls import wall_of
 
-                wall = wall_of(with_y_up(spec) if y_up else spec, kind, recipe)
-            closed = bool(recipe.require)
-            data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=closed, y_up=y_up, wall=wall)
+            unit, tolerance = options.unit or next(iter(UNITS)), recipe.tolerance_for(spec)
+            wall, closed = wall_of(spec, kind, recipe), bool(recipe.require)
+            data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=closed, wall=wall)
+            warnings += unused(recipe, "resolution")
     write_blocks(streams.output, [data])
     streams.console.report(streams.output, size, warnings)
 

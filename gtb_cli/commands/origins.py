@@ -215,6 +215,8 @@ def _certificate(filling: Filling) -> dict[str, Any]:
 
 
 def _report(filling: Filling, console: Console) -> None:
+    from gtb_cli.arrays import point_text
+
     # Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so
     corner_angle = 0.1
     for remark in filling.remarks:
@@ -228,12 +230,9 @@ def _report(filling: Filling, console: Console) -> None:
         console.warn(
             f"the patch turns sharply at {filling.sharp_turns} of some thousand places: coarse meshes fold there"
         )
-    points = filling.patch.control_points
-    size = (points.max(axis=0) - points.min(axis=0)).max()
-    digits = 4 + int(math.log10(abs(points).max() / size))  # more of them far from the origin
 
     def near(place: FloatArray) -> str:
-        return f"near ({', '.join(f'{x:.{digits}g}' for x in place)})"
+        return f"near {point_text(place, filling.patch.control_points)}"
 
     for side, contact in zip(filling.sides, filling.contacts, strict=True):
         if math.isnan(contact.angle):

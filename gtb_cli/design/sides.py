@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, unit
+from gtb_cli.arrays import FloatArray, IntArray, point_text, unit
 from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location
@@ -198,6 +198,7 @@ def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
     It does so in the planes of both sides; that of a side without a field across is that of the loop's vector area.
     """
     least_turn = 1.0  # degrees beyond half a turn: a straight corner is none
+    corners = np.array([side.ends[0] for side in sides])
     points = np.concatenate([side.curve[:-1, :3] / side.curve[:-1, 3:] for side in sides])
     points = (points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)
     area = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
@@ -209,8 +210,7 @@ def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
         one, back, *normals = unit(np.stack([ahead, -end, *planes]))
         sine = max(float(np.cross(one, back) @ normal) for normal in normals)
         if -180 + least_turn < math.degrees(math.atan2(sine, float(one @ back))) < -least_turn:
-            place = ", ".join(f"{x:.4g}" for x in side.ends[0])
-            found.append(f"{before.name} and {side.name} at ({place})")
+            found.append(f"{before.name} and {side.name} at {point_text(side.ends[0], corners)}")
     return found
 
 

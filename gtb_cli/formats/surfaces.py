@@ -14,16 +14,13 @@ def encode_surfaces(
     tolerance: float | None,
     *,
     closed: bool,
-    y_up: bool,
     wall: Wall | None = None,
 ) -> tuple[bytes, str, list[str]]:
     """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
 
     Patches without exact pieces are fitted within the tolerance (without one, see `spline_surfaces`). `closed` asks for
-    solids: a `RequirementError` says that there are open shells. `y_up` turns z to y. See `encode_cad` for a wall.
+    solids: a `RequirementError` says that there are open shells. See `encode_cad` for a wall.
     """
-    if y_up:
-        spec = with_y_up(spec)
     found = spline_surfaces(spec, tolerance)
     body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", wall)
     if closed and body.shells:

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, distinct, paired
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, distinct, paired, point_text
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
-from gtb_cli.meshes.solidity import point
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.meshes.welding import merged
 
@@ -41,7 +40,7 @@ def with_flat_rims(solid: Mesh, thickness: float) -> Mesh:
     for number in distinct(label[is_rim]).tolist():
         rim = label == number
         centre, normal, nearly = _plane_of(surface, rim, cells)
-        near = f"near {point(surface[rim.argmax()])}"
+        near = f"near {point_text(surface[rim.argmax()], surface)}"
         height = (offset - centre) @ normal
         short = np.flatnonzero(rim & (height < 0))
         offset[rim] += _continuation(solid, rim, normal, np.minimum(height[rim], 0.0))
@@ -84,9 +83,10 @@ def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[Flo
     height = (surface - centre) @ normal
     apart = np.abs(height[rim])
     if apart.max() > nearly:
+        near = f"near {point_text(points[apart.argmax()], points)}"
         raise DomainError(
-            f"rim: a rim leaves its plane by {apart.max():.3g} near {point(points[apart.argmax()])}, and can be flat "
-            'only within it: `rim="normal"` makes the solid'
+            f"rim: a rim leaves its plane by {apart.max():.3g} {near}, and can be flat only "
+            'within it: `rim="normal"` makes the solid'
         )
     beside = cells[rim[cells].any(axis=1)]
     farthest = float(height[beside.ravel()[np.abs(height[beside]).argmax()]])
@@ -110,8 +110,9 @@ def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray, height: Float
     flat = solid.normals[row] - along[:, None] * normal
     if float(np.linalg.norm(flat, axis=1).min()) < STEEPEST:
         where = np.flatnonzero(rim)[vertex[np.linalg.norm(flat, axis=1).argmin()]]
+        near = f"near {point_text(solid.vertices[where], solid.bounds)}"
         raise DomainError(
-            f"rim: the surface lies almost in its rim's plane near {point(solid.vertices[where])}, as a patch does "
+            f"rim: the surface lies almost in its rim's plane {near}, as a patch does "
             'at a corner between two edges of a plane rim: let patches meet there, or take `rim="normal"`'
         )
     first = np.flatnonzero(np.diff(vertex, prepend=-1))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot
+from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, point_text
 from gtb_cli.meshes.crossings import crossing_pairs
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
@@ -43,7 +43,7 @@ def folded_places(mesh: Mesh) -> list[str]:
     for name, start, stop in mesh.groups or ((mesh.name, 0, len(mesh.cells)),):
         cells = folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]
         if len(cells):
-            first = point(mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0))
+            first = point_text(mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0), mesh.bounds)
             lines.append(f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}")
     return lines
 
@@ -63,12 +63,7 @@ def where(mesh: Mesh, cells: IntArray) -> str:
     """Say how many cells there are, and where the first of them is."""
     what = "segments" if mesh.is_curve else "faces"
     first = mesh.vertices[mesh.cells[cells[0]]].mean(axis=0)
-    return f"{len(cells)} of {len(mesh.cells)} {what}, the first near {point(first)}"
-
-
-def point(place: FloatArray) -> str:
-    """The coordinates of a point, for messages."""
-    return f"({', '.join(f'{x:.4g}' for x in place)})"
+    return f"{len(cells)} of {len(mesh.cells)} {what}, the first near {point_text(first, mesh.bounds)}"
 
 
 def inward_faces(mesh: Mesh) -> IntArray:

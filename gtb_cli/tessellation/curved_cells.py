@@ -24,16 +24,23 @@ def encode_cells(spec: Patch | Model, kind: str, recipe: Recipe) -> tuple[bytes,
     cannot hold a patch.
     """
     if kind == "gismo":
-        return encode_gismo(spec)
-    warnings: list[str] = []
+        data, size, warnings = encode_gismo(spec)
+        return data, size, [*warnings, *unused(recipe)]
+    warnings = []
     if not recipe.attributes:
         try:
             data, count, warnings = encode_vtu(spec)
-            return data, f"{count} exact {'cell' if count == 1 else 'cells'}", warnings
+            return data, f"{count} exact {'cell' if count == 1 else 'cells'}", [*warnings, *unused(recipe)]
         except DomainError as fault:
             warnings = [f"quadratic cells through points of the surface, not exact: {shortened(str(fault))}"]
     parts = quadratic_cells(spec, recipe)
     return encode_quadratic(parts), f"{sum(len(part.cells) for part in parts)} quadratic cells", warnings
+
+
+def unused(recipe: Recipe, *names: str) -> list[str]:
+    """Say which numbers, of all or those named, are for meshes and change nothing in a file of exact surfaces."""
+    given = [name for name in names or ("resolution", "tolerance") if getattr(recipe, name) != getattr(Recipe(), name)]
+    return [f"`{name}` is for meshes, and changes nothing here" for name in given]
 
 
 def quadratic_cells(spec: Patch | Model, recipe: Recipe) -> list[QuadraticCells]:

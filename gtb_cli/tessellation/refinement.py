@@ -10,7 +10,7 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, rows_of
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, point_text, rows_of
 from gtb_cli.certificates.cells import Certificates
 from gtb_cli.certificates.deadline import Deadline, Uncertified
 from gtb_cli.errors import ToleranceError
@@ -198,8 +198,8 @@ class _Refinement:
         fails = self.certificates.failing(cells.patch, cells.corners, corners, self.asked)
         self.rounds += 1
         if mesh.is_surface and self.rounds > max_rounds and fails.any():
-            place = ", ".join(f"{x:.4g}" for x in corners[fails][0].mean(axis=0))
-            raise Uncertified(f"cannot be certified for {fails.sum()} of {len(mesh)} faces, the first near ({place})")
+            place = point_text(corners[fails][0].mean(axis=0), mesh.points)
+            raise Uncertified(f"cannot be certified for {fails.sum()} of {len(mesh)} faces, the first near {place}")
         mesh.cells.certified[todo] = ~fails
         self.mark_worst(marked, todo[fails])
         return marked

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, dot
+from gtb_cli.arrays import BoolArray, FloatArray, dot, point_text
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.solid import folded_faces, thinnest_wall
-from gtb_cli.meshes.solidity import point, where
+from gtb_cli.meshes.solidity import where
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.model import Model
@@ -65,7 +65,9 @@ def offset_folds(spec: Patch | Model, mesh: Mesh, thickness: float) -> list[str]
     radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
     facts = [where(mesh, folded)] if len(folded) else []
     if radius < math.inf:
-        facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {point(place)}")
+        facts.append(
+            f"the surface bends to that side with a radius of {radius:.3g} near {point_text(place, mesh.bounds)}"
+        )
     extents = mesh.bounds[1] - mesh.bounds[0]
     if facts and abs(thickness) > extents.max():
         size = " × ".join(f"{extent:.3g}" for extent in extents)
@@ -79,8 +81,9 @@ def thin_wall(solid: Mesh, thickness: float) -> list[str]:
     share, place = thinnest_wall(solid, thickness)
     if share >= thick_enough:
         return []
+    near = f"near {point_text(place, solid.bounds)}"
     return [
-        f"the wall is at most {share:.0%} of the thickness near {point(place)}, as normals turn within a face: "
+        f"the wall is at most {share:.0%} of the thickness {near}, as normals turn within a face: "
         "more faces make it thicker where the surface is smooth"
     ]
 

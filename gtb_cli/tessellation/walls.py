@@ -8,13 +8,14 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 
-def wall_of(spec: Patch | Model, kind: str, recipe: Recipe) -> Wall:
-    """Measure, by a mesh, the solid of a recipe's thickness that a CAD file is to hold.
+def wall_of(spec: Patch | Model, kind: str, recipe: Recipe) -> Wall | None:
+    """Measure, by a mesh, the solid of a recipe's thickness, if any, that a CAD file is to hold.
 
     Raises `DomainError` if the surface is closed or has a crease, or the offset folds.
     """
     words = ("smooth:0.01deg", "solid")  # at creases the kernel leaves gaps, and calls the solid valid
-    assert recipe.thickness is not None
+    if recipe.thickness is None:
+        return None
     if isinstance(spec, Model) and spec.joints.closed:
         raise DomainError(f"thickness: a closed surface is a solid in {kind.upper()} as it is: leave the thickness out")
     try:
