@@ -131,7 +131,6 @@ class MeshRegression:
             raise error.with_traceback(None) from None
 
     def _golden(self, format: str, basename: str | None, fullpath: str | os.PathLike[str] | None) -> Path:
-        """Return the path of a golden file."""
         from gtb_cli.errors import DomainError
 
         if fullpath is not None:

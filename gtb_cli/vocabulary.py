@@ -100,6 +100,11 @@ CAMERA_LIMITS = ((-360.0, 360.0), (-90.0, 90.0))  # azimuth and elevation in deg
 STRETCH_LIMITS = ((1e-6, 1e6),) * 3
 
 
+def printable(text: str) -> str:
+    """Return a text on one line, with an escape for each character that cannot be seen or would control a terminal."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
 def plain_name(name: str) -> str:
     """Return a name without characters that would end a word, or continue a line, in a text format."""
     plain = "".join("_" if c.isspace() or not c.isprintable() or c == "\\" else c for c in name)

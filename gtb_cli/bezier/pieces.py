@@ -16,6 +16,7 @@ from gtb_cli.bezier.elevation import MAX_ELEVATED_KNOTS, MAX_PLAIN_WEIGHT
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import KNOT_TOLERANCE
 from gtb_cli.spec_paths import SpecPath, loaded, of_patch
+from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -46,7 +47,7 @@ def bezier_pieces(spec: Patch | Model | SpecPath, max_degree: int = MAX_DEGREE) 
         try:
             pieces += _pieces_of(patch, max_degree)
         except DomainError as error:
-            raise DomainError(f"{patch.name or f'patches[{index}]'}: {error}") from None
+            raise DomainError(f"{patch_name(patch, index)}: {error}") from None
     return Model(tuple(pieces), found.name)
 
 

@@ -65,7 +65,6 @@ class PlanarCertificate:
 
     @cached_property
     def _curves(self) -> list[CurveCertificate]:
-        """Those of the edges."""
         curves = [edge_curve(self.patch, edge) for edge in range(len(self.patch.domain.vertices))]
         return [
             CurveCertificate(Patch(each.knots, each.points, log_weights=each.log_weights), self.deadline)

@@ -8,10 +8,10 @@ from importlib import import_module
 import click
 
 from gtb_cli.errors import Fault, RequirementError
-from gtb_cli.shell.console import FORMS, STANDARD, abandon, begin, complain, finish, printable, say
+from gtb_cli.shell.console import FORMS, STANDARD, abandon, begin, complain, finish, say
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.version import __version__
-from gtb_cli.vocabulary import COMPLETION_VARIABLE
+from gtb_cli.vocabulary import COMPLETION_VARIABLE, printable
 
 # Exit statuses; a comparison that says no raises `click.exceptions.Exit`, a requirement raises its own error.
 DONE, REFUSED, FAILED = 0, 1, 2
@@ -60,7 +60,8 @@ COMMANDS = {name: summary for group in GROUPS.values() for name, summary in grou
 ROOMS = {
     "evaluate": "eval",
     "guides": "completion help schema",
-    "origins": "fill fit import new",
+    "imports": "import",
+    "origins": "fill",
     "respec": "bezier boundary coefficients elevate expand fair isocurve",
     "sequences": "degenerate knot-limit",
 }

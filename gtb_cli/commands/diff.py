@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, get_args
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, Console, complain, error_record, printable
+from gtb_cli.shell.console import STANDARD, Console, complain, error_record
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
@@ -31,7 +31,7 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.comparing import Answer, Comparing, Verdict
 from gtb_cli.verdicts.differences import record, text_about
 from gtb_cli.verdicts.reporting import refuse_reports, refuse_within, reviewed, write_pictures, write_reports
-from gtb_cli.vocabulary import RESOLUTION, suffix_of
+from gtb_cli.vocabulary import RESOLUTION, printable, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Aspect, Kind
@@ -168,7 +168,6 @@ def _refuse_pictures(folder: str, compared: Sequence[str]) -> None:
 
 
 def _write(review: Review, reports: Sequence[str], pictures: str | None, console: Console) -> None:
-    """Write pictures and reports."""
     places = {} if pictures is None else write_pictures(pictures, review)
     write_reports(reports, review, places)
     if pictures is not None and len(places) < len(review.changes):

@@ -53,7 +53,6 @@ def info(request: ReportRequest, console: Console) -> None:
 
 
 def _line(name: str, found: dict[str, Any]) -> str:
-    """Describe a spec, or a mesh, in a few words."""
     if found["kind"] == "mesh":
         return mesh_line(name, found)
     if "patches" in found:
@@ -233,7 +232,6 @@ def _listed(names: list[str], in_full: bool) -> str:
 
 
 def _joint_text(joint: dict[str, Any], box: list[list[float]]) -> str:
-    """Describe a joint in one line."""
     text = " and ".join(joint["edges"])
     if joint["angle"] is None:
         return f"{text}: without normals"

@@ -235,6 +235,7 @@ def fair(spec: str, energy: Energy, keep: Keep, streams: Streams) -> None:
     """
     from gtb_cli.fairing.fair import fair as made_fair
     from gtb_cli.language.writer import dump
+    from gtb_cli.theory.edges import patch_name
     from gtb_cli.theory.model import Model
 
     with streams.spec_of(spec) as loaded:
@@ -243,7 +244,7 @@ def fair(spec: str, energy: Energy, keep: Keep, streams: Streams) -> None:
         text = dump(Model(tuple(part.patch for part in found), loaded.name) if model else found[0].patch)
     streams.write(text)
     for index, part in enumerate(found):
-        name = f"{part.patch.name or f'patches[{index}]'}: " if model else ""
+        name = f"{patch_name(part.patch, index)}: " if model else ""
         if not part.free:
             streams.console.warn(f"{name}no control point is free: all stay")
         if part.folds:

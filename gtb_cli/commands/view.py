@@ -150,7 +150,6 @@ def view(
 
 
 def _comparison(paths: tuple[str, ...], recipe: Recipe, spec_format: str | None) -> str:
-    """Return a page of two files side by side."""
     from gtb_cli.review.page import page
     from gtb_cli.verdicts.comparing import Comparing
     from gtb_cli.verdicts.reporting import reviewed
@@ -244,7 +243,6 @@ def _refuse_too_many(faces: int) -> None:
 
 
 def _show(page: str, console: Console, *, opens: bool) -> None:
-    """Write a page to a temporary file and open it."""
     import tempfile
     import webbrowser
     from pathlib import Path

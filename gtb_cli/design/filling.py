@@ -15,7 +15,7 @@ from gtb_cli.design.sides import HoleSide, curve_side
 from gtb_cli.errors import DomainError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES
-from gtb_cli.theory.edges import edge_name
+from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.model import Model
 from gtb_cli.vocabulary import CONTINUITIES
 
@@ -132,5 +132,5 @@ def _sides(loop: Model, ribbons: Sequence[ArrayLike | None] | None) -> list[Hole
         ribbon = None if row is None else finite(f"ribbons[{index}]", row)
         if ribbon is not None and ribbon.shape != curve.control_points.shape:
             raise DomainError(f"ribbons[{index}]: expected shape {curve.control_points.shape}, got {ribbon.shape}")
-        sides.append(curve_side(curve, ribbon, curve.name or f"patches[{index}]"))
+        sides.append(curve_side(curve, ribbon, patch_name(curve, index)))
     return sides

@@ -11,6 +11,7 @@ from gtb_cli.imports.words import Words
 from gtb_cli.language.document import spec_format_of
 from gtb_cli.language.loading import parse_loop
 from gtb_cli.language.scanner import Format
+from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -32,7 +33,7 @@ def read_loop(data: bytes, source: str, format: Format | None = None) -> list[Ho
         raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")
     if spec.dimension == 2:
         return spec
-    names = [patch.name or f"patches[{i}]" for i, patch in enumerate(spec.patches)]
+    names = [patch_name(patch, index) for index, patch in enumerate(spec.patches)]
     try:
         return [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
     except DomainError as error:

@@ -181,7 +181,6 @@ def _surface(surface: SplineSurface) -> Any:
 
 
 def _filled(kind: Any, values: list[float]) -> Any:
-    """Return an array of the kernel."""
     array = kind(1, len(values))
     for place, value in enumerate(values, 1):
         array.SetValue(place, value)

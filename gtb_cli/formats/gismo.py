@@ -11,6 +11,7 @@ from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.splines import exact_surfaces
 from gtb_cli.formats.surfaces import shortened
+from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -51,7 +52,7 @@ def encode_gismo(spec: Patch | Model) -> tuple[bytes, str, list[str]]:
         try:
             surfaces = exact_surfaces(patch, index)
         except DomainError as fault:
-            who = "" if isinstance(spec, Patch) else f"{patch.name or f'patches[{index}]'}: "
+            who = "" if isinstance(spec, Patch) else f"{patch_name(patch, index)}: "
             reason = shortened(str(fault))
             raise DomainError(f"{who}{reason}. Files for G+Smo hold exact pieces; VTU files, other cells") from None
         nets += [surface.net for surface in surfaces]
@@ -111,7 +112,6 @@ def _sides(net: FloatArray) -> tuple[FloatArray, ...]:
 
 
 def _edges(patch: Patch) -> list[FloatArray]:
-    """Points along each edge of a patch."""
     shares, found = np.linspace(0, 1, 257), []
     for edge in range(len(patch.domain.vertices)):
         curve = patch.boundary(edge)

@@ -336,7 +336,6 @@ def _matrix(node: dict[str, Any]) -> FloatArray:
 
 
 def _cells(indices: NDArray[Any], mode: object) -> NDArray[Any]:
-    """The segments or triangles of a primitive."""
     count = len(indices)
     if mode == 1:
         return indices[: count // 2 * 2].reshape(-1, 2)

@@ -11,6 +11,7 @@ from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.splines import exact_surfaces, homogeneous_points
 from gtb_cli.knots.lattice import Direction, lattice_of
+from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -63,7 +64,7 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int, list[str]]:
         except DomainError as fault:
             if isinstance(spec, Patch):
                 raise
-            raise DomainError(f"{patch.name or f'patches[{index}]'}: {fault}") from None
+            raise DomainError(f"{patch_name(patch, index)}: {fault}") from None
     nets = iter(_raised([cell for _, cell in cells if not isinstance(cell, Cell)]))
     whole = [(index, cell if isinstance(cell, Cell) else _quadrilateral(next(nets))) for index, cell in cells]
     degrees = sorted({max(cell.degrees) for _, cell in whole if cell.kind != CURVE})

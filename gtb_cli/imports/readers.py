@@ -111,7 +111,6 @@ def _with(format: str, data: bytes, path: str) -> tuple[list[Patch], list[str]]:
 
 
 def _by_content(data: bytes) -> str | None:
-    """Return the format of a file whose content identifies it."""
     if data.startswith(b"3D Geometry File Format"):
         return "3dm"
     if data.lstrip()[:1] == b"{":

@@ -47,7 +47,6 @@ def read_3dm(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
 
 
 def _objects(data: bytes, source: str) -> list[dict[str, Any]]:
-    """Return what the process prints about a file."""
     damaged = f"{source}: is not a .3dm file, or is damaged"
     try:
         # -P: modules are imported neither from the folder of that file nor from the working folder.

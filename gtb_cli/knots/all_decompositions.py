@@ -228,7 +228,6 @@ class _Chamber:
                     yield number, knot, found
 
     def _flipped(self, circuit: _Circuit) -> Cells:
-        """The triangulation across the facet of a circuit."""
         old = [circuit.knots - {i} for i in circuit.below]
         new = [circuit.knots - {i} for i in circuit.knots - circuit.below]
         links = {frozenset(cell) - part for cell in self._cells for part in old if part.issubset(cell)}

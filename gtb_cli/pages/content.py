@@ -212,7 +212,6 @@ def _with_names(content: Content) -> Content:
 
 
 def _beside(one: Content, other: Content) -> Content:
-    """Return the contents of a page for one thing and another."""
     (frame,), (further,) = one.keyframes, other.keyframes
     vertices, cells = len(frame.vertices), len(one.cells)
     points, groups = len(frame.net_points), len(one.groups)

@@ -8,7 +8,7 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import bounds_of
 from gtb_cli.errors import DomainError
@@ -76,13 +76,13 @@ def page_data(content: Content) -> dict[str, Any]:
     middle = low + (high - low) / 2
 
     def placed(points: Any) -> str:
-        return _text(((points - middle) / size).astype("<f4"))
+        return encoded((points - middle) / size, "<f4")
 
     frames = []
     for label, keyframe in zip(content.labels, content.keyframes, strict=True):
         frame = {"label": label, "positions": placed(keyframe.vertices)}
         if len(keyframe.normals):
-            frame["normals"] = _text(keyframe.normals.astype("<f4"))
+            frame["normals"] = encoded(keyframe.normals, "<f4")
         if len(keyframe.net_points):
             frame["net"] = placed(keyframe.net_points)
         frames.append(frame)
@@ -91,9 +91,9 @@ def page_data(content: Content) -> dict[str, Any]:
         ends = (0.0, 2 * float(np.median(values))) if name == "wall" else scale_of(values, "PuOr")
         with np.errstate(over="ignore"):
             shown = values if name == "wall" else values.clip(*ends)
-            scalars[name] = {"values": _text(shown.astype("<f4")), "low": ends[0], "high": ends[1]}
+            scalars[name] = {"values": encoded(shown, "<f4"), "low": ends[0], "high": ends[1]}
     start, end = bounds_of(np.concatenate(vertices))
-    lines = {name: _text(pairs.astype("<u4")) for name, pairs in content.lines.items()}
+    lines = {name: encoded(pairs, "<u4") for name, pairs in content.lines.items()}
     measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 and not content.limits else None
     is_wide = len(vertices[0]) >= 1 << 16
     return {
@@ -112,7 +112,7 @@ def page_data(content: Content) -> dict[str, Any]:
         "closed": measures is not None and measures.volume is not None,
         "remarks": content.remarks,
         "frames": frames,
-        "cells": _text(content.cells.astype("<u4" if is_wide else "<u2")),
+        "cells": encoded(content.cells, "<u4" if is_wide else "<u2"),
         "wide": is_wide,
         "groups": [list(group) for group in content.groups],
         "lines": lines,
@@ -157,5 +157,6 @@ def _end_texts(low: list[float], high: list[float], size: float) -> list[tuple[s
     return [(text(a), text(b)) for a, b in zip(low, high, strict=True)]
 
 
-def _text(values: NDArray[Any]) -> str:
-    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")
+def encoded(values: ArrayLike, kind: str) -> str:
+    """Return numbers of this kind as base 64, in the order of rows."""
+    return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode("ascii")

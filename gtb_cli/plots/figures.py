@@ -191,7 +191,6 @@ def frames_of_picture(thing: Patch | Model | Mesh, picture: Picture, kind: str |
 
 
 def _draw_on(ax: Axes, thing: Patch | Model | Mesh, picture: Picture) -> None:
-    """Draw a spec or a mesh on axes."""
     what, look, approach, vary = picture
     if isinstance(thing, Mesh):
         draw_mesh(ax, thing, look)

@@ -4,7 +4,8 @@ import re
 from collections.abc import Mapping
 
 from gtb_cli.review.changes import Change, Review
-from gtb_cli.review.table import amount, rows, visible
+from gtb_cli.review.table import amount, rows
+from gtb_cli.vocabulary import printable
 
 MAX_BYTES = 60_000  # which GitHub takes as a comment, at most 65,536 characters
 COLUMNS = ("faces", "segments", "area", "length", "volume", "lowest", "highest", "open edges")
@@ -53,7 +54,7 @@ def _about(change: Change, picture: str) -> str:
 
 def _code(text: str) -> str:
     """Return a text as code, in which nothing is markup, on one line."""
-    text = visible(text)
+    text = printable(text)
     fence = "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
     space = " " if text.startswith(("`", " ")) or text.endswith(("`", " ")) or not text else ""
     return f"{fence}{space}{text}{space}{fence}"

@@ -1,18 +1,18 @@
 """A page for a browser: what changed, old and new side by side under one camera, and coloured by distance."""
 
-import base64
 from typing import Any
 
 import numpy as np
 
-from gtb_cli.pages.page import page_with
+from gtb_cli.pages.page import encoded, page_with
 from gtb_cli.review.changes import MAX_SHOWN_FACES, Change, Review
-from gtb_cli.review.table import amount, rows, visible
+from gtb_cli.review.table import amount, rows
+from gtb_cli.vocabulary import printable
 
 
 def page(review: Review) -> str:
     """Return the text of a page that works offline; no name or message can become a part of its script."""
-    names = [visible(name) for name in review.names]
+    names = [printable(name) for name in review.names]
     data: dict[str, Any] = {
         "names": names,
         "counts": review.counts,
@@ -24,9 +24,9 @@ def page(review: Review) -> str:
 
 def _data(change: Change) -> dict[str, Any]:
     data: dict[str, Any] = {
-        "name": visible(change.name),
+        "name": printable(change.name),
         "verdict": change.verdict,
-        "reasons": [visible(reason) for reason in change.reasons],
+        "reasons": [printable(reason) for reason in change.reasons],
         "amount": amount(change),
         "tolerance": "" if change.found is None else f"{change.found.tolerance:.3g}",
         "rows": [(row.label, row.old, row.new) for row in rows(change)],
@@ -44,22 +44,22 @@ def _data(change: Change) -> dict[str, Any]:
         vertices, cells = frames[key].inside(side.mesh.vertices), side.mesh.cells
         full = float(np.abs(vertices).max()) or 1.0 if data["alone"] else 1.0
         data[key] = {
-            "positions": _encoded(vertices / full, "<f4"),
-            "cells": _encoded(cells, "<u2" if len(vertices) < 1 << 16 else "<u4"),
+            "positions": encoded(vertices / full, "<f4"),
+            "cells": encoded(cells, "<u2" if len(vertices) < 1 << 16 else "<u4"),
             "wide": len(vertices) >= 1 << 16,
             "corners": cells.shape[1],
             "faces": side.faces,
             "shown": len(cells),
         }
         if side.turned is not None:
-            data["coloured"] = {"side": key, "turned": True, "values": _encoded(255 * side.turned, "<u1")}
+            data["coloured"] = {"side": key, "turned": True, "values": encoded(255 * side.turned, "<u1")}
         elif change.coloured == key and change.found is not None and change.largest is not None:
             assert side.distances is not None
             top = change.found.distance  # points between those that were compared may be farther
             data["coloured"] = {
                 "side": key,
                 "vertices": change.found.method == "vertices",
-                "values": _encoded(np.rint((side.distances / top).clip(0, 1) * 255), "<u1"),
+                "values": encoded(np.rint((side.distances / top).clip(0, 1) * 255), "<u1"),
                 "top": f"{top:.3g}",
                 "at": (frames[key].inside(np.array(change.largest)) / full).tolist(),
                 "place": " ".join(f"{x:.6g}" for x in change.largest),
@@ -74,7 +74,3 @@ def _why_uncoloured(change: Change) -> str:
     if not change.found.same_kind:
         return "no distances of a curve from a surface"
     return "nowhere farther apart than the tolerance"
-
-
-def _encoded(values: Any, kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode("ascii")

@@ -35,17 +35,9 @@ def rows(change: Change) -> list[Row]:
     return [_row(label, old.get(label), new.get(label)) for label in dict.fromkeys((*old, *new))]
 
 
-def visible(text: str) -> str:
-    """Return a text on one line, with an escape for each character that cannot be seen."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
-
-
 def amount(change: Change) -> str:
     """Say in a few words how much differs."""
-    found = change.found
-    if found is None:
-        return ""
-    return f"{found.distance:.3g}"
+    return "" if change.found is None else f"{change.found.distance:.3g}"
 
 
 def _row(label: str, old: object, new: object) -> Row:

@@ -52,7 +52,6 @@ def in_cluster(
 
 
 def _connected(address: str) -> Any:
-    """Return a client of the scheduler."""
     from concurrent.futures import Future
 
     try:

@@ -10,7 +10,7 @@ from typing import TextIO
 
 from gtb_cli.errors import Fault
 from gtb_cli.shell.faults import in_options, located
-from gtb_cli.vocabulary import SCHEMA
+from gtb_cli.vocabulary import SCHEMA, printable
 
 STANDARD = "-"  # the name of a file that stands for standard input or output
 
@@ -81,11 +81,6 @@ def annotation(fault: Fault, severity: str) -> str:
 def _escaped(text: str, more: str = "") -> str:
     """Escape a value of a workflow command; what would control a terminal is escaped as in other messages."""
     return printable("".join(f"%{ord(c):02X}" if c in "%\r\n" + more else c for c in text))
-
-
-def printable(text: str) -> str:
-    """Return the text without characters that would control a terminal, such as those in names of files."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def say(line: str) -> None:

@@ -102,7 +102,6 @@ class SequenceOutput:
             write_text(STANDARD, spec_text)
 
     def _write_folder(self, sequence: MeshSequence, labels: list[str], spec: str) -> None:
-        """Make the meshes, and write them and `sequence.json`."""
         stem, kind = file_stem(sequence.name), self.options.format or "obj"
         names = [f"{stem}-{label}.{kind}" for label in labels]
         folder = self.streams.output
@@ -161,7 +160,6 @@ class SequenceOutput:
             self.streams.console.note(f"{file_stem(sequence.name)}: distances from the limit fall {', '.join(texts)}")
 
     def _report(self, place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str]) -> None:
-        """Report a mesh and its warnings."""
         if member.doubt:
             doubt = f"the distance is between coarse meshes: {member.doubt}"
             self.streams.console.warn(f"{sequence.key} {member.value:g}: {doubt}")

@@ -317,7 +317,6 @@ def _crossings(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
 
 
 def _rimmed(solid: Mesh, thickness: float, rim: Rim) -> Mesh:
-    """A solid with such rims."""
     if rim == "normal":
         return solid
     from gtb_cli.meshes.rims import with_flat_rims

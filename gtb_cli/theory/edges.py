@@ -20,10 +20,15 @@ EdgeRef = tuple[int, int]  # (patch, edge): edge j of the hull of a patch's knot
 CURVE_TOLERANCE = 1e-9
 
 
+def patch_name(patch: Patch, index: int) -> str:
+    """Return the name of a patch of a model in messages: its own, or its place in the spec."""
+    return patch.name or f"patches[{index}]"
+
+
 def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
     """Return the name of an edge in messages, such as ``lid edge 2``."""
     index, edge = ref
-    return f"{patches[index].name or f'patches[{index}]'} edge {edge}"
+    return f"{patch_name(patches[index], index)} edge {edge}"
 
 
 @frozen

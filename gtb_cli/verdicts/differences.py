@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gtb_cli.shell.console import printable
+from gtb_cli.vocabulary import printable
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
@@ -77,7 +77,6 @@ def text_about(answer: Answer) -> str:
 
 
 def _farthest(found: Difference) -> str:
-    """Return a line for each way."""
     ways = ("A from B", found.forward), ("B from A", found.backward)
     return "".join(f"  {way:24}{farthest.distance:.3g} at {_at(farthest.at)}\n" for way, farthest in ways)
 

@@ -7,10 +7,10 @@ import operator
 from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import MeshError
-from gtb_cli.shell.console import printable
 from gtb_cli.shell.streams import Spec, shown_input
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.comparing import mesh_or_spec
+from gtb_cli.vocabulary import printable
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import KnownMesh

@@ -1,0 +1,59 @@
+"""`gtb import`: a file of another program → a spec."""
+
+import os
+
+import click
+
+from gtb_cli.errors import RequirementError
+from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.options import INPUT, output_options
+from gtb_cli.shell.streams import Streams, about, read_bytes, shown_input, stem_of
+from gtb_cli.vocabulary import IMPORTS
+
+
+@click.command("import")
+@click.argument("file", metavar="FILE", default=STANDARD, type=INPUT)
+@click.option(
+    "--from",
+    "format",
+    type=click.Choice(IMPORTS),
+    help="Read FILE in this format. By default the content or the suffix of the file decides.",
+)
+@output_options
+def import_(file: str, format: str | None, streams: Streams) -> None:
+    """\b
+    Example: printf '1 1  0 0 0  0 1 0  1 0 0  1 1 1' | gtb import --from bzr
+
+    Print a file of another program as a spec: a patch, or a model of several.
+
+    Formats: toric patches (.trp), BezierView (.bv), Bézier nets (.bpt, .bzr), and, exactly, span by span, B-splines and
+    NURBS from IGES (.igs, .iges: entities 126 and 128), from Rhino (.3dm, with the extra gtb-cli[rhino]) and from
+    geomdl (.json). A message names what a patch cannot hold, such as trimming and units. Boundaries of holes (.gbp,
+    .lop) are filled as gtb fill does.
+    """
+    from gtb_cli.design.fill import fill_loop
+    from gtb_cli.design.loops import SUFFIXES, loop_from_text
+    from gtb_cli.imports.readers import import_data
+    from gtb_cli.language.writer import dump
+
+    source = shown_input(file)
+    data = read_bytes(file)
+    if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
+        sides = loop_from_text(data, source)
+        with about(source):
+            filling = fill_loop(sides, name=stem_of(file))
+            if filling.fault:
+                raise RequirementError(f"{filling.fault}; it is not written")
+            text = dump(filling.patch)
+        remarks = (
+            *filling.remarks,
+            "edges and ribbons are kept; the inside is made fair and is not that of the file's scheme",
+        )
+    else:
+        found = import_data(source, data, format)
+        remarks = found.remarks
+        with about(source):
+            text = dump(found.shape)
+    streams.write(text)
+    for remark in remarks:
+        streams.console.note(f"{source}: {remark}")
