@@ -47,7 +47,7 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
             text = dump(filling.patch)
         remarks = (
             *filling.remarks,
-            "edges and ribbons are kept; the inside is made fair and is not that of the file's scheme",
+            "the inside is made fair and is not that of the file's scheme",
         )
     else:
         found = import_data(source, data, format)

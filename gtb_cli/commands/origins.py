@@ -72,7 +72,8 @@ def fill(
 
     LOOP is a spec whose patches are the sides, in any order: rational Bézier curves, each with a "ribbon" if the patch
     is to touch tangent planes along it (the second row of control points, as many as in the first). It may also be a
-    .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring.
+    .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring. A B-spline of a
+    .lop file is one side, a Bézier curve within 1e-5 of the loop's size; its distance is said.
 
     Along each side with a ribbon the tangent planes are exact up to rounding. A certificate says what was measured: for
     each side the largest angle between normals, away from corners, and, in a model, the largest difference between

@@ -27,6 +27,7 @@ from gtb_cli.design.sides import (
     side_normals,
     stations,
 )
+from gtb_cli.design.splines import single_curves
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
 from gtb_cli.fairing.fair import FOLD_RINGS, RIDGE_FRACTION
@@ -157,7 +158,9 @@ def fill_loop(
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
-    ordered, remarks = loop(sides)
+    whole, remarks = single_curves(sides)
+    ordered, said = loop(whole)
+    remarks += said
     if len(ordered) > max_sides:
         raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
     points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in ordered])

@@ -74,7 +74,7 @@ def _gbp(words: Words) -> list[HoleSide]:
 
 
 def _lop(words: Words) -> list[HoleSide]:
-    """Read the sides of a loop of B-spline curves; each polynomial piece of a curve becomes a side."""
+    """Read the sides of a loop of B-spline curves; each polynomial piece of a curve becomes a side for now."""
     sides: list[HoleSide] = []
     for k in range(words.whole("the number of curves", 1, MAX_CURVES)):
         line = words.line
@@ -92,5 +92,5 @@ def _lop(words: Words) -> list[HoleSide]:
         for i, (first, matrix) in enumerate(spans):
             name = f"side {k}" if len(spans) == 1 else f"side {k} piece {i}"
             piece = matrix @ points[first : first + degree + 1]
-            sides.append(HoleSide(name, np.column_stack([piece, np.ones(len(piece))])))
+            sides.append(HoleSide(name, np.column_stack([piece, np.ones(len(piece))]), spline=f"side {k}"))
     return sides

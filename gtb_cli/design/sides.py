@@ -24,12 +24,13 @@ class HoleSide:
     """One side of a hole: (m + 1, 4) Bézier points (ω x, ω y, ω z, ω), with ω positive and 1 at both ends.
 
     `across` has (96, 3) directions into the hole at the parameters `stations`; they and the tangent span the planes
-    that the patch is to touch. None: it only has to meet the curve.
+    that the patch is to touch. None: it only has to meet the curve. `spline` is the B-spline of which it is a piece.
     """
 
     name: str
     curve: FloatArray
     across: FloatArray | None = None
+    spline: str | None = None
 
     @property
     def degree(self) -> int:

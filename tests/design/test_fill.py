@@ -1,12 +1,15 @@
 """Holes filled with one patch: boundary and tangent planes are what was given, and the inside is fair."""
 
+import itertools
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from gtb_cli.design.fill import Filling, _folds, _turns, fill_loop
 from gtb_cli.design.filling import fill
@@ -21,6 +24,7 @@ from gtb_cli.design.sides import (
     raised,
     stations,
 )
+from gtb_cli.design.splines import single_curves
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy, energy_samples
 from gtb_cli.language.loading import parse
@@ -329,14 +333,47 @@ def test_the_cup_is_filled():
     assert filling.bending.variation < 20
 
 
-def test_a_loop_of_bsplines_is_filled():
+def test_a_bspline_is_one_side():
+    """Its Bézier curve is as near as is said, from end to end, and no inner knot is a corner."""
     path = HERE / "pocket3sided.lop"
-    sides = loop_from_text(path.read_bytes(), str(path))
-    assert [side.name for side in sides][:2] == ["side 0 piece 0", "side 0 piece 1"]
-    filling = fill_loop(sides)
-    assert filling.folds == 0
-    for k, side in enumerate(filling.sides):
-        np.testing.assert_allclose(filling.patch.control_points[k], side.ends[0], rtol=1e-12)
+    pieces = loop_from_text(path.read_bytes(), str(path))
+    assert [piece.name for piece in pieces][:2] == ["side 0 piece 0", "side 0 piece 1"]
+    filling = fill_loop(pieces)
+    assert filling.fault is None
+    assert filling.bending.variation < 100  # 560 with corners at inner knots
+    for side, remark in zip(filling.sides, filling.remarks, strict=False):
+        said = re.fullmatch(rf"{side.name}: one curve of degree {side.degree}, up to (\S+) from its B-spline", remark)
+        own = [piece for piece in pieces if piece.spline == side.name]
+        np.testing.assert_array_equal(side.ends, [own[0].ends[0], own[-1].ends[1]])
+        spline = np.concatenate([points_and_tangents(piece.curve, np.linspace(0, 1, 101))[0] for piece in own])
+        curve, tangents = points_and_tangents(side.curve, np.linspace(0, 1, 20_001))
+        nearest = cKDTree(curve).query(spline)[1]
+        sines = np.cross(spline - curve[nearest], tangents[nearest])
+        far = (np.linalg.norm(sines, axis=1) / np.linalg.norm(tangents[nearest], axis=1)).max()
+        assert 0.9 * float(said[1]) < far < 1.02 * float(said[1]) < 1.1e-5 * 149
+
+
+def lop(curves: list[tuple[list[float], list[list[float]]]]) -> list[HoleSide]:
+    """A loop of cubic B-splines, by their knots and control points."""
+    rows = [f"3 {len(knots)} {' '.join(map(str, knots))} {len(points)}" for knots, points in curves]
+    nets = [" ".join(str(x) for point in points for x in point) for _, points in curves]
+    text = f"{len(curves)} " + " ".join(f"{row} {net}" for row, net in zip(rows, nets, strict=True))
+    return loop_from_text(text.encode(), "x.lop")
+
+
+def test_a_bspline_with_a_corner_or_far_from_any_curve_becomes_several():
+    knots, ends = [0.0] * 4, [1.0] * 4
+    bent = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 2, 0], [3, 3, 0]]
+    wavy = [[3 - 3 * k / 12, 3 - 3 * k / 12 + 0.1 * (-1) ** k * (0 < k < 12), 0] for k in range(13)]
+    sides = lop([([*knots, 0.5, 0.5, 0.5, *ends], bent), ([*knots, *(np.arange(1, 10) / 10), *ends], wavy)])
+    assert single_curves(sides) == (sides, [])  # two curves would not be a loop
+    whole, remarks = single_curves([*sides, HoleSide("last", np.array([[4.0, 4, 0, 1], [5, 5, 0, 1]]))])
+    assert [side.name for side in whole[:3]] == ["side 0 part 0", "side 0 part 1", "side 1 part 0"]
+    np.testing.assert_array_equal(whole[0].ends[1], [3, 0, 0])
+    assert len(whole) < 10
+    assert remarks[0] == "side 0: 2 curves with corners between them, up to 0 from its B-spline; one would be too far"
+    for before, after in itertools.pairwise(whole[:-1]):
+        np.testing.assert_array_equal(before.ends[1], after.ends[0])
 
 
 @pytest.mark.parametrize(

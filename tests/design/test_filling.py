@@ -38,7 +38,7 @@ def test_fill_takes_curves_and_ribbons():
 
 
 def test_fill_takes_files_and_models(tmp_path):
-    assert len(gtb_cli.fill(HERE / "pocket3sided.lop", raises=0).sides) == 7
+    assert len(gtb_cli.fill(HERE / "pocket3sided.lop", raises=0).sides) == 3
     path = tmp_path / "loop.toml"
     path.write_text(TRIANGLE, encoding="utf-8")
     assert len(gtb_cli.fill(path).sides) == 3
