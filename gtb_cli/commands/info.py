@@ -38,11 +38,11 @@ def info(request: ReportRequest, console: Console) -> None:
     or those in a folder, get a line each, unless --long or --json asks for everything. If one cannot be read, a message
     says so and the exit status is 2.
 
-    Of an OBJ, PLY, STL, GLB or 3MF file: faces, bounds, parts, area, volume (of a closed surface; negative if it looks
-    inwards), edges that are open, crowded (with more than two faces) or turned (with two that look in opposite
-    directions), collapsed faces, and groups. --json has all digits and groups; the text has those that are the same on
-    all processors, for git diff: git config diff.gtb.textconv "gtb info". A mesh without faces, or with coordinates
-    that are not finite, is said to be so.
+    Of an OBJ, PLY, STL, GLB or 3MF file: faces (polygons are cut into triangles around their first corners), bounds,
+    parts, area, volume (of a closed surface; negative if it looks inwards), edges that are open, crowded (with more
+    than two faces) or turned (with two that look in opposite directions), collapsed faces, and groups. --json has all
+    digits and groups; the text has those that are the same on all processors, for git diff: git config
+    diff.gtb.textconv "gtb info". A mesh without faces, or with coordinates that are not finite, is said to be so.
     """
     in_full = request.in_full
     report = partial(_found, in_full=request.as_json or in_full, with_extents=not request.in_lines)

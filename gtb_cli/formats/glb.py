@@ -238,7 +238,8 @@ def _content(tree: dict[str, Any], binary: bytes) -> Content:
             if len(corners) and not 0 <= corners.min() <= corners.max() < len(positions):
                 raise GtbError(f"indices: expected numbers below {len(positions)}, got {corners.max()}")
             found = as_indices(shifted(_cells(corners[:, 0], mode), count), np.int32)
-            cells[found.shape[1]].append(found)
+            is_mirrored = found.shape[1] == 3 and np.linalg.det(place[:3, :3]) < 0  # then faces keep their outer sides
+            cells[found.shape[1]].append(found[:, ::-1] if is_mirrored else found)
             vertices.append(positions.astype(np.float64) @ place[:3, :3].T + place[:3, 3])
             count += len(positions)
             rows += len(found)

@@ -197,7 +197,8 @@ class _Reader:
             found = np.array(mesh.corners).reshape(-1, 3)
             if len(wrong := found[(found < 0) | (found >= len(vertices[-1]))]):
                 raise GtbError(f"triangles: expected vertices below {len(vertices[-1])}, got {wrong[0]}")
-            cells.append(found + count)
+            is_mirrored = np.linalg.det(place[:3, :3]) < 0  # then faces keep their outer sides
+            cells.append((found[:, ::-1] if is_mirrored else found) + count)
             ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
             for (start, part), end in zip(mesh.parts, ends, strict=False):
                 groups.append((self.name_of(part) or mesh.name or key, rows + start, rows + end))

@@ -374,6 +374,15 @@ def test_glb_nodes_within_nodes_and_interleaved_numbers():
     assert np.allclose(read.vertices, with_z_up([*turned, *(TRIANGLE + np.array([1, 0, 5]))]), atol=1e-12)
 
 
+def test_mirrored_glb_nodes_keep_their_outer_sides():
+    """By glTF, section 3.7.4, the determinant of a node's place defines which way round a face is seen."""
+    tree = primitive(4, 3)
+    tree["nodes"] = [{"children": [1], "scale": [-1, 1, 1]}, {"mesh": 0}]
+    read = decoded(glb(tree, TRIANGLE.astype("<f4").tobytes()))
+    a, b, c = read.vertices[read.cells[0]]
+    assert np.cross(b - a, c - a).tolist() == [0, -1, 0]  # z of the file is −y here
+
+
 # --- damage
 
 

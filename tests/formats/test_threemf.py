@@ -93,6 +93,12 @@ def test_objects_are_placed_where_components_and_items_say():
     assert read.groups == (("leaf", 0, 1), ("leaf", 1, 2))
 
 
+def test_mirrored_objects_keep_their_outer_sides():
+    mirrored = '<item objectid="1" transform="-1 0 0 0 1 0 0 0 1 0 0 0"/>'
+    read = decode_mesh(archive(f'<object id="1">{TRIANGLE}</object>', mirrored), "x").mesh
+    np.testing.assert_array_equal(read.vertices[read.cells[0]], [[0, 1, 0], [-1, 0, 0], [0, 0, 0]])
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
