@@ -11,7 +11,7 @@ from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.splines import exact_surfaces
 from gtb_cli.formats.surfaces import shortened
-from gtb_cli.theory.edges import patch_name
+from gtb_cli.theory.edges import edge_points_at, patch_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -68,7 +68,9 @@ def encode_gismo(spec: Patch | Model) -> tuple[bytes, str, list[str]]:
         owner, patch = owners[piece], spec.patches[owners[piece]]
         for side, rows in enumerate(_sides(net)):
             if (piece, side) not in met:
-                edges.setdefault(owner, _edges(patch))
+                if owner not in edges:
+                    count = len(patch.domain.vertices)
+                    edges[owner] = [edge_points_at(patch, edge, np.linspace(0, 1, 257)) for edge in range(count)]
                 name = f"{patch.name or f'patch{owner}'} edge {_edge_of(rows, edges[owner])}"
                 boundaries.setdefault(name, []).append(f"{piece} {side + 1}")
     warnings = []
@@ -109,15 +111,6 @@ def interfaces_of(nets: Sequence[FloatArray], near: float) -> tuple[list[Interfa
 
 def _sides(net: FloatArray) -> tuple[FloatArray, ...]:
     return net[0], net[-1], net[:, 0], net[:, -1]
-
-
-def _edges(patch: Patch) -> list[FloatArray]:
-    shares, found = np.linspace(0, 1, 257), []
-    for edge in range(len(patch.domain.vertices)):
-        curve = patch.boundary(edge)
-        low, high = curve.domain.vertices[:, 0].tolist()
-        found.append(curve.evaluate(low + shares * (high - low), "linear"))
-    return found
 
 
 def _edge_of(rows: FloatArray, edges: Sequence[FloatArray]) -> int:

@@ -10,25 +10,25 @@ from gtb_cli.theory.patch import Patch
 MAX_DEGREE = 60
 
 
-def curve(points: FloatArray, weights: FloatArray | None = None, name: str | None = None) -> Patch:
+def curve(points: FloatArray, weights: FloatArray) -> Patch:
     """Return the Bézier curve of (n + 1, 3) control points, with the knots 0 … n."""
-    return _lattice(np.arange(len(points), dtype=np.float64)[:, None], points, weights, name)
+    return Patch(np.arange(len(points)), points, weights, "binomial")
 
 
-def rectangle(net: FloatArray, weights: FloatArray | None = None, name: str | None = None) -> Patch:
+def rectangle(net: FloatArray, weights: FloatArray | None = None) -> Patch:
     """Return the Bézier rectangle of an (m + 1, n + 1, 3) net, with the knot (i, j) for its point i, j."""
     m, n = net.shape[:2]
-    knots = np.column_stack([np.repeat(np.arange(m), n), np.tile(np.arange(n), m)]).astype(np.float64)
-    return _lattice(knots, net.reshape(-1, 3), None if weights is None else weights.ravel(), name)
+    knots = np.column_stack([np.repeat(np.arange(m), n), np.tile(np.arange(n), m)])
+    return Patch(knots, net.reshape(-1, 3), None if weights is None else weights.ravel(), "binomial")
 
 
-def triangle(degree: int, points: FloatArray, weights: FloatArray | None = None, name: str | None = None) -> Patch:
+def triangle(degree: int, points: FloatArray, weights: FloatArray | None) -> Patch:
     """Return the Bézier triangle of control points in rows: n + 1, n, …, 1 of them, with the knot (i, j) in row j."""
     knots = [(i, j) for j in range(degree + 1) for i in range(degree + 1 - j)]
-    return _lattice(np.array(knots, dtype=np.float64), points, weights, name)
+    return Patch(knots, points, weights, "binomial")
 
 
-def polygon(corners: FloatArray, name: str | None = None) -> Patch:
+def polygon(corners: FloatArray) -> Patch:
     """Return the patch of a polygon: its knots are the corners of a triangle, a square or a regular polygon.
 
     Its edges are straight, and it is planar if the corners are.
@@ -39,7 +39,7 @@ def polygon(corners: FloatArray, name: str | None = None) -> Patch:
         3: np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
         4: np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
     }.get(r, np.column_stack([np.cos(angles), np.sin(angles)]))
-    return Patch(knots, corners, name=name)
+    return Patch(knots, corners)
 
 
 def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -49,7 +49,3 @@ def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         bad = int(np.argmin(weights > 0))
         raise DomainError(f"weights[{bad}]: must be positive, got {weights[bad]:g}")
     return rows[:, :3] / weights[:, None], weights
-
-
-def _lattice(knots: FloatArray, points: FloatArray, weights: FloatArray | None, name: str | None) -> Patch:
-    return Patch(knots, points, weights, "binomial", name=name)

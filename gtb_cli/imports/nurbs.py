@@ -38,7 +38,7 @@ def spans(degrees: Sequence[int], knots: Sequence[FloatArray], net: FloatArray, 
         points, weights = dehomogenized(rows.reshape(-1, 4))
         make, shape = (curve if rows.ndim == 2 else rectangle), rows.shape[:-1]
         label = name if total == 1 or name is None else f"{name}-{len(patches)}"
-        patches.append(make(points.reshape(*shape, 3), weights.reshape(shape), label))
+        patches.append(make(points.reshape(*shape, 3), weights.reshape(shape)).replace(name=label))
     return patches
 
 

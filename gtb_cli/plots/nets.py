@@ -10,6 +10,7 @@ from gtb_cli.design.isocurve import span
 from gtb_cli.knots.decomposition import RegularDecomposition, control_net, regular_decomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.patch import Patch
 
 LINE_SEGMENTS = 96  # segments of a line along a surface
@@ -54,9 +55,7 @@ def bowl(domain: Domain) -> FloatArray:
 
 def edge_path(patch: Patch, edge: int) -> FloatArray:
     """Return (m, 3) points along an edge, at the vertices of a mesh: evenly spread in the linear parametrisation."""
-    curve = patch.boundary(edge)
-    low, high = curve.domain.vertices[:, 0].tolist()
-    return curve.evaluate(np.linspace(low, high, LINE_SEGMENTS + 1), "linear")
+    return edge_points_at(patch, edge, np.linspace(0, 1, LINE_SEGMENTS + 1))
 
 
 def curve_path(curve: Patch) -> FloatArray:

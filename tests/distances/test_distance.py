@@ -23,9 +23,10 @@ SAMPLED = 1e-3
 @pytest.mark.parametrize("name", mostly_long(NAMES, 6))
 def test_a_patch_is_where_its_other_descriptions_are(name):
     """Raised in degree, with weights that are e^<a, s> times the others, and in any order of the knots."""
-    patch = named(name)
+    whole = named(name)
+    patch = whole.part(np.arange(min(len(whole.knots), 24)))
     tilted = patch.log_weights + (patch.knots - patch.domain.center) @ np.ones(patch.dimension) / patch.domain.size
-    few = patch.part(np.arange(min(len(patch.knots), 12)))  # sixty raised ones are 605, which take most of a minute
+    few = patch.part(np.arange(min(len(patch.knots), 12)))  # when they are raised, they are many more
     same = [(patch, patch.replace(log_weights=tilted)), (patch, patch.part(np.arange(len(patch.knots))[::-1]))]
     for one, other in (*same, (few, elevate(few))):
         found = distance(one, other)
@@ -51,7 +52,7 @@ def random_patch(seed: int, sides: int) -> Patch:
     return Patch(knots, bumps(knots) + 0.3 * rng.normal(size=(len(knots), 3)), np.exp(rng.normal(size=len(knots))))
 
 
-@pytest.mark.parametrize("seed", mostly_long(range(12), 2))
+@pytest.mark.parametrize("seed", range(6))
 @long
 def test_two_surfaces_beside_their_samples(seed):
     a, b = random_patch(seed, 3 + seed % 4), random_patch(100 + seed, 4 + seed % 3)
@@ -64,7 +65,7 @@ def test_two_surfaces_beside_their_samples(seed):
         assert there.query(way.at)[0] == pytest.approx(way.distance, abs=SAMPLED * size)
 
 
-@pytest.mark.parametrize("count", [8, 12, 16])
+@pytest.mark.parametrize("count", [8, 16])
 @long
 def test_weights_far_apart_do_not_keep_a_nearest_point_from_being_reached(count):
     """With weights from 1e-12 to 1e12, surfaces end in thin layers along edges, many steps away."""

@@ -88,11 +88,6 @@ def test_no_window_is_asked_for(tmp_path):
     assert (result.status, (tmp_path / "x.png").exists()) == (0, True), result.err
 
 
-@long
-def test_a_large_figure_is_below_a_megabyte():
-    assert len(gtb("plot", SPECS / "teapot.toml", "-n", "28", "-f", "svg").out) < 1_000_000  # 50,000 faces
-
-
 def test_open_edges_of_a_model_are_red_and_those_of_a_patch_are_not():
     box = png(SPECS / "box-corner.toml", "--camera", "40,28", *SMALL)
     assert near(box, OPEN).sum() > 60
