@@ -33,6 +33,13 @@ def load(path: Path | str) -> Patch | Model:
     return _good(path) if path.parent == SPECS else loading.load(path)
 
 
+def spec(name: str) -> Patch:
+    """A patch of `specs/`."""
+    patch = load(SPECS / f"{name}.toml")
+    assert isinstance(patch, Patch)
+    return patch
+
+
 def is_curve(shape: Patch | Model) -> bool:
     return isinstance(shape, Patch) and shape.dimension == 1
 

@@ -73,6 +73,10 @@ def inside(patch: Patch, count: int, seed: int = 0, depth: float = 0.0) -> np.nd
     return (1 - depth) * shares @ corners + depth * corners.mean(axis=0)
 
 
+def diagonal(shape: Patch) -> float:
+    return float(np.linalg.norm(np.ptp(shape.control_points, axis=0)))
+
+
 def rim(patch: Patch) -> np.ndarray:
     """Corners and places on edges."""
     corners = patch.domain.vertices

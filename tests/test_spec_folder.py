@@ -8,7 +8,7 @@ import pytest
 
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from tests.specs import GOOD_SPECS, SPECS, load
+from tests.specs import GOOD_SPECS, SPECS, load, spec
 
 ROUNDING = 4e-16  # relative: one or two float operations
 
@@ -36,12 +36,6 @@ def test_the_table_of_specs_is_complete_and_true() -> None:
             assert (kind, parts, int(knots)) == ("curve", "", len(found.knots))
         else:
             assert (kind, int(parts), int(knots)) == ("surface", len(found.domain.vertices), len(found.knots))
-
-
-def spec(name: str) -> Patch:
-    patch = load(SPECS / f"{name}.toml")
-    assert isinstance(patch, Patch)
-    return patch
 
 
 def test_curves_of_the_paper() -> None:

@@ -20,6 +20,12 @@ def surface(n: int = 4) -> Mesh:
     return Mesh(vertices, triangles, np.column_stack([x, y]), normals, name="bent square")
 
 
+def plane(n: int) -> Mesh:
+    """The same square, flat."""
+    mesh = surface(n)
+    return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)
+
+
 def model() -> Mesh:
     """Two bent squares of different sizes, apart from each other."""
     one, two = surface(3), surface(5)

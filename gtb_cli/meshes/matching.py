@@ -248,7 +248,7 @@ def _looking_away(mesh: Mesh, chosen: BoolArray, other: Mesh, solid: BoolArray, 
     here, there = (frame.inside(each.vertices)[each.cells[kept]] for each, kept in ((mesh, chosen), (other, solid)))
     normals, others = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, there))
     tree, points = NearestCells(there), middles(here)
-    distances, nearest = tree.search(points, *tree.start(points))
+    distances, nearest = tree.nearest(points)
     away = np.flatnonzero(dot(normals, others[nearest]) < 0)
     within = np.maximum(distances[away], float(frame.length(tolerance, -1))) * (1 + 1e-9)
     number = min(candidates, len(there))

@@ -50,11 +50,12 @@ class NearestCells:
         """(m,) distance of each point from its own cell."""
         return cell_distances(points, *np.moveaxis(self.corners[cells], 1, 0))
 
-    def search(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
-        """(m,) distances and indices of the nearest cells, up to rounding.
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
+        """(m,) distances of (m, 3) points, up to rounding, and indices of the nearest cells."""
+        return self.search(points, *self.start(points))
 
-        Given are a cell for each of (m, 3) points, and its distance from the point, such as `start` returns.
-        """
+    def search(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
+        """Return what `nearest` does, from a cell for each of (m, 3) points and its distance, as `start` finds them."""
         bounds, cells = bounds.copy(), cells.copy()
         top = len(self.boxes) - 1
         count = len(self.boxes[top][0])

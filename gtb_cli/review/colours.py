@@ -23,14 +23,10 @@ def distances(mesh: Mesh, other: Mesh, largest: float) -> tuple[Mesh, FloatArray
     rounds, most, part = 3, 500, 0.05  # at most so many cells are divided in each round
     frame = Frame.around(mesh.vertices, other.used)
     tree = NearestCells(frame.inside(other.vertices)[other.cells])
-
-    def apart(points: FloatArray) -> FloatArray:
-        return tree.search(points, *tree.start(points))[0]
-
     vertices, cells = frame.inside(mesh.vertices), mesh.cells
-    found = apart(vertices)
+    found = tree.nearest(vertices)[0]
     for _ in range(rounds):
-        more = apart(middles(vertices[cells])) - found[cells].max(axis=1)
+        more = tree.nearest(middles(vertices[cells]))[0] - found[cells].max(axis=1)
         chosen = np.argsort(-more, kind="stable")[:most]
         chosen = chosen[more[chosen] > part * float(frame.length(largest, -1))]
         if not len(chosen):
@@ -40,7 +36,7 @@ def distances(mesh: Mesh, other: Mesh, largest: float) -> tuple[Mesh, FloatArray
         between = len(vertices) + np.arange(corners.size).reshape(corners.shape)
         cells = np.concatenate([np.delete(cells, chosen, axis=0), *_parts(corners, between)])
         vertices = np.concatenate([vertices, points.reshape(-1, 3)])
-        found = np.concatenate([found, apart(points.reshape(-1, 3))])
+        found = np.concatenate([found, tree.nearest(points.reshape(-1, 3))[0]])
     added = frame.outside(vertices[len(mesh.vertices) :])
     return Mesh(np.concatenate([mesh.vertices, added]), cells, name=mesh.name), frame.length(found)
 
@@ -58,7 +54,7 @@ def turned(mesh: Mesh, other: Mesh) -> BoolArray:
     frame = Frame.around(mesh.vertices, other.used)
     here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
     tree, points = NearestCells(there), middles(here)
-    nearest = there[tree.search(points, *tree.start(points))[1]]
+    nearest = there[tree.nearest(points)[1]]
     one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, nearest))
     marked = np.zeros(len(mesh.vertices), dtype=bool)
     marked[mesh.cells[dot(one, second) < 0]] = True

@@ -5,21 +5,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from gtb_cli.knots.triangulation import triangulation
-from gtb_cli.language.loading import load
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, compared, has_avx512, paired, segments, sized
 from tests.benchmarks.peers import by_scipy, by_splinepy, by_splipy
-from tests.shell import SPECS
+from tests.specs import spec
 
 POINTS = 1_000_000
 
 SAME = 1e-13  # largest difference, in units of a model of size 3, of results that differ by rounding
-
-
-def spec(name: str) -> Patch:
-    patch = load(SPECS / f"{name}.toml")
-    assert isinstance(patch, Patch)
-    return patch
 
 
 def scattered(patch: Patch, count: int) -> np.ndarray:

@@ -14,17 +14,11 @@ from gtb_cli.checks.probe import points_at_torus
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
-from tests.specs import GOOD_SPECS, SPECS, load
+from tests.specs import GOOD_SPECS, load, spec
 
 ROUNDING = 1e-13  # fraction of the extent: sums of a few dozen products
 
 PATCHES = [path.stem for path in GOOD_SPECS if isinstance(load(path), Patch)]
-
-
-def spec(name: str) -> Patch:
-    patch = load(SPECS / f"{name}.toml")
-    assert isinstance(patch, Patch)
-    return patch
 
 
 def torus_samples(patch: Patch) -> np.ndarray:

@@ -13,6 +13,7 @@ from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests import exact
+from tests.laws import size
 from tests.patches import bicubic, cubic_curve, integer_pentagon, irrational_curve, named
 from tests.shell import SPECS
 from tests.specs import load
@@ -21,10 +22,6 @@ AGREEMENT = 1e-13  # of the patch's size
 
 COMMENSURABLE = ["bicubic", "bezier_triangle", "integer_pentagon", "trapezoid", "repeated_knots"]
 COMMENSURABLE += ["collapsed_edge", "cubic_curve", "repeated_curve"]
-
-
-def size(patch: Patch) -> float:
-    return float(np.ptp(patch.control_points, axis=0).max())
 
 
 def steps_of(patch: Patch, corner: int, piece: Patch) -> tuple[list[int], np.ndarray]:

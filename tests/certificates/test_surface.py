@@ -22,6 +22,7 @@ from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.shell import gtb
 from tests.specs import SPECS, load
+from tests.surfaces import diagonal
 
 SLACK = 1e-9  # part of the tolerance by which a sample may exceed it through rounding
 STEPS = 10  # segments of each side of the lattice on which triangles are sampled
@@ -63,11 +64,7 @@ def farthest(shape: Patch, mesh: Mesh) -> float:
     corners = shape.domain.vertices
     places = np.random.default_rng(0).dirichlet(np.full(len(corners), 0.4), 2000) @ corners
     points, nearest = shape.evaluate(places, "linear"), NearestCells(mesh.vertices[mesh.cells])
-    return float(nearest.search(points, *nearest.start(points))[0].max())
-
-
-def diagonal(shape: Patch) -> float:
-    return float(np.linalg.norm(np.ptp(shape.control_points, axis=0)))
+    return float(nearest.nearest(points)[0].max())
 
 
 @pytest.mark.parametrize("seed", mostly_long(range(2), 0))

@@ -18,19 +18,13 @@ from gtb_cli.theory.degeneration import MAX_WEIGHT_LOG, degenerate, regular_cont
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
+from tests.laws import size
 from tests.marks import mostly_long
-from tests.specs import GOOD_SPECS, SPECS, load
+from tests.specs import GOOD_SPECS, load, spec
 
 SMALL = 1e-7  # what patches are broken by, of their size: not to be seen on a picture, and a million roundings
 
 SOLVED = 1e-9  # rounding of figures that are computed here in another way: sums, and eigenvalues of small matrices
-
-
-@cache
-def spec(name: str) -> Patch:
-    patch = load(SPECS / f"{name}.toml")
-    assert isinstance(patch, Patch)
-    return patch
 
 
 def finding(patch: Patch, name: str) -> Finding:
@@ -195,10 +189,6 @@ def with_basis(change: Callable[[np.ndarray], np.ndarray]) -> type[Patch]:
 
 def broken(patch: Patch, kind: type[Patch]) -> Patch:
     return kind(**{field.name: getattr(patch, field.name) for field in fields(patch)})
-
-
-def size(patch: Patch) -> float:
-    return float(np.ptp(patch.control_points, axis=0).max())
 
 
 def negative(values):

@@ -19,7 +19,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from tests.marks import long
 from tests.shell import PENTAGON, command, gtb, shell
 from tests.specs import load
-from tests.tiny_meshes import model, surface
+from tests.tiny_meshes import model, plane, surface
 
 
 def moved(by: float) -> Mesh:
@@ -92,11 +92,6 @@ def test_a_mesh_without_end_is_not_read_to_it(tmp_path, monkeypatch):
     large = tmp_path / "large.obj"
     large.write_bytes(b"v 0 0 0\n" * 200_000 + b"l 1 2\n")
     assert gtb("diff", large, large).status == 0
-
-
-def plane(n: int) -> Mesh:
-    mesh = surface(n)
-    return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)
 
 
 def test_what_could_not_be_proved_is_said_everywhere(tmp_path, monkeypatch):

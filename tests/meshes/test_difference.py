@@ -10,7 +10,7 @@ from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.difference import DEFAULT_TOLERANCE, difference
 from gtb_cli.meshes.mesh import KnownMesh, Mesh, known_exactly
 from tests.marks import mostly_long
-from tests.tiny_meshes import curve, encoded, model, surface
+from tests.tiny_meshes import curve, encoded, model, plane, surface
 
 RNG = np.random.default_rng(3)
 
@@ -280,11 +280,6 @@ def test_a_curve_is_not_a_surface_even_where_nothing_is_apart():
     flat = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0, 0]]), np.array([[0, 1, 2]]))
     found = difference(known_exactly(segment), known_exactly(flat))
     assert (found.same, found.distance) == (False, 0.0)
-
-
-def plane(n: int) -> Mesh:
-    mesh = surface(n)
-    return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)
 
 
 def test_what_could_not_be_proved_is_said(monkeypatch):

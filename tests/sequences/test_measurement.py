@@ -129,12 +129,8 @@ def assert_distances_of_dense_samples(patch, moves, step):
 def farthest(mesh, others):
     """Two-sided distance of vertices from cells."""
     trees = [NearestCells(each.vertices[each.cells]) for each in (mesh, *others)]
-
-    def away(points, tree):
-        return tree.search(points, *tree.start(points))[0]
-
-    there = np.min([away(mesh.vertices, tree) for tree in trees[1:]], axis=0).max()
-    return max(there, *(away(other.vertices, trees[0]).max() for other in others))
+    there = np.min([tree.nearest(mesh.vertices)[0] for tree in trees[1:]], axis=0).max()
+    return max(there, *(trees[0].nearest(other.vertices)[0].max() for other in others))
 
 
 def test_the_film_alone_is_measured():
@@ -169,7 +165,7 @@ def farthest_refined(patch, other):
     """The largest distance of some vertices of a patch, those that are far, from another patch."""
     vertices, mesh = tessellate(patch, 60, normals=False).vertices, tessellate(other, 60)
     tree = NearestCells(mesh.vertices[mesh.cells])
-    rough = tree.search(vertices, *tree.start(vertices))[0]
+    rough = tree.nearest(vertices)[0]
     return refined(vertices[np.argsort(-rough)[:200:20]], other, mesh).max()
 
 

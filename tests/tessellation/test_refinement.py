@@ -17,7 +17,7 @@ from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.patches import pentagon
 from tests.specs import SPECS, load
-from tests.surfaces import rim
+from tests.surfaces import diagonal, rim
 
 PENTAGON = np.array([[0, 2], [1, 2], [0, 6 / 5], [8 / 7, 8 / 7], [2, 1], [0, 0], [6 / 5, 0], [2, 0]])
 HEIGHTS = np.array([0, 4, 2, 5, 2, 0, 2, 0.0])
@@ -73,10 +73,6 @@ HARD = {
         np.vstack([PENTAGON, PENTAGON[3]]), np.vstack([np.column_stack([PENTAGON, HEIGHTS]), [1, 1, -3]])
     ),
 }
-
-
-def diagonal(shape: Patch) -> float:
-    return float(np.linalg.norm(np.ptp(shape.control_points, axis=0)))
 
 
 def largest_distance(shape: Patch, mesh: Mesh, samples: int = 30_000) -> float:
@@ -192,7 +188,7 @@ def test_a_flat_patch_with_curved_sides_is_covered(inner, tolerance):
     u[2000:4000, 1] = 0
     points = shape.evaluate(u)
     cells = NearestCells(mesh.vertices[mesh.cells])
-    distances = cells.search(points, *cells.start(points))[0]
+    distances = cells.nearest(points)[0]
     assert distances.max() <= tolerance * (1 + SLACK)
     assert_conforming(mesh)
     if inner == (-3, -3):
@@ -262,7 +258,7 @@ def nearest_distance(shape: Patch, mesh: Mesh, samples: int = 4000) -> float:
     shares = np.random.default_rng(5).dirichlet(np.full(len(corners), 0.7), samples)
     points = shape.evaluate(np.concatenate([shares @ corners, rim(shape)]))
     cells = NearestCells(mesh.vertices[mesh.cells])
-    return float(cells.search(points, *cells.start(points))[0].max())
+    return float(cells.nearest(points)[0].max())
 
 
 def overshooting(by: float) -> Patch:
@@ -365,7 +361,7 @@ def test_a_ridge_between_samples_is_found():
     shares = np.exp(s @ (knots - knots.mean(axis=0)).T + shape.log_products)
     places = shares @ points / shares.sum(axis=1, keepdims=True)
     nearest = NearestCells(mesh.vertices[mesh.cells])
-    assert nearest.search(places, *nearest.start(places))[0].max() <= tolerance
+    assert nearest.nearest(places)[0].max() <= tolerance
 
 
 @long
@@ -386,4 +382,4 @@ def test_a_layer_between_knots_at_an_edge_is_found():
     u = np.concatenate([(1 - share) * knot + share * corner for corner in ([1, 0], [1, 1])])
     places = Patch(knots, points, weights).evaluate(u, "linear")
     nearest = NearestCells(mesh.vertices[mesh.cells])
-    assert nearest.search(places, *nearest.start(places))[0].max() <= tolerance
+    assert nearest.nearest(places)[0].max() <= tolerance

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import gtb_cli
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import depth_in
 from gtb_cli.meshes.nearest import NearestCells
@@ -22,9 +21,10 @@ from gtb_cli.theory.degeneration import degenerate, regular_control_surface
 from gtb_cli.theory.knot_limit import knot_limit, merge_knots, move_knots
 from gtb_cli.theory.patch import Patch
 from tests import exact
+from tests.laws import linear_points
 from tests.marks import mostly_long
 from tests.patches import bicubic, bumps, irrational_curve
-from tests.shell import SPECS
+from tests.specs import spec
 
 EXACT = 4e-15  # error of numbers of size 1 after a few operations
 
@@ -33,20 +33,10 @@ ROUNDING = 1e-12  # error of points: exponents of a few hundred are rounded to 1
 HUGE = 1e-10  # error of points at x = 1e300, whose exponents are in the thousands
 
 
-def spec(name: str) -> Patch:
-    loaded = gtb_cli.load(SPECS / f"{name}.toml")
-    assert isinstance(loaded, Patch)
-    return loaded
-
-
 def hexagon() -> Patch:
     """19 knots, with control points that follow no dome."""
     patch = spec("hexagon")
     return dataclasses.replace(patch, control_points=patch.control_points + bumps(patch.knots)[::-1] / 4)
-
-
-def linear_points(patch: Patch, p: np.ndarray) -> np.ndarray:
-    return patch.evaluate(p, "linear")
 
 
 # --- degeneration
@@ -411,7 +401,7 @@ def test_the_limit_as_a_set_is_the_merged_patch_with_its_films(patch, moves):
     for tree, ends in ((whole, (1e-1, 1e-2, 1e-4)), (plain, (1e-4,))):
         for end in ends:
             points = torus_points(move_knots(patch, moves, 1 - end), 3000, np.random.default_rng(7))
-            farthest.append(float(tree.search(points, *tree.start(points))[0].max()) / size)
+            farthest.append(float(tree.nearest(points)[0].max()) / size)
     assert farthest[0] > 2 * farthest[1]
     assert farthest[2] < 3e-3  # chords of the meshes
     assert farthest[3] > 5 * farthest[2]
