@@ -35,6 +35,10 @@ Up: TypeAlias = Literal["z", "y"]  # the axis of a file that stands for the spec
 UP: tuple[Up, ...] = ("z", "y")
 Rim: TypeAlias = Literal["normal", "flat"]  # the way of a solid from the rim of its surface to that of the offset
 RIMS: tuple[Rim, ...] = ("normal", "flat")  # the default first
+Fairness: TypeAlias = Literal["variation", "thin-plate", "dirichlet"]
+ENERGIES: tuple[Fairness, ...] = ("variation", "thin-plate", "dirichlet")  # the default first
+Keep: TypeAlias = Literal["boundary", "tangents", "curvature"]
+KEEPS: tuple[Keep, ...] = ("boundary", "tangents", "curvature")  # along edges, each more than the one before
 
 
 class Format(NamedTuple):

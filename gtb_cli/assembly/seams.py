@@ -57,6 +57,11 @@ class Seam:
         """(3,) point with the largest angle."""
         return self._point(self._worst)
 
+    @property
+    def is_crease(self) -> bool:
+        """True if the patches meet at more than `MAX_CREASE_DEGREES` everywhere, and are not folded onto each other."""
+        return not self._smooth.any() and MAX_CREASE_DEGREES < self.angle < 180 - MAX_CREASE_DEGREES
+
     def _point(self, k: int) -> FloatArray:
         rim = self._rims[0]
         at = rim.place._replace(rows=slice(0, 1), s=rim.place.s[:, [k]])

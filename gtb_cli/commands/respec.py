@@ -11,10 +11,11 @@ from gtb_cli.errors import SpecError
 from gtb_cli.shell.meshing import format_of_lines, write_lines
 from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, spec_from_spec, streams_options
 from gtb_cli.shell.streams import Spec, Streams, single
+from gtb_cli.vocabulary import ENERGIES, KEEPS
 
 if TYPE_CHECKING:
-    from gtb_cli.fairing.energy import Energy
-    from gtb_cli.fairing.fair import Keep
+    from gtb_cli.fairing.fair import Fairing
+    from gtb_cli.vocabulary import Fairness, Keep
 
 DEFAULT_DEGREE = 25  # default of --max-degree, the same as in `gtb_cli.bezier.pieces`
 
@@ -213,25 +214,27 @@ def coefficients(spec: Spec, at: tuple[float, ...] | None) -> Spec:
 @spec_argument
 @click.option(
     "--energy",
-    type=click.Choice(["thin-plate", "dirichlet"]),
-    default="thin-plate",
-    help="What is made small: bending, the default, or stretching.",
+    type=click.Choice(ENERGIES),
+    default=ENERGIES[0],
+    help="What is made small: bending and its variation, the default, or the bending of a thin plate, or stretching.",
 )
 @click.option(
     "--keep",
-    type=click.Choice(["boundary", "tangents"]),
-    default="boundary",
-    help="What stays: the boundary, the default, or also the tangent planes along it.",
+    type=click.Choice(KEEPS),
+    default=KEEPS[0],
+    help="What stays along edges: the curve, the default, or also tangent planes, or also curvatures.",
 )
 @streams_options
-def fair(spec: str, energy: Energy, keep: Keep, streams: Streams) -> None:
+def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
     """\b
     Example: gtb fair specs/hexagon.toml --keep tangents | gtb mesh - -o fair.obj
 
-    Print the spec of the same patch with inner control points that make it fair.
+    Print the spec of the same patch, or model, with inner control points that make it fair.
 
-    Knots and weights stay. The energy is an integral in the linear parametrization over the domain without its
-    outermost thousandth, where bending may be infinite. Each patch of a model is made fair separately.
+    Knots and weights stay, and edges where patches of a model meet smoothly stay smooth. By default neither bending, ∫
+    κ₁² + κ₂², nor its variation, area · ∫ |∇H|², becomes larger; a patch that no step makes fairer stays as it is.
+    Thin-plate and Dirichlet energy are integrals in the linear parametrization over the domain without its outermost
+    thousandth, where that of a thin plate may be infinite; they are least, and the surface may vary more.
     """
     from gtb_cli.fairing.fair import fair as made_fair
     from gtb_cli.language.writer import dump
@@ -239,16 +242,37 @@ def fair(spec: str, energy: Energy, keep: Keep, streams: Streams) -> None:
     from gtb_cli.theory.model import Model
 
     with streams.spec_of(spec) as loaded:
-        found = [made_fair(patch, energy, keep) for patch in loaded.patches]
-        model = isinstance(loaded, Model)
-        text = dump(Model(tuple(part.patch for part in found), loaded.name) if model else found[0].patch)
+        model = loaded if isinstance(loaded, Model) else None
+        found = made_fair(model, energy, keep) if model else (made_fair(single(loaded), energy, keep),)
+        text = dump(model.replace(patches=tuple(part.patch for part in found)) if model else found[0].patch)
     streams.write(text)
-    for index, part in enumerate(found):
-        name = f"{patch_name(part.patch, index)}: " if model else ""
-        if not part.free:
-            streams.console.warn(f"{name}no control point is free: all stay")
+    names = [f"{patch_name(part.patch, index)}: " if model else "" for index, part in enumerate(found)]
+    for name, part, given in zip(names, found, loaded.patches, strict=True):
         if part.folds:
             streams.console.warn(f"{name}the patch folds at {part.folds} of some thousand places")
-        digits = 6 if part.error <= 1e-6 else max(1, int(-math.log10(part.error)))
-        before, after = (f"{value:.{digits}g}" for value in (part.before, part.after))
-        streams.console.note(f"{name}{part.free} free control points, energy {before} before, {after} now")
+        if part.free:
+            stays = "no fairer one is found" if part.folds else "already fair"
+            made = stays if part.patch is given else f"{part.free} free control points"
+            streams.console.note(f"{name}{made}; {_changes(part)}")
+    if stiff := [name[:-2] for name, part in zip(names, found, strict=True) if not part.free]:
+        where = "" if len(stiff) == len(found) else f" in {', '.join(stiff)}"
+        streams.console.warn(f"no control point is free{where}: all stay")
+
+
+def _changes(part: Fairing) -> str:
+    """Say what was measured before and after, with the digits on which two quadratures agree."""
+    digits = max(1, min(3, math.ceil(-math.log10(part.error or 1e-3))))
+
+    def change(what: str, before: float, after: float) -> str:
+        one, other = (
+            f"{round(value, 12):.{digits}g}" if math.isfinite(value) else "unknown" for value in (before, after)
+        )
+        return f"{what} {one}" if one == other else f"{what} from {one} to {other}"
+
+    changes = [
+        change(what, getattr(part.before, name), getattr(part.after, name))
+        for what, name in (("bending", "energy"), ("variation", "variation"), ("largest curvature", "curvature"))
+    ]
+    if part.energies:
+        changes.insert(0, change("energy", *part.energies))
+    return f"but for the outermost hundredth: {', '.join(changes)}"

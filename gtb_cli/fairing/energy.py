@@ -10,7 +10,7 @@ corner it may be for any power of h as a factor. So both energies are integrals 
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -42,11 +42,25 @@ def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy, resolut
     """
     if domain.dimension == 1:
         raise DomainError("energy: expected a surface, this is a curve")
-    p, areas = energy_samples(domain, resolution)
+    return energy_at(*samples(domain, log_weights, resolution), kind)
+
+
+class Samples(NamedTuple):
+    """A quadrature in torus coordinates: (n, 2) knots of a domain of area 1, log weights, (2, m) places, (m,) areas."""
+
+    knots: FloatArray
+    log_weights: FloatArray
+    s: FloatArray
+    areas: FloatArray
+
+
+def samples(domain: Domain, log_weights: FloatArray, resolution: int, left_out: float = 1e-3) -> Samples:
+    """Return the places of `energy_samples` on the torus, of knots from their middle and in units of √area."""
+    p, areas = energy_samples(domain, resolution, left_out)
     middle, unit = domain.vertices.mean(axis=0), np.sqrt(_sectors(domain.vertices).sum())
-    knots, places = (domain.knots - middle) / unit, (p - middle) / unit
-    moment_map = MomentMap(knots, log_weights)
-    return energy_at(knots, log_weights, moment_map.inverse(places, 1e-10), areas / unit**2, kind)
+    knots = (domain.knots - middle) / unit
+    s = MomentMap(knots, log_weights).inverse((p - middle) / unit, 1e-10)
+    return Samples(knots, log_weights, s, areas / unit**2)
 
 
 def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, kind: Energy) -> FloatArray:

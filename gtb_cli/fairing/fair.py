@@ -1,26 +1,32 @@
-"""A patch with the same knots, weights and boundary, and with inner control points that make it fair."""
+"""Patches with the same knots, weights and boundary, and with inner control points that make them fair."""
 
 import math
-from typing import Literal, TypeAlias
+from collections.abc import Sequence
+from typing import overload
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.energy import Energy, energy_matrix
-from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.layers import layers
+from gtb_cli.fairing.descent import FLAT, descended, figures, measured
+from gtb_cli.fairing.energy import Samples, energy_at, energy_matrix, samples
+from gtb_cli.fairing.variation import Bending
+from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.solidity import folded_pairs
-from gtb_cli.spec_paths import of_patch
+from gtb_cli.spec_paths import SpecPath, loaded
+from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-
-Keep: TypeAlias = Literal["boundary", "tangents"]
+from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
 
 RIDGE_FRACTION = 1e-12  # of the mean energy is added: a control point without influence on it stays where it is
 
 FOLD_RINGS = 16  # of the mesh of Δ that is searched for folds
+
+LEFT_OUT = (1e-2, 1e-3)
+"""Outermost parts of the way to the middle without which figures must not rise; those of the first are reported."""
 
 
 @frozen
@@ -30,81 +36,194 @@ class Fairing:
     Attributes
     ----------
     patch : Patch
-    before, after : float
-        Energy of the given patch and of this one, in units of length²; see `gtb_cli.fairing.energy.energy`.
+        The given one itself if it is fair already, or if no control point is free.
+    before, after : Bending
+        Of the given patch and of this one, without the outermost hundredth: area, ∫ κ₁² + κ₂² (`energy`), area times
+        ∫ |∇H|² (`variation`) and the largest curvature. They are not finite if a surface has no tangent plane there.
     error : float
-        Relative error of both, by a coarser quadrature.
+        Largest relative difference of these integrals, and energies, to those by a coarser quadrature.
     free : int
         Number of control points that were free.
     folds : int
         Sides of some thousand triangles at which the surface turns back.
+    energies : (float, float), optional
+        Thin-plate or Dirichlet energy before and after, in units of length², if this was to be least; see
+        `gtb_cli.fairing.energy.energy`.
     """
 
     patch: Patch
-    before: float
-    after: float
+    before: Bending
+    after: Bending
     error: float
     free: int
     folds: int
+    energies: tuple[float, float] | None = None
 
 
-@of_patch
-def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -> Fairing:
-    """Choose the inner control points of a surface for the least energy.
+@overload
+def fair(spec: Patch, energy: Fairness = "variation", keep: Keep = "boundary") -> Fairing: ...
+@overload
+def fair(spec: Model, energy: Fairness = "variation", keep: Keep = "boundary") -> tuple[Fairing, ...]: ...
+@overload
+def fair(spec: SpecPath, energy: Fairness = "variation", keep: Keep = "boundary") -> Fairing | tuple[Fairing, ...]: ...
+
+
+def fair(
+    spec: Patch | Model | SpecPath, energy: Fairness = "variation", keep: Keep = "boundary"
+) -> Fairing | tuple[Fairing, ...]:
+    """Choose the inner control points of a surface, or of each patch of a model, so that it is fair.
 
     Parameters
     ----------
-    patch : Patch
-        A surface.
-    energy : {"thin-plate", "dirichlet"}
-        See `gtb_cli.fairing.energy.energy`.
-    keep : {"boundary", "tangents"}
-        What stays: the boundary curves, or also the tangent planes along them, which the layer of knots next to each
-        edge determines.
+    spec : Patch, Model or path
+        Surfaces.
+    energy : {"variation", "thin-plate", "dirichlet"}
+        With "variation", the product of E⁴, E = ∫ κ₁² + κ₂², and of the area times ∫ |∇H|² becomes smaller until no step
+        changes it by a twentieth. Neither rises, without the outermost hundredth or thousandth. The others are
+        integrals in the linear parametrisation, and least: see `gtb_cli.fairing.energy.energy`.
+    keep : {"boundary", "tangents", "curvature"}
+        What stays along every edge: its curve, also the tangent planes, or also the curvatures. Edges at which patches
+        of a model meet smoothly, to a degree, keep their tangent planes in any case.
+
+    Returns
+    -------
+    Fairing, or a tuple with that of each patch of a model
 
     Raises
     ------
     DomainError
-        The patch is a curve, or an option has an unknown value.
+        The spec is of curves, or an option has an unknown value.
 
     Notes
     -----
-    This is one linear least-squares problem, since the patch is linear in its control points. Knots and weights stay.
-    The quadrature is refined until both energies agree to 1e-6, or to resolution 128. Not in the paper.
+    Knots and weights stay. The limits on an edge of planes, and of curvatures, are determined by the knots up to the
+    height of the lowest layer that does not follow the edge's tangents, and up to twice this height. Least energies are
+    linear problems, since the patch is linear in its control points; see `gtb_cli.fairing.descent` for the variation. A
+    patch that folds or has no tangent plane somewhere begins as a thin plate. Not in the paper.
     """
-    if keep not in ("boundary", "tangents"):
-        raise DomainError(f"keep: expected boundary or tangents, got {keep!r}")
-    kept = kept_knots(patch.domain, keep)
+    found = loaded(spec)
+    if not isinstance(found, Patch | Model):
+        raise DomainError(f"spec: expected a Patch, a Model or a path, got {type(spec).__name__}")
+    if found.dimension == 1:
+        raise DomainError("fair: expected a surface, this is a curve")
+    if energy not in ENERGIES:
+        raise DomainError(f"energy: expected {', '.join(ENERGIES[:-1])} or {ENERGIES[-1]}, got {energy!r}")
+    if keep not in KEEPS:
+        raise DomainError(f"keep: expected {', '.join(KEEPS[:-1])} or {KEEPS[-1]}, got {keep!r}")
+    if isinstance(found, Patch):
+        return _faired(found, energy, [keep] * len(found.domain.vertices))
+    return tuple(_faired(patch, energy, kept) for patch, kept in zip(found, _kept_edges(found, keep), strict=True))
+
+
+def _kept_edges(model: Model, keep: Keep) -> list[list[Keep]]:
+    """Return what stays along each edge of each patch: no less than tangents at points and smooth seams."""
+    kept = [[keep] * len(patch.domain.vertices) for patch in model]
+    smooth = [ref for seam in joints(model) if not seam.is_crease for ref in (seam.first, seam.second)]
+    for index, edge in (*smooth, *model.joints.collapsed):
+        kept[index][edge] = max("tangents", keep, key=KEEPS.index)
+    return kept
+
+
+def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
+    kept = kept_knots(patch, keeps)
     free = np.flatnonzero(~kept)
     middle = patch.control_points.mean(axis=0)
-    given = patch.control_points - middle
-    energies: list[FloatArray] = []
-    error = math.inf
-    for resolution in (32, 64, 96, 128):
-        matrix = energy_matrix(patch.domain, patch.log_products, energy, resolution)
-        points = given.copy()
-        if len(free):
-            ridge = RIDGE_FRACTION * np.trace(matrix) / len(matrix)
-            form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
-            points[free] -= np.linalg.solve(form, matrix[free] @ points)
-        energies.append(np.einsum("pik,ij,pjk->p", np.array([given, points]), matrix, np.array([given, points])))
-        if len(energies) > 1:
-            error = float((np.abs(energies[-1] - energies[-2]) / np.maximum(energies[-1], np.finfo(float).tiny)).max())
-        if error <= 1e-6:
+    size = float(np.abs(patch.control_points - middle).max()) or 1.0
+    given = (patch.control_points - middle) / size
+    found, energies = given, None
+    if energy != "variation":
+        matrix = energy_matrix(patch.domain, patch.log_products, energy)
+        found = _least(matrix, given, free)
+        first, last = (float(np.einsum("ik,ij,jk->", points, matrix, points)) for points in (given, found))
+        energies = first * size * size, last * size * size
+    elif len(free):
+        found = _least_varied(patch, given, free)
+    bent, error = _measured(patch, [given, found])
+    if found is not given:
+        points = found * size + middle
+        points[kept] = patch.control_points[kept]
+        patch = patch.replace(control_points=points)
+    return Fairing(
+        patch, bent[0][0].scaled(size), bent[1][0].scaled(size), error, len(free), _folds(patch, found), energies
+    )
+
+
+def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray:
+    """Return control points with the least variation, or the given ones if a finer quadrature finds no better ones."""
+    folds, (search, judge) = _folds(patch, given), (_regions(patch, resolution) for resolution in (24, 48))
+    for regions in (search, judge):
+        start, most = given, figures(measured(regions, [given])[0])
+        if folds or not np.isfinite(most).all():
+            start, most = _least(energy_at(*regions[1], "thin-plate"), given, free), np.full(len(most), math.inf)
+        found = descended(regions, start, free, most)
+        if found is given:
             break
-    points += middle
-    points[kept] = patch.control_points[kept]
-    patch = patch.replace(control_points=points)
-    before, after = energies[-1].tolist()
+        before, after = (np.maximum(figures(one), FLAT) for one in measured(judge, [given, found]))
+        now = _folds(patch, found)
+        if now < folds or (now == folds and (after <= before).all() and (after < before).any()):
+            return found
+    return given
+
+
+def _regions(patch: Patch, resolution: int) -> list[Samples]:
+    return [samples(patch.domain, patch.log_products, resolution, left_out) for left_out in LEFT_OUT]
+
+
+def _measured(patch: Patch, surfaces: Sequence[FloatArray]) -> tuple[list[list[Bending]], float]:
+    """Measure surfaces by ever finer quadratures; also return the error of what is reported, the first region's."""
+    enough = 3e-3
+    earlier, error = None, math.inf
+    for resolution in (32, 48, 64, 96):
+        bent = measured(_regions(patch, resolution), surfaces)
+        now = np.array([figures(one)[:2] for one in bent])
+        if earlier is not None:
+            known = np.isfinite(now) & np.isfinite(earlier) & (now > FLAT)
+            error = float(np.abs(earlier[known] / now[known] - 1).max(initial=0.0))
+        if error <= enough:
+            break
+        earlier = now
+    return bent, error
+
+
+def _least(matrix: FloatArray, given: FloatArray, free: IntArray) -> FloatArray:
+    """Return control points of which the free ones make a quadratic form least."""
+    points = given.copy()
+    if len(free):
+        ridge = RIDGE_FRACTION * np.trace(matrix) / len(matrix)
+        form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
+        points[free] -= np.linalg.solve(form, matrix[free] @ points)
+    return points
+
+
+def _folds(patch: Patch, points: FloatArray) -> int:
     part = central_triangulation(patch.domain, FOLD_RINGS)
-    vertices = patch.evaluate(part.parameters, "linear")
-    return Fairing(patch, before, after, error, len(free), len(folded_pairs(vertices, part.cells)))
+    return len(folded_pairs(patch.replace(control_points=points).evaluate(part.parameters, "linear"), part.cells))
 
 
-def kept_knots(domain: Domain, keep: Keep) -> BoolArray:
-    """Return (n,) whether a knot is on an edge or, for tangents, in the layer nearest to an edge."""
-    kept = np.asarray(domain.incidence.any(axis=1))
-    if keep == "tangents":
-        for heights in domain.heights.T:
-            kept[next(layers(heights))] = True
+def kept_knots(patch: Patch, keeps: Sequence[Keep]) -> BoolArray:
+    """Return (n,) whether a knot is on an edge, or determines what else is kept along one."""
+    shape = patch.domain
+    kept = np.asarray(shape.incidence.any(axis=1))
+    for edge, (keep, heights) in enumerate(zip(keeps, shape.heights.T, strict=True)):
+        if keep != "boundary":
+            most = _planes_height(patch, edge) * (2 if keep == "curvature" else 1)
+            kept |= heights <= most + LAYER_TOLERANCE * heights.max()
     return kept
+
+
+def _planes_height(patch: Patch, edge: int) -> float:
+    """Return the height of the lowest layer of knots over an edge beyond which none changes its tangent planes.
+
+    Mostly it is the first. It is another if control points of the first are on the edge's tangents, or coincide.
+    """
+    shape = patch.domain
+    heights, start = shape.heights[:, edge], shape.vertices[edge]
+    places = start + np.linspace(0.05, 0.95, 10)[:, None] * (np.roll(shape.vertices, -1, axis=0)[edge] - start)
+    normals = patch.normals(places)
+    shifts = np.random.default_rng(0).normal(size=patch.control_points.shape) * np.ptp(patch.control_points)
+    for layer in layers(heights):
+        height = float(heights[layer].max())
+        moved = patch.control_points + shifts * (heights > height)[:, None]
+        if np.allclose(patch.replace(control_points=moved).normals(places), normals, atol=1e-9, equal_nan=True):
+            break
+    return height

@@ -8,17 +8,29 @@ At each place we take linear combinations of the torus coordinates in which the 
 For f = P they are II_ab N and (∇II)_abc N, so that ``∫ |P_;ab|² = ∫ κ₁² + κ₂²`` and ``∫ |P_;abc|² = ∫ |∇II|²``; with
 the metric of a surface that is known, they are quadratic forms of the control points of the next (G. Greiner,
 Variational design and fairing of spline surfaces, 1994). Each is T times a polynomial of the knots' coordinates.
+
+If P changes by δ, with n_a = ⟨N, δ_a⟩ and s_ab = (⟨P_a, δ_b⟩ + ⟨P_b, δ_a⟩)/2, then in a frame that stays orthonormal
+II_ab √dA and 2H_c √dA change by √dA times
+
+    ``⟨N, δ_;ab⟩ − s_ad II_bd − s_bd II_ad + s_dd II_ab / 2``,
+    ``⟨N, δ_;aac⟩ − 2 (H II_cd + II_ca II_ad) n_d − II_cd ⟨P_d, δ_;aa⟩ − 2 II_ad ⟨P_a, δ_;dc⟩ − 2 s_ad II_ad;c
+    − 2 s_cd H_d + s_dd H_c``:
+
+the first derivatives with which the method of Gauss and Newton finds the least ∫ κ₁² + κ₂² and ∫ |∇H|² themselves.
 """
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.fairing.energy import Moments, moments
 from gtb_cli.values import frozen
+
+BENDING_POWER = 4
+"""Power of ∫ κ₁² + κ₂² in the product that is made small: with less, some surfaces bend more than a thin plate does."""
 
 
 @frozen
@@ -41,15 +53,21 @@ class Bending:
     variation: float
     curvature: float
 
+    def scaled(self, size: float) -> "Bending":
+        """Return the integrals of the surface times a size."""
+        return Bending(self.area * size * size, self.energy, self.variation, self.curvature / size)
+
 
 class _Frame(NamedTuple):
     """A surface at m places, in coordinates X = a x and Y = b x + c y whose metric is the identity.
 
-    Derivatives are listed by the number of Y in them: the normal parts of P_;ab and P_;abc, Γ^d_ab and ⟨P_d, P_abc⟩.
-    `scale` is the area of the surface per area in the coordinates x, y.
+    `axes` are its (m, 3) unit vectors N, P_X and P_Y. Derivatives are listed by the number of Y in them: the normal
+    parts of P_;ab and P_;abc, Γ^d_ab and ⟨P_d, P_abc⟩. `scale` is the area of the surface per area in the coordinates
+    x, y.
     """
 
     change: tuple[FloatArray, FloatArray, FloatArray]
+    axes: tuple[FloatArray, FloatArray, FloatArray]
     scale: FloatArray
     second: list[FloatArray]
     third: list[FloatArray]
@@ -79,7 +97,7 @@ def _frame(block: Moments, points: FloatArray) -> _Frame:
         rate - sum(_mixed(k, *([g * second[d + e] for g in slopes[d]] for e in range(2))) for d in range(2))
         for k, rate in enumerate(third)
     ]
-    return _Frame(change, scale, second, third, slopes, drifts)
+    return _Frame(change, (normal, *one), scale, second, third, slopes, drifts)
 
 
 def _rows(block: Moments, frame: _Frame) -> tuple[list[FloatArray], list[FloatArray]]:
@@ -154,6 +172,80 @@ def variation_matrices(
             )
             matrix += table @ table.T
     return matrices[0], matrices[1]
+
+
+def linearisation(
+    knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, points: FloatArray, members: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return how log((∫ κ₁² + κ₂²)⁴ · area · ∫ |∇H|²) depends on the (k,) members of (n, 3) control points.
+
+    These are half its gradient, (3 k,), the (3 k, 3 k) matrix of the method of Gauss and Newton, and the (k, k) matrix
+    of the forms `variation_matrices` relative to the integrals, with which steps are kept smooth.
+    """
+    k = len(members)
+    spreading, area = np.zeros(3 * k), 0.0
+    totals, slopes = np.zeros(2), np.zeros((2, 3 * k))
+    squares, stiffness = np.zeros((2, 3 * k, 3 * k)), np.zeros((2, k, k))
+    for block, places in moments(knots, log_weights, s):
+        frame = _frame(block, points)
+        space = _spaces(block, frame, areas[places])
+        rows = [np.array(part)[:, members] for part in _rows(block, frame)]
+        first = np.array(_changed(block.first, *frame.change))[:, members]
+        rates, spread = _rates(frame, first, *rows)
+        spreading, area = spreading + spread @ space, area + space.sum()
+        for i, (part, multiples) in enumerate(zip(rows, ((1, 2, 1), (1, 3, 3, 1)), strict=True)):
+            values = np.concatenate([value * np.sqrt(space) for value, _ in rates[i]])
+            table = np.concatenate([rate * np.sqrt(space) for _, rate in rates[i]], axis=1)
+            totals[i] += values @ values
+            slopes[i] += table @ values
+            squares[i] += table @ table.T
+            stiffness[i] += sum(n * (row * space) @ row.T for row, n in zip(part, multiples, strict=True))
+    bent, varied = totals
+    return (
+        BENDING_POWER * slopes[0] / bent + slopes[1] / varied + spreading / (2 * area),
+        BENDING_POWER * squares[0] / bent + squares[1] / varied,
+        BENDING_POWER * stiffness[0] / bent + stiffness[1] / varied,
+    )
+
+
+Rates: TypeAlias = list[tuple[FloatArray, FloatArray]]
+"""(m,) components of a tensor, and the (3 k, m) rates at which they change with the coordinates of k control points."""
+
+
+def _rates(
+    frame: _Frame, first: FloatArray, second: FloatArray, third: FloatArray
+) -> tuple[tuple[Rates, Rates], FloatArray]:
+    """Return the components of II and of ∇H with their rates, and the (3 k, m) rates of log dA.
+
+    Given are the (k, m) coefficients of control points in the derivatives of P, by the number of Y in them.
+    """
+    bend = np.array([frame.second[:2], frame.second[1:]])
+    mean = bend[0, 0] + bend[1, 1]  # 2 H
+    slope = [frame.third[c] + frame.third[c + 2] for c in (0, 1)]
+    unit, laplacian = np.eye(2)[:, :, None], second[0] + second[2]
+
+    def rate(normal: FloatArray, tangential: Sequence[FloatArray]) -> FloatArray:
+        parts = zip(frame.axes, (normal, *tangential), strict=True)
+        return np.asarray(sum(part[:, None] * axis.T for axis, part in parts)).reshape(-1, len(mean))
+
+    def strain(factors: FloatArray) -> list[FloatArray]:
+        """s_ab times (2, 2, m) factors, as coefficients along P_X and P_Y."""
+        return [sum((factors[a, b] + factors[b, a]) / 2 * first[b] for b in (0, 1)) for a in (0, 1)]
+
+    of_bend, of_slope = [], []
+    for a, b, multiple in ((0, 0, 1.0), (0, 1, math.sqrt(2)), (1, 1, 1.0)):
+        turned = unit[a][:, None] * bend[b] + unit[b][:, None] * bend[a]
+        change = rate(second[a + b], strain(unit * bend[a, b] / 2 - turned))
+        of_bend.append((multiple * bend[a, b], multiple * change))
+    square = np.einsum("abm,bcm->acm", bend, bend)
+    for c in (0, 1):
+        inward = sum((mean * bend[c, d] + 2 * square[c, d]) * first[d] for d in (0, 1))
+        varied = np.array([frame.third[c : c + 2], frame.third[c + 1 : c + 3]])
+        tangential = strain(unit * slope[c] / 2 - 2 * varied - unit[c][:, None] * np.array(slope))
+        for a in (0, 1):
+            tangential[a] = tangential[a] - bend[c, a] * laplacian - 2 * sum(bend[a, d] * second[d + c] for d in (0, 1))
+        of_slope.append((slope[c] / 2, rate(third[c] + third[c + 2] - inward, tangential) / 2))
+    return (of_bend, of_slope), rate(np.zeros_like(first[0]), list(first))
 
 
 def _spaces(block: Moments, frame: _Frame, areas: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy, energy_at, energy_samples
 from gtb_cli.fairing.fair import fair, kept_knots
@@ -13,6 +14,7 @@ from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 from tests.specs import load
+from tests.surfaces import cylinder, octant
 
 # Relative error of second differences with a step of 1e-4, and of sums over triangles of cubic polynomials
 DIFFERENCES = 1e-5
@@ -75,17 +77,14 @@ def test_a_fair_patch_has_less_energy_and_the_same_boundary(kind, keep):
     centre = np.arange(len(filled.knots))[:, None] == len(filled.knots) - 1
     patch = filled.replace(control_points=filled.control_points + 0.1 * centre)
     result = fair(patch, kind, keep)
-    assert result.after < result.before
-    assert result.before == pytest.approx(energy(patch, kind), rel=1e-6)
-    assert result.after == pytest.approx(energy(result.patch, kind), rel=1e-6)
-    kept = kept_knots(patch.domain, keep)
+    before, after = result.energies
+    assert after < before
+    assert before == pytest.approx(energy(patch, kind), rel=1e-6)
+    assert after == pytest.approx(energy(result.patch, kind), rel=1e-6)
+    kept = kept_knots(patch, [keep] * 6)
     assert kept.sum() == {"boundary": 24, "tangents": 48}[keep]
     assert result.free == 121 - kept.sum()
     np.testing.assert_array_equal(result.patch.control_points[kept], patch.control_points[kept])
-    if keep == "tangents":
-        start, end = patch.domain.vertices[:2]
-        edge = start + np.array([[0.5], [1 / 6]]) * (end - start)
-        np.testing.assert_allclose(result.patch.normals(edge), patch.normals(edge), atol=1e-12)
 
 
 def curved(patch: Patch) -> np.ndarray:
@@ -127,50 +126,123 @@ def test_a_fair_patch_bends_less_by_an_independent_integral(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"),
-    mostly_long(
-        [
-            ("pentagon", "thin-plate"),
-            ("trapezoid", "dirichlet"),
-            ("hexagon", "thin-plate"),
-            ("nonagon", "dirichlet"),
-            ("repeated-knot", "thin-plate"),
-            ("vase", "thin-plate"),
-            ("teapot", "dirichlet"),
-        ],
-        2,
-    ),
+    ("name", "kind"), mostly_long([("trapezoid", "thin-plate"), ("pentagon", "thin-plate"), ("vase", "dirichlet")])
 )
 def test_the_printed_energies_are_those_of_a_finer_quadrature(name, kind):
     """Over all of Δ the thin-plate energy of the pentagon and the hexagon is infinite; what is printed converges."""
     found = load(SPECS / f"{name}.toml")
     patch = found.patches[-1] if isinstance(found, Model) else found
     made = fair(patch, kind)
-    assert made.error <= 1e-6
-    for value, of in ((made.before, patch), (made.after, made.patch)):
+    for value, of in zip(made.energies, (patch, made.patch), strict=True):
         size = np.abs(of.control_points).max()
-        assert value == pytest.approx(energy(of, kind, 160), rel=2e-6, abs=1e-12 * size**2)
+        assert value == pytest.approx(energy(of, kind, 160), rel=2e-5, abs=1e-12 * size**2)
 
 
 def test_no_small_change_lowers_the_energy():
-    patch = fair(load(PENTAGON)).patch
+    patch = fair(load(BICUBIC), "thin-plate").patch
     least = energy(patch)
     rng = np.random.default_rng(2)
-    free = ~kept_knots(patch.domain, "boundary")
+    free = ~kept_knots(patch, ["boundary"] * 4)
     for _ in range(5):
         moved = patch.control_points + 1e-3 * rng.normal(size=(len(patch.knots), 3)) * free[:, None]
         assert energy(patch.replace(control_points=moved)) > least
 
 
-@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e-9, 0.0), (1e9, 0.0), (1.0, 1e5)]))
+@pytest.mark.parametrize("name", mostly_long(SURFACES[::-1]))
+def test_less_varies_than_in_a_thin_plate_and_what_is_fair_stays(name):
+    found = load(SPECS / f"{name}.toml")
+    patch = found.patches[0] if isinstance(found, Model) else found
+    made, plate = fair(patch), fair(patch, "thin-plate").after
+    assert made.after.energy < 0.8 * made.before.energy
+    assert made.after.variation < min(plate.variation, made.before.variation)
+    assert made.after.energy < 1.1 * plate.energy
+    assert made.energies is None
+    again = fair(made.patch)
+    assert again.patch is made.patch
+    assert again.after.variation == again.before.variation
+
+
+@pytest.mark.parametrize("patch", mostly_long([octant(), cylinder()]))
+def test_round_surfaces_are_fair_already(patch):
+    made = fair(patch)
+    assert made.patch is patch
+    assert made.free == 1
+    assert made.after.variation < 1e-12
+
+
+def test_a_folded_plane_unfolds():
+    patch = square(lambda x, y: 0 * x)
+    folded = np.where(np.arange(16)[:, None] == 5, [3, 3, 0], patch.control_points)
+    made = fair(patch.replace(control_points=folded))
+    assert made.folds == 0
+    assert made.after.energy < 1e-9
+
+
+@pytest.mark.parametrize("keep", mostly_long(["curvature", "tangents"]))
+def test_what_is_kept_along_edges(keep):
+    """The limits on all edges, by the formulas for them; knots at heights 1, 2 and 3 determine ever more of these."""
+    i, j = (index.ravel() for index in np.mgrid[:7, :7])
+    bumps = np.random.default_rng(3).normal(size=(49, 3)) * 0.2
+    bumps[24] += 3
+    patch = Patch(np.column_stack([i, j]), np.column_stack([i, j, i * j / 6]) + bumps, coefficients="binomial")
+    made = fair(patch, keep=keep)
+    assert made.free == {"tangents": 9, "curvature": 1}[keep]
+    assert made.patch is not patch
+    t = np.linspace(0.5, 5.5, 6)
+    edges = np.concatenate([np.column_stack(at) for side in (0 * t, 0 * t + 6) for at in ((t, side), (side, t))])
+    sines = np.linalg.norm(np.cross(made.patch.normals(edges), patch.normals(edges)), axis=1)
+    assert np.degrees(sines.max()) < 1e-12
+    changes = [np.abs(a - b).max() for a, b in zip(made.patch.curvature(edges), patch.curvature(edges), strict=True)]
+    assert (max(changes) < 1e-12) == (keep == "curvature")
+
+
+def test_a_layer_on_the_edge_does_not_determine_its_planes():
+    patch = square(lambda x, y: x * y)
+    rows = patch.control_points.reshape(4, 4, 3).copy()
+    rows[1] = rows[0]
+    kept = kept_knots(
+        patch.replace(control_points=rows.reshape(-1, 3)), ["boundary", "boundary", "boundary", "tangents"]
+    )
+    assert kept.reshape(4, 4)[:3].all(), "both rows over the edge with x = 0"
+    assert kept_knots(patch, ["boundary", "boundary", "boundary", "tangents"]).sum() == 14
+
+
+def model(bend: float) -> Model:
+    """Two bumpy squares that meet in the middle, with one tangent plane where they are not bent."""
+    i, j = (index.ravel() for index in np.mgrid[:5, :5])
+    points = np.column_stack([i, j, 0.1 * i * j]) + np.random.default_rng(3).normal(size=(25, 3)) * 0.1
+    across = points.reshape(5, 5, 3)
+    beside = np.concatenate([across[:1], 2 * across[:1] - across[1:2], across[2:] * [-1, 1, 1 - bend]])
+    beside[1, :, 2] += bend
+    knots = np.column_stack([i, j])
+    other = Patch(knots[:, ::-1], beside.reshape(-1, 3), coefficients="binomial")
+    return Model((Patch(knots, points, coefficients="binomial"), other))
+
+
+@pytest.mark.parametrize(("bend", "free"), mostly_long([(0.0, 6), (0.5, 9)]))
+def test_patches_of_a_model_meet_as_before(bend, free):
+    given = model(bend)
+    (before,) = joints(given)
+    assert (before.angle < 1e-6) == (bend == 0)
+    made = fair(given)
+    assert [part.free for part in made] == [free, free]
+    after = joints(given.replace(patches=tuple(part.patch for part in made)))
+    assert len(after) == 1
+    assert all(part.after.variation < part.before.variation for part in made)
+    if bend == 0:
+        assert abs(after[0].angle - before.angle) < 1e-9
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
 @long
 def test_any_size_and_place_of_knots_and_points(scale, shift):
-    patch = load(SPECS / "pentagon.toml")
+    patch = square(lambda x, y: x * y + (x == y) * x)
     moved = patch.replace(knots=patch.knots * scale, control_points=patch.control_points * scale + shift)
     expected = fair(patch).patch.control_points
     np.testing.assert_allclose((fair(moved).patch.control_points - shift) / scale, expected, atol=1e-6)
 
 
+@long
 def test_repeated_knots_stay_where_they_are_indistinct():
     patch = load(SPECS / "pentagon.toml")
     inner = int(np.flatnonzero(~patch.domain.incidence.any(axis=1))[0])
@@ -183,10 +255,12 @@ def test_repeated_knots_stay_where_they_are_indistinct():
 def test_what_cannot_be_fair():
     with pytest.raises(DomainError, match="this is a curve"):
         fair(load(CURVE))
+    with pytest.raises(DomainError, match="spec: expected a Patch, a Model or a path, got int"):
+        fair(3)  # type: ignore[call-overload]
     with pytest.raises(DomainError, match="keep: expected"):
-        fair(load(PENTAGON), keep="x")  # type: ignore[arg-type]
+        fair(load(PENTAGON), keep="x")  # type: ignore[call-overload]
     with pytest.raises(DomainError, match="energy: expected"):
-        fair(load(PENTAGON), "x")  # type: ignore[arg-type]
+        fair(load(PENTAGON), "x")  # type: ignore[call-overload]
 
 
 # --- the command
@@ -198,9 +272,12 @@ def test_fair_prints_a_spec():
     np.testing.assert_array_equal(
         parse(result.text).control_points, fair(load(BICUBIC), "dirichlet").patch.control_points
     )
-    assert "4 free control points, energy" in result.err
-    again = gtb("fair", "-", stdin=gtb("fair", BICUBIC).out)
-    np.testing.assert_allclose(parse(again.text).control_points, parse(gtb("fair", BICUBIC).text).control_points)
+    assert "4 free control points; but for the outermost hundredth: energy from" in result.err
+    made = gtb("fair", BICUBIC)
+    assert "bending from 15.1 to 1.75, variation from 188 to 2" in made.err
+    again = gtb("fair", "-", stdin=made.out)
+    assert "already fair; but for the outermost hundredth: bending 1.75, variation 2" in again.err
+    assert again.out == made.out
 
 
 def test_fair_says_what_folds_and_what_has_nothing_free():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.fairing.variation import bendings, variation_matrices
+from gtb_cli.fairing.variation import BENDING_POWER, bendings, linearisation, variation_matrices
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.patch import Patch
 
@@ -78,3 +78,20 @@ def test_the_third_form_vanishes_on_paraboloids_seen_from_afar():
         _, third = variation_matrices(*sampled(patch), patch.control_points)
         energies.append(np.einsum("ik,ij,jk->", patch.control_points, third, patch.control_points))
     assert math.log2(energies[1] / energies[0]) == pytest.approx(6, abs=0.1)
+
+
+def test_the_linearisation_is_that_of_differences():
+    """The gradient is that of log E⁴ V, where V is the area times ∫ |∇H|²: at a bent surface with uneven weights."""
+    patch = graph(0.5)
+    uneven = Patch(patch.knots, patch.control_points, np.geomspace(1, 3, 16), "binomial")
+    where, members, h = sampled(uneven, 10), np.array([5, 0, 10]), 1e-5
+    slope, square, stiffness = linearisation(*where, uneven.control_points, members)
+    steps = h * np.eye(9).reshape(9, 3, 3)
+    moved = []
+    for step in (*steps, *-steps):
+        moved.append(uneven.control_points.copy())
+        moved[-1][members] += step
+    logs = np.array([BENDING_POWER * math.log(b.energy) + math.log(b.variation) for b in bendings(*where, moved)])
+    np.testing.assert_allclose(2 * slope, (logs[:9] - logs[9:]) / (2 * h), rtol=1e-6, atol=1e-6 * np.abs(slope).max())
+    for form in (square, stiffness):
+        assert np.linalg.eigvalsh(form).min() > -1e-9 * np.abs(form).max()
