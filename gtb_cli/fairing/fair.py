@@ -78,8 +78,8 @@ def fair(
     spec : Patch, Model or path
         Surfaces.
     energy : {"variation", "thin-plate", "dirichlet"}
-        With "variation", the product of E⁴, E = ∫ κ₁² + κ₂², and of the area times ∫ |∇H|² becomes smaller until no step
-        changes it by a twentieth. Neither rises, without the outermost hundredth or thousandth. The others are
+        With "variation", the product of E⁴, E = ∫ κ₁² + κ₂², and of the area times ∫ |∇H|² becomes smaller until no
+        step changes it by a twentieth. Neither rises, without the outermost hundredth or thousandth. The others are
         integrals in the linear parametrisation, and least: see `gtb_cli.fairing.energy.energy`.
     keep : {"boundary", "tangents", "curvature"}
         What stays along every edge: its curve, also the tangent planes, or also the curvatures. Edges at which patches
@@ -101,9 +101,7 @@ def fair(
     linear problems, since the patch is linear in its control points; see `gtb_cli.fairing.descent` for the variation. A
     patch that folds or has no tangent plane somewhere begins as a thin plate. Not in the paper.
     """
-    found = loaded(spec)
-    if not isinstance(found, Patch | Model):
-        raise DomainError(f"spec: expected a Patch, a Model or a path, got {type(spec).__name__}")
+    found = loaded(spec, "Patch", "Model")
     if found.dimension == 1:
         raise DomainError("fair: expected a surface, this is a curve")
     if energy not in ENERGIES:

@@ -255,7 +255,7 @@ def test_repeated_knots_stay_where_they_are_indistinct():
 def test_what_cannot_be_fair():
     with pytest.raises(DomainError, match="this is a curve"):
         fair(load(CURVE))
-    with pytest.raises(DomainError, match="spec: expected a Patch, a Model or a path, got int"):
+    with pytest.raises(DomainError, match="expected a Patch or Model, or the path of a spec file, got int"):
         fair(3)  # type: ignore[call-overload]
     with pytest.raises(DomainError, match="keep: expected"):
         fair(load(PENTAGON), keep="x")  # type: ignore[call-overload]
