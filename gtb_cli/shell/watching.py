@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
 from typing import TYPE_CHECKING, Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs
 
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.shell.console import Console
@@ -89,15 +90,20 @@ def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         server_version, sys_version = "gtb", ""
 
+        def handle(self) -> None:
+            """Answer, but for a browser that has gone."""
+            with suppress(ConnectionError):
+                super().handle()
+
         def do_GET(self) -> None:
             """Answer a request."""
             if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
                 return self._answer(403, "text/plain", "this server is for this machine")
-            address = urlsplit(self.path)
-            if address.path == "/":
+            path, _, query = self.path.partition("?")
+            if path == "/":
                 return self._answer(200, "text/html", watch.page())
-            if address.path == "/state":
-                have = parse_qs(address.query).get("have", ["0"])[0]
+            if path == "/state":
+                have = parse_qs(query).get("have", ["0"])[0]
                 news = watch.state(int(have) if have.isdecimal() and len(have) < 12 else 0)
                 return self._answer(200, "application/json", json.dumps(news, allow_nan=False))
             return self._answer(404, "text/plain", "not here")

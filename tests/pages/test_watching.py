@@ -2,6 +2,8 @@
 
 import json
 import os
+import socket
+import struct
 import threading
 import urllib.error
 import urllib.request
@@ -142,3 +144,16 @@ def test_it_serves_a_page_and_news_to_this_machine_only(server):
     assert answer(f"{server}/state?have=x")[0] == 200
     assert answer(f"{server}/etc/passwd")[0] == 404
     assert answer(f"{server}/", Host="example.org")[0] == 403
+
+
+def test_a_browser_that_has_gone_and_an_odd_address_are_no_errors(server, capfd):
+    """Each was a traceback: the first whenever a page is loaded anew before it has come."""
+    host, port = server.removeprefix("http://").split(":")
+    for line, reset in (("GET /state", True), ("GET http://[", False)):
+        with socket.create_connection((host, int(port)), timeout=10) as connection:
+            if reset:  # close with a reset, as if in the middle of an answer
+                connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            connection.sendall(f"{line} HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+            if not reset:
+                assert connection.recv(100).startswith(b"HTTP/1.0 404")
+    assert capfd.readouterr().err == ""
