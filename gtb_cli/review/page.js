@@ -180,7 +180,7 @@ function cell(row, ...texts) {
 function start() {
   $("title").textContent = data.names.join(" → ");
   $("counts").textContent = Object.entries(data.counts).filter(([name, count]) => count || name === "same").map(([name, count]) => `${count} ${name}`).join(", ")
-    + (data.changes.length ? ". Keys: j and k step through the changes; drag turns, Shift-drag moves, the wheel zooms, f fits. Backs of faces are violet." : "");
+    + (data.changes.length ? ". Keys: j and k step through the changes; drag turns, Shift-drag moves, the wheel zooms, f fits. Backs of faces are violet." : ". Nothing differs.");
   const columns = COLUMNS.filter(label => data.changes.some(change => change.rows.some(row => row[0] === label && (row[1] || row[2]))));
   for (const text of ["name", "verdict", "distance", "tolerance", ...columns]) {
     const head = document.createElement("th");
