@@ -23,6 +23,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 SEAM_PLACES = 49  # along each seam, denser near its ends, which are left out: corners have normals of their own
+CORNERS = 0.02  # part of a seam at each end where curvatures are not compared: at a corner they may be infinite
 MAX_CREASE_DEGREES = 1.0  # angle up to which curvatures across a seam are compared; beyond it the seam is a crease
 
 
@@ -71,8 +72,8 @@ class Seam:
     def bend(self) -> float:
         """Largest difference of the normal curvatures across the seam, in units of 1 / length.
 
-        It is taken over the places where both are finite and the angle is at most `MAX_CREASE_DEGREES`; NaN if there is
-        no such place. It is computed when asked for, which takes longer than the angle.
+        It is taken over places away from corners (`CORNERS`) where both are finite and the angle is at most
+        `MAX_CREASE_DEGREES`; NaN if there is no such place. It is computed when asked for: longer than the angle.
         """
         return self._most_bent[0]
 
@@ -109,7 +110,7 @@ def joints(model: Model | SpecPath) -> tuple[Seam, ...]:
     if found.dimension == 1:
         return ()
     t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
-    shared = found.joints.shared
+    shared, is_away = found.joints.shared, np.abs(t - 0.5) <= 0.5 - CORNERS
     uses = [use for joint in shared for use in ((joint.first, t), (joint.second, joint.across(found.patches, t)))]
     rims, normals = _rims(found, uses)
     ours, theirs = normals[::2], normals[1::2]
@@ -118,7 +119,12 @@ def joints(model: Model | SpecPath) -> tuple[Seam, ...]:
     worst = np.where(np.isfinite(angles), angles, -1.0).argmax(axis=1)
     return tuple(
         Seam(
-            joint.first, joint.second, float(row[k]), int(k), row <= MAX_CREASE_DEGREES, (rims[2 * i], rims[2 * i + 1])
+            joint.first,
+            joint.second,
+            float(row[k]),
+            int(k),
+            (row <= MAX_CREASE_DEGREES) & is_away,
+            (rims[2 * i], rims[2 * i + 1]),
         )
         for i, (joint, row, k) in enumerate(zip(shared, angles, worst, strict=True))
     )

@@ -44,7 +44,7 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
     if bent:
         bend, most = max(bent, key=lambda pair: pair[0])
         where = f"where {most.name(model)} meet, near {point_text(most.bend_place, points)}"
-        reason = f"1/length, the largest difference of normal curvatures across, {where}"
+        reason = f"1/length, the largest difference of normal curvatures across, away from corners, {where}"
         found["curvature across joints"] = number(bend, reason)
     # By this theorem an edge is the curve of its own knots.
     return tuple(replace(finding, name=name, reference="Thm 4.0") for name, finding in found.items())
