@@ -14,7 +14,6 @@ import click
 from gtb_cli.errors import ExportError, GtbError, RequirementError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import in_options
-from gtb_cli.shell.folders import are_several
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import (
     OUTPUT,
@@ -41,17 +40,9 @@ from gtb_cli.shell.streams import (
     write_blocks,
     write_text,
 )
+from gtb_cli.shell.surfaces import check_unit, surface_format, write_surfaces
 from gtb_cli.shell.workers import Workers, workers_option
-from gtb_cli.vocabulary import (
-    CAD_FORMATS,
-    CAD_SUFFIXES,
-    CELL_FORMATS,
-    CELL_SUFFIXES,
-    FORMATS,
-    UNIT_FORMATS,
-    UNITS,
-    suffix_of,
-)
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, CELL_SUFFIXES, FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
@@ -141,10 +132,10 @@ def mesh(
     pieces; VTU files, for ParaView, such pieces as curved cells or, without any, quadratic ones.
     """
     output, console, spec_format = streams.output, streams.console, streams.spec_format
-    if (surfaces := _surface_format(options.format, output)) is not None:
+    if (surfaces := surface_format(options.format, output)) is not None:
         if manifest is not None or deps is not None:
             raise click.UsageError(f"--manifest and --deps are for meshes, and {surfaces.upper()} holds surfaces")
-        return _write_surfaces(specs, surfaces, options, streams)
+        return write_surfaces(specs, surfaces, options, streams)
     paths = inputs_of(specs, output)
     folder = output if _is_for_folder(specs, paths, output) else None
     if deps is not None and (output == STANDARD or STANDARD in paths):
@@ -155,7 +146,7 @@ def mesh(
         raise click.UsageError("--prune needs --resume and a folder of meshes")
     place = output if folder is None else os.path.join(folder, "")
     kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_SUFFIXES))
-    _check_unit(options, kind)
+    check_unit(options, kind)
     book = None
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest
@@ -208,50 +199,6 @@ def mesh(
         console.report(task.output, size, warnings)
     if errors:
         raise _joined(errors)
-
-
-def _surface_format(format: str | None, output: str) -> str | None:
-    """Return the surface format that -f or the suffix of the output names; None for meshes."""
-    kinds = {name: name for name in (*CAD_FORMATS, *CELL_FORMATS)}
-    return kinds.get(format) if format is not None else (CAD_SUFFIXES | CELL_SUFFIXES).get(suffix_of(output))
-
-
-def _write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, streams: Streams) -> None:
-    """Write the surfaces of one spec as STEP, IGES, BREP or VTU, and say what is exact."""
-    if are_several(specs) or is_folder(streams.output):
-        raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
-    names = ("normals", "uv", "ascii", "certify", "radius", *(["thickness"] if kind in CELL_FORMATS else []))
-    options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", *names)
-    if kind != "vtu":
-        options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", "attributes")
-    if options.recipe.rim == "flat":
-        raise click.UsageError(f"--rim flat is for meshes, and not for {kind.upper()}")
-    _check_unit(options, kind)
-    if kind in CELL_FORMATS:
-        options.refuse(f"is for meshes, and cells of {kind.upper()} share no vertices", "require")
-    from gtb_cli.formats.surfaces import encode_surfaces, with_y_up
-    from gtb_cli.tessellation.curved_cells import encode_cells, unused
-
-    recipe = options.recipe
-    with streams.spec_of(specs[0]) as given:
-        spec = with_y_up(given) if options.up == "y" else given
-        if kind in CELL_FORMATS:
-            data, size, warnings = encode_cells(spec, kind, recipe)
-        else:
-            from gtb_cli.tessellation.walls import wall_of
-
-            unit, tolerance = options.unit or next(iter(UNITS)), recipe.tolerance_for(spec)
-            wall, closed = wall_of(spec, kind, recipe), bool(recipe.require)
-            data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=closed, wall=wall)
-            warnings += unused(recipe, "resolution")
-    write_blocks(streams.output, [data])
-    streams.console.report(streams.output, size, warnings)
-
-
-def _check_unit(options: MeshOptions, kind: str) -> None:
-    if options.unit is not None and kind not in UNIT_FORMATS:
-        having = ", ".join(name.upper() for name in UNIT_FORMATS[:-1])
-        raise click.UsageError(f"--unit: {kind.upper()} has no unit of length; {having} and GLB have")
 
 
 class Task(NamedTuple):
