@@ -263,16 +263,18 @@ def _changes(part: Fairing) -> str:
     """Say what was measured before and after, with the digits on which two quadratures agree."""
     digits = max(1, min(3, math.ceil(-math.log10(part.error or 1e-3))))
 
-    def change(what: str, before: float, after: float) -> str:
+    def change(what: str, before: float, after: float, digits: int = digits) -> str:
         one, other = (
             f"{round(value, 12):.{digits}g}" if math.isfinite(value) else "unknown" for value in (before, after)
         )
         return f"{what} {one}" if one == other else f"{what} from {one} to {other}"
 
-    changes = [
-        change(what, getattr(part.before, name), getattr(part.after, name))
-        for what, name in (("bending", "energy"), ("variation", "variation"), ("largest curvature", "curvature"))
+    changes = [change("energy", *part.energies)] if part.energies else []
+    changes += [
+        change("bending", part.before.energy, part.after.energy),
+        change("variation", part.before.variation, part.after.variation),
+        change(
+            "largest curvature", part.before.curvature, part.after.curvature, 2
+        ),  # of the places that were looked at
     ]
-    if part.energies:
-        changes.insert(0, change("energy", *part.energies))
     return f"but for the outermost hundredth: {', '.join(changes)}"

@@ -1,59 +1,82 @@
 """The fairest control points: descent to the least product of powers of bending and of its variation."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.fairing.energy import Samples
-from gtb_cli.fairing.variation import BENDING_POWER, Bending, bendings, linearisation
+from gtb_cli.fairing.variation import Bending, Linearisation, bendings, linearisation
+
+BENDING_POWER = 4
+"""Power of ∫ κ₁² + κ₂² in the product that is made small: with less, some surfaces bend more than a thin plate does."""
 
 FLAT = 1e-9
 """∫ κ₁² + κ₂² or its variation below which no normal turns by more than some hundredths of a degree, or by rounding."""
 
-LEAST_GAIN = 0.05
+LEAST_GAIN = 0.1
 """Part of the product of all figures that a step must win: what is fair to that is left as it is."""
 
 
-def measured(regions: Sequence[Samples], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
-    """Integrate each of the surfaces, (n, 3) control points, over all regions."""
+def measured(zones: Sequence[Samples], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
+    """Integrate each of the surfaces, (n, 3) control points, over the first zone, the first two and so on."""
     with np.errstate(all="ignore"):  # where a surface has no tangent plane, integrals are not finite
-        return [list(found) for found in zip(*(bendings(*region, surfaces) for region in regions), strict=True)]
+        parts = [bendings(*zone, surfaces) for zone in zones]
+    return [[_together(found[: k + 1]) for k in range(len(zones))] for found in zip(*parts, strict=True)]
+
+
+def _together(parts: Sequence[Bending]) -> Bending:
+    area, energy = (sum(getattr(part, name) for part in parts) for name in ("area", "energy"))
+    varied = sum(part.variation / part.area if part.area else 0.0 for part in parts)
+    return Bending(area, energy, area * varied, max(part.curvature for part in parts))
 
 
 def figures(bent: Sequence[Bending]) -> FloatArray:
     """(2 k,) bending and variation of one surface in k regions; infinite where they are not finite."""
     found = np.array([value for one in bent for value in (one.energy, one.variation)])
-    return np.where(np.isfinite(found), found, math.inf)
+    return np.where(np.isfinite(found), found, np.inf)
 
 
-def descended(regions: Sequence[Samples], points: FloatArray, members: IntArray, most: FloatArray) -> FloatArray:
+def descended(
+    search: Sequence[Samples], judge: Sequence[Samples], points: FloatArray, members: IntArray, most: FloatArray
+) -> FloatArray:
     """Return (n, 3) control points of which the (k,) members are moved until no step makes the surface fairer.
 
-    What becomes smaller, by `LEAST_GAIN` at least, is the product of all `figures`, bending to the fourth power, and no
-    figure becomes larger than its (2 r,) bound. Steps are those of the method of Levenberg and Marquardt, damped by
-    forms of the second and third derivatives, so that control points move together.
+    What becomes smaller, by `LEAST_GAIN` at least, is the product of all `figures`, bending to a power, and no figure
+    becomes larger than its (2 z,) bound. Steps are those of the method of Levenberg and Marquardt, damped by forms of
+    the second and third derivatives, so that control points move together. They are found with one quadrature of z
+    zones and judged by another, as a surface may ripple between the places of the first.
     """
     most_steps, most_trials = 40, 4
-    powers = np.tile([BENDING_POWER, 1], len(regions))
-    now, damping = figures(measured(regions, [points])[0]), 1e-2
+    powers = np.tile([BENDING_POWER, 1], len(judge))
+    now, damping = figures(measured(judge, [points])[0]), 1e-2
     for _ in range(most_steps):
         if not np.isfinite(now).all() or now.min() < FLAT:
             break
-        forms = [linearisation(*region, points, members) for region in regions]
-        slope, square, stiffness = (sum(part) for part in zip(*forms, strict=True))
+        slope, square, matrix = _logarithms([linearisation(*zone, points, members) for zone in search])
         for _ in range(most_trials):
-            form = square + damping * np.kron(stiffness, np.eye(3))
+            form = square + damping * np.kron(matrix, np.eye(3))
             form += EPS * np.trace(form) * np.eye(len(form))
             trial = points.copy()
             trial[members] -= np.linalg.solve(form, slope).reshape(-1, 3)
-            found = figures(measured(regions, [trial])[0])
-            gain = 1 - math.exp(min(0.0, float(powers @ np.log(found / now))))
-            if gain > LEAST_GAIN and (found <= most).all():
+            found = figures(measured(judge, [trial])[0])
+            if powers @ np.log(found / now) < np.log(1 - LEAST_GAIN) and (found <= most).all():
                 points, now, damping = trial, found, damping / 6
                 break
             damping *= 10
         else:
             break
     return points
+
+
+def _logarithms(parts: Sequence[Linearisation]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return half the gradient, the square and the matrix of the logarithm of the product of all figures."""
+    slope, square, matrix = 0.0, 0.0, 0.0
+    for k in range(len(parts)):
+        (area, *integrals), slopes, squares, matrices = (sum(part) for part in zip(*parts[: k + 1], strict=True))
+        factors = np.array([BENDING_POWER, 1]) / integrals
+        slope = slope + factors @ slopes[1:] + slopes[0] / area
+        square, matrix = (
+            one + np.einsum("i,ijk->jk", factors, other) for one, other in ((square, squares), (matrix, matrices))
+        )
+    return np.asarray(slope), np.asarray(square), np.asarray(matrix)

@@ -10,7 +10,7 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import FLAT, descended, figures, measured
-from gtb_cli.fairing.energy import Samples, energy_at, energy_matrix, samples
+from gtb_cli.fairing.energy import Samples, energy_matrix, samples
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
 from gtb_cli.knots.triangulation import central_triangulation
@@ -79,7 +79,7 @@ def fair(
         Surfaces.
     energy : {"variation", "thin-plate", "dirichlet"}
         With "variation", the product of E⁴, E = ∫ κ₁² + κ₂², and of the area times ∫ |∇H|² becomes smaller until no
-        step changes it by a twentieth. Neither rises, without the outermost hundredth or thousandth. The others are
+        step changes it by a tenth. Neither rises, without the outermost hundredth or thousandth. The others are
         integrals in the linear parametrisation, and least: see `gtb_cli.fairing.energy.energy`.
     keep : {"boundary", "tangents", "curvature"}
         What stays along every edge: its curve, also the tangent planes, or also the curvatures. Edges at which patches
@@ -147,24 +147,26 @@ def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
 
 
 def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray:
-    """Return control points with the least variation, or the given ones if a finer quadrature finds no better ones."""
-    folds, (search, judge) = _folds(patch, given), (_regions(patch, resolution) for resolution in (24, 48))
-    for regions in (search, judge):
-        start, most = given, figures(measured(regions, [given])[0])
-        if folds or not np.isfinite(most).all():
-            start, most = _least(energy_at(*regions[1], "thin-plate"), given, free), np.full(len(most), math.inf)
-        found = descended(regions, start, free, most)
-        if found is given:
-            break
-        before, after = (np.maximum(figures(one), FLAT) for one in measured(judge, [given, found]))
-        now = _folds(patch, found)
-        if now < folds or (now == folds and (after <= before).all() and (after < before).any()):
-            return found
-    return given
+    """Return control points with less variation, or the given ones if none are found."""
+    folds, (search, judge) = _folds(patch, given), (_zones(patch, resolution) for resolution in (32, 48))
+    before = figures(measured(judge, [given])[0])
+    start, most = given, before
+    if folds or not np.isfinite(before).all():
+        plate = energy_matrix(patch.domain, patch.log_products, "thin-plate")
+        start, most = _least(plate, given, free), np.full(len(before), math.inf)
+    found = descended(search, judge, start, free, most)
+    if found is given:
+        return given
+    after, now = figures(measured(judge, [found])[0]), _folds(patch, found)
+    before, after = np.maximum(before, FLAT), np.maximum(after, FLAT)
+    is_better = now < folds or (now == folds and (after <= before).all() and (after < before).any())
+    return found if is_better else given
 
 
-def _regions(patch: Patch, resolution: int) -> list[Samples]:
-    return [samples(patch.domain, patch.log_products, resolution, left_out) for left_out in LEFT_OUT]
+def _zones(patch: Patch, resolution: int) -> list[Samples]:
+    """Return a quadrature of the inside and of a strip around it."""
+    shape, weights, (inside, outside) = patch.domain, patch.log_products, LEFT_OUT
+    return [samples(shape, weights, resolution, inside), samples(shape, weights, resolution, outside, inside)]
 
 
 def _measured(patch: Patch, surfaces: Sequence[FloatArray]) -> tuple[list[list[Bending]], float]:
@@ -172,7 +174,7 @@ def _measured(patch: Patch, surfaces: Sequence[FloatArray]) -> tuple[list[list[B
     enough = 3e-3
     earlier, error = None, math.inf
     for resolution in (32, 48, 64, 96):
-        bent = measured(_regions(patch, resolution), surfaces)
+        bent = measured(_zones(patch, resolution), surfaces)
         now = np.array([figures(one)[:2] for one in bent])
         if earlier is not None:
             known = np.isfinite(now) & np.isfinite(earlier) & (now > FLAT)

@@ -29,9 +29,6 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.fairing.energy import Moments, moments
 from gtb_cli.values import frozen
 
-BENDING_POWER = 4
-"""Power of ∫ κ₁² + κ₂² in the product that is made small: with less, some surfaces bend more than a thin plate does."""
-
 
 @frozen
 class Bending:
@@ -100,10 +97,13 @@ def _frame(block: Moments, points: FloatArray) -> _Frame:
     return _Frame(change, (normal, *one), scale, second, third, slopes, drifts)
 
 
-def _rows(block: Moments, frame: _Frame) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Return (n, m) coefficients of the control points in each P_;ab and P_;abc."""
+def _rows(
+    block: Moments, frame: _Frame, members: IntArray | slice = slice(None)
+) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
+    """Return (k, m) coefficients of k control points in each P_a, P_;ab and P_;abc."""
     a, b, c = frame.change
-    x, y = a * block.x, b * block.x + c * block.y
+    t, x, y = block.t[members], block.x[members], block.y[members]
+    x, y = a * x, b * x + c * y
     covariance, skewness = (_changed(sums, a, b, c) for sums in (block.covariance, block.skewness))
     squares = [x * x, x * y, y * y]
     second = [
@@ -116,8 +116,8 @@ def _rows(block: Moments, frame: _Frame) -> tuple[list[FloatArray], list[FloatAr
         row -= _mixed(k, *([moment * axis for moment in covariance] for axis in (x, y)))
         for d in range(2):
             row -= _mixed(k, *([g * second[d + e] for g in frame.slopes[d]] for e in range(2)))
-        third.append(row * block.t)
-    return [row * block.t for row in second], third
+        third.append(row * t)
+    return [x * t, y * t], [row * t for row in second], third
 
 
 def _mixed(k: int, of_x: Sequence[FloatArray], of_y: Sequence[FloatArray]) -> FloatArray:
@@ -166,7 +166,8 @@ def variation_matrices(
     for block, places in moments(knots, log_weights, s):
         frame = _frame(block, points)
         roots = np.sqrt(_spaces(block, frame, areas[places]))
-        for matrix, rows, multiples in zip(matrices, _rows(block, frame), ((1, 2, 1), (1, 3, 3, 1)), strict=True):
+        _, *orders = _rows(block, frame)
+        for matrix, rows, multiples in zip(matrices, orders, ((1, 2, 1), (1, 3, 3, 1)), strict=True):
             table = np.concatenate(
                 [row * (math.sqrt(n) * roots) for row, n in zip(rows, multiples, strict=True)], axis=1
             )
@@ -174,38 +175,43 @@ def variation_matrices(
     return matrices[0], matrices[1]
 
 
+class Linearisation(NamedTuple):
+    """The dependence of the area, ∫ κ₁² + κ₂² and ∫ |∇H|² on the coordinates of k control points.
+
+    They are the `values`, (3,), with (3, 3 k) halves of their gradients. Of the latter two the method of Gauss and
+    Newton has (2, 3 k, 3 k) `squares`, and `variation_matrices` are (2, k, k).
+    """
+
+    values: FloatArray
+    slopes: FloatArray
+    squares: FloatArray
+    matrices: FloatArray
+
+
 def linearisation(
     knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, points: FloatArray, members: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return how log((∫ κ₁² + κ₂²)⁴ · area · ∫ |∇H|²) depends on the (k,) members of (n, 3) control points.
-
-    These are half its gradient, (3 k,), the (3 k, 3 k) matrix of the method of Gauss and Newton, and the (k, k) matrix
-    of the forms `variation_matrices` relative to the integrals, with which steps are kept smooth.
-    """
+) -> Linearisation:
+    """Return how integrals over a surface depend on the (k,) members of its (n, 3) control points."""
     k = len(members)
-    spreading, area = np.zeros(3 * k), 0.0
-    totals, slopes = np.zeros(2), np.zeros((2, 3 * k))
-    squares, stiffness = np.zeros((2, 3 * k, 3 * k)), np.zeros((2, k, k))
+    values, slopes = np.zeros(3), np.zeros((3, 3 * k))
+    squares, matrices = np.zeros((2, 3 * k, 3 * k)), np.zeros((2, k, k))
     for block, places in moments(knots, log_weights, s):
         frame = _frame(block, points)
         space = _spaces(block, frame, areas[places])
-        rows = [np.array(part)[:, members] for part in _rows(block, frame)]
-        first = np.array(_changed(block.first, *frame.change))[:, members]
-        rates, spread = _rates(frame, first, *rows)
-        spreading, area = spreading + spread @ space, area + space.sum()
-        for i, (part, multiples) in enumerate(zip(rows, ((1, 2, 1), (1, 3, 3, 1)), strict=True)):
-            values = np.concatenate([value * np.sqrt(space) for value, _ in rates[i]])
-            table = np.concatenate([rate * np.sqrt(space) for _, rate in rates[i]], axis=1)
-            totals[i] += values @ values
-            slopes[i] += table @ values
+        root = np.sqrt(space)
+        rows = [[row * root for row in order] for order in _rows(block, frame, members)]
+        *rates, spread = _rates(frame, *rows)
+        values[0] += space.sum()
+        slopes[0] += spread @ root / 2
+        for i, (order, multiples) in enumerate(zip(rows[1:], ((1, 2, 1), (1, 3, 3, 1)), strict=True)):
+            residuals = np.concatenate([value * root for value, _ in rates[i]])
+            table = np.concatenate([rate for _, rate in rates[i]], axis=1)
+            values[i + 1] += residuals @ residuals
+            slopes[i + 1] += table @ residuals
             squares[i] += table @ table.T
-            stiffness[i] += sum(n * (row * space) @ row.T for row, n in zip(part, multiples, strict=True))
-    bent, varied = totals
-    return (
-        BENDING_POWER * slopes[0] / bent + slopes[1] / varied + spreading / (2 * area),
-        BENDING_POWER * squares[0] / bent + squares[1] / varied,
-        BENDING_POWER * stiffness[0] / bent + stiffness[1] / varied,
-    )
+            table = np.concatenate([row * math.sqrt(n) for row, n in zip(order, multiples, strict=True)], axis=1)
+            matrices[i] += table @ table.T
+    return Linearisation(values, slopes, squares, matrices)
 
 
 Rates: TypeAlias = list[tuple[FloatArray, FloatArray]]
@@ -213,39 +219,42 @@ Rates: TypeAlias = list[tuple[FloatArray, FloatArray]]
 
 
 def _rates(
-    frame: _Frame, first: FloatArray, second: FloatArray, third: FloatArray
-) -> tuple[tuple[Rates, Rates], FloatArray]:
+    frame: _Frame, first: Sequence[FloatArray], second: Sequence[FloatArray], third: Sequence[FloatArray]
+) -> tuple[Rates, Rates, FloatArray]:
     """Return the components of II and of ∇H with their rates, and the (3 k, m) rates of log dA.
 
     Given are the (k, m) coefficients of control points in the derivatives of P, by the number of Y in them.
     """
     bend = np.array([frame.second[:2], frame.second[1:]])
     mean = bend[0, 0] + bend[1, 1]  # 2 H
-    slope = [frame.third[c] + frame.third[c + 2] for c in (0, 1)]
+    slope = np.array([frame.third[c] + frame.third[c + 2] for c in (0, 1)]) / 2
     unit, laplacian = np.eye(2)[:, :, None], second[0] + second[2]
+    axes = [np.ascontiguousarray(axis.T) for axis in frame.axes]
 
-    def rate(normal: FloatArray, tangential: Sequence[FloatArray]) -> FloatArray:
-        parts = zip(frame.axes, (normal, *tangential), strict=True)
-        return np.asarray(sum(part[:, None] * axis.T for axis, part in parts)).reshape(-1, len(mean))
+    def rate(*parts: FloatArray) -> FloatArray:
+        """(3 k, m) rates with parts along N, P_X and P_Y."""
+        return np.asarray(sum(part[:, None] * axis for part, axis in zip(parts, axes, strict=True))).reshape(
+            -1, len(mean)
+        )
 
     def strain(factors: FloatArray) -> list[FloatArray]:
-        """s_ab times (2, 2, m) factors, as coefficients along P_X and P_Y."""
+        """s_ab times (2, 2, m) factors, as parts along P_X and P_Y."""
         return [sum((factors[a, b] + factors[b, a]) / 2 * first[b] for b in (0, 1)) for a in (0, 1)]
 
     of_bend, of_slope = [], []
     for a, b, multiple in ((0, 0, 1.0), (0, 1, math.sqrt(2)), (1, 1, 1.0)):
         turned = unit[a][:, None] * bend[b] + unit[b][:, None] * bend[a]
-        change = rate(second[a + b], strain(unit * bend[a, b] / 2 - turned))
-        of_bend.append((multiple * bend[a, b], multiple * change))
+        parts = multiple * second[a + b], *strain(multiple * (unit * bend[a, b] / 2 - turned))
+        of_bend.append((multiple * bend[a, b], rate(*parts)))
     square = np.einsum("abm,bcm->acm", bend, bend)
     for c in (0, 1):
-        inward = sum((mean * bend[c, d] + 2 * square[c, d]) * first[d] for d in (0, 1))
+        inward = sum((mean * bend[c, d] / 2 + square[c, d]) * first[d] for d in (0, 1))
         varied = np.array([frame.third[c : c + 2], frame.third[c + 1 : c + 3]])
-        tangential = strain(unit * slope[c] / 2 - 2 * varied - unit[c][:, None] * np.array(slope))
+        along = strain(unit * slope[c] / 2 - varied - unit[c][:, None] * slope)
         for a in (0, 1):
-            tangential[a] = tangential[a] - bend[c, a] * laplacian - 2 * sum(bend[a, d] * second[d + c] for d in (0, 1))
-        of_slope.append((slope[c] / 2, rate(third[c] + third[c + 2] - inward, tangential) / 2))
-    return (of_bend, of_slope), rate(np.zeros_like(first[0]), list(first))
+            along[a] -= bend[c, a] / 2 * laplacian + sum(bend[a, d] * second[d + c] for d in (0, 1))
+        of_slope.append((slope[c], rate((third[c] + third[c + 2]) / 2 - inward, *along)))
+    return of_bend, of_slope, rate(np.zeros_like(first[0]), *first)
 
 
 def _spaces(block: Moments, frame: _Frame, areas: FloatArray) -> FloatArray:
