@@ -9,6 +9,7 @@ from gtb_cli.meshes.nearest import spatial_order
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import weld
 
+CROSSING_DEPTH = 1e-9  # relative to the largest extent: nearer triangles touch, as coplanar ones do after rounding
 # pairs of triangles compared, in half a minute: a smooth mesh has about 20 per triangle; if all
 # triangles overlapped, the comparison would never end
 MAX_COMPARED_PAIRS = 50_000_000
@@ -26,8 +27,6 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     Boxes around the triangles are compared in a tree, level by level: about k log k, unless most of them overlap. A
     million triangles take about ten seconds.
     """
-    # Depth, relative to the largest extent, below which triangles only touch: the rounding of coplanar surfaces
-    crossing_depth = 1e-9
     found = [np.empty((0, 2), dtype=np.int64)]
     places = weld(vertices)[1]
     proper = np.flatnonzero(are_proper(places[cells]))
@@ -35,7 +34,7 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     corners = vertices[cells]
     if len(corners) < 2:
         return found[0], True
-    depth = crossing_depth * float(np.ptp(bounds_of(corners.reshape(-1, 3)), axis=0).max())
+    depth = CROSSING_DEPTH * float(np.ptp(bounds_of(corners.reshape(-1, 3)), axis=0).max())
     normals = _normals(corners)
     across = np.maximum(_across(cells), _across(places[cells]))
     compared = 0

@@ -333,7 +333,7 @@ def _smaller_thickness(
     has, is a side of all: none is tried.
     """
     from gtb_cli.assembly.requirements import require
-    from gtb_cli.meshes.crossings import crossing_pairs
+    from gtb_cli.meshes.crossings import CROSSING_DEPTH, crossing_pairs
     from gtb_cli.meshes.solid import thicken
     from gtb_cli.tessellation.remarks import offset_folds
 
@@ -350,6 +350,8 @@ def _smaller_thickness(
 
     if crosses and len(crossing_pairs(surface.vertices, surface.faces)[0]):
         return "no thickness is solid, as the surface passes through itself"
+    if abs(thickness) <= CROSSING_DEPTH * max(surface.bounds[1] - surface.bounds[0]):
+        return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
     return _smaller("thickness", thickness, is_solid, len(surface.cells))
 
 

@@ -201,6 +201,21 @@ def test_what_is_required_holds_for_the_numbers_of_the_file(tmp_path):
             assert gtb("mesh", spec, *made, "-o", tmp_path / written[0], *written[1:]).status == 0
         thin = gtb("mesh", middle, "--thickness", 1e-10, "-n", 4, "--require", word, status=1).err
         assert "the numbers of OBJ are too coarse here, PLY with --ascii keeps their digits" in thin
+    flat = gtb(
+        "mesh",
+        SPECS / "bezier-triangle.toml",
+        "--thickness",
+        1e-10,
+        "-n",
+        1,
+        "--require",
+        "solid",
+        "-f",
+        "ply",
+        "--ascii",
+        status=1,
+    )
+    assert "a wall thinner than 1e-09 of the size cannot be told from one that does" in flat.err
 
 
 def test_faces_that_collapse_in_a_file_are_not_watertight_and_others_may_meet_there():
