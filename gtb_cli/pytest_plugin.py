@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Aspect, Kind
     from gtb_cli.verdicts.comparing import Comparing
 
+_TESTS = pytest.StashKey[dict[str, str]]()  # that have golden files of their names, by these
 _WRITTEN = pytest.StashKey[list[str]]()  # messages about the golden files that a test wrote
 
 
@@ -143,6 +144,10 @@ class MeshRegression:
             self._named_after_test = True
             nodes = [node for node in self._test.listchain() if isinstance(node, pytest.Class | pytest.Item)]
             basename = re.sub(r"[^\w.-]+", "_", "_".join(node.name for node in nodes)).rstrip("_")
+            path = self._file.with_suffix("") / f"{basename}.{format}"
+            test = self._config.stash.setdefault(_TESTS, {}).setdefault(str(path), self._test.nodeid)
+            if test != self._test.nodeid:
+                raise DomainError(f"basename: expected one, as {test} has the golden file {self._shown(path)}")
         return self._file.with_suffix("") / f"{basename}.{format}"
 
     def _compare(self, golden: Path, data: bytes, comparing: Comparing) -> None:

@@ -116,12 +116,15 @@ def test_name(mesh_regression):
 def test_twice(mesh_regression):
     for n in (1, 2):
         mesh_regression.check("lamp.toml", n=n)
+@pytest.mark.parametrize("n", [1, 1.0], ids=["a b", "a/b"])
+def test_names(mesh_regression, n):
+    mesh_regression.check("lamp.toml", n=int(n))
 """,
         "run(), run('-k', 'golden', '--force-regen'), run('-k', 'golden')",
     )
     assert (renewed[0], again[0]) == (1, 0)
     assert re.search(r"golden file could not be compared \(.*bad.obj.*\), written: bad.obj", renewed[1])
-    assert (status, failures(text), text.count("\nE  ")) == (1, 6, 6)
+    assert (status, failures(text), text.count("\nE  ")) == (1, 7, 7)
     for message in (
         "SpecError: .*bad.toml: control_points",
         "GtbError: .*missing.toml: No such file or directory",
@@ -129,6 +132,7 @@ def test_twice(mesh_regression):
         "ExportError: format: expected one of obj, ply, stl, glb, 3mf, got 'docx'",
         "DomainError: fullpath: excludes basename",
         "DomainError: basename: expected one, as another golden file has the name of this test",
+        r"DomainError: basename: expected one, as .*test_names\[a b\] has the golden file .*test_names_a_b\.obj",
     ):
         assert re.search(rf"^E  .*{message}", text, re.MULTILINE), message
     assert "gtb_cli/" not in text
