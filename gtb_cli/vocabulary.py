@@ -90,7 +90,7 @@ PARAMETRIZATIONS = ("linear", "toric")  # placements of the vertices of a mesh, 
 # Starter specs, and how many sides those may have that take a number of them
 TEMPLATES: dict[str, int | None] = dict.fromkeys(("curve", "triangle", "rectangle", "pentagon"))
 TEMPLATES |= {"n-gon": 100, "model": None, "bowl": 24, "shade": 24, "joint": 8, "handle": None}
-CONTINUITIES = ("g1", "g0")  # of a filling: it touches given tangent planes, the default, or only meets curves
+CONTINUITIES = ("g1", "g0", "g2")  # of a filling: planes are met, the default, curves alone, or curvatures too
 SHELLS = ("bash", "zsh", "fish")  # shells that complete names and options
 RESOLUTION = 32  # segments along each edge of the domain if neither a number nor a tolerance is given
 MAX_FACES = 5_000_000  # largest number of cells of a mesh unless the caller allows more

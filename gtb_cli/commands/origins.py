@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     type=click.Choice(CONTINUITIES),
     default=CONTINUITIES[0],
     help="With g1, the default, the patch touches the given tangent planes; with g0 it only meets the curves, and is a "
-    "plane lid or floor where they lie in a plane.",
+    "plane lid or floor where they lie in a plane; with g2 it also has the curvature of its neighbours.",
 )
 @click.option(
     "--inner",
@@ -75,11 +75,15 @@ def fill(
     .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring. A B-spline of a
     .lop file is one side, a Bézier curve within 1e-5 of the loop's size; its distance is said.
 
-    Along each side with a ribbon the tangent planes are exact up to rounding. A certificate says what was measured: for
-    each side the largest angle between normals, away from corners, and, in a model, the largest difference between
-    curvatures across; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its variation) and the largest curvature of the patch
-    without its outermost hundredth; folds among some thousand places. With --json it is printed as data in place of the
-    spec, which -o writes. A patch that folds or is turned over is not written, and the exit status is 1.
+    Along each side with a ribbon the tangent planes are exact up to rounding. With --continuity g2 so is the curvature:
+    that of a neighbour in a model, of a .gbp file of degree 5 or more, or of the strip of a curve, its "ribbon" and its
+    "ribbon2", the third row. Where no polynomial rows have it exactly, the hole is refused.
+
+    A certificate says what was measured: for each side the largest angle between normals, away from corners, and, in a
+    model or with g2, the largest difference between curvatures across; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its
+    variation) and the largest curvature of the patch without its outermost hundredth; folds among some thousand places.
+    With --json it is printed as data in place of the spec, which -o writes. A patch that folds or is turned over is not
+    written, and the exit status is 1.
     """
     from gtb_cli.design.filling import filled
     from gtb_cli.design.loops import read_loop

@@ -14,9 +14,11 @@ from functools import partial
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray
 from gtb_cli.design.net import net
-from gtb_cli.design.planes import Field, nearest_field, row_fields
+from gtb_cli.design.osculation import SecondRow, patch_bend, polar
+from gtb_cli.design.planes import Field, nearest_fields, row_fields
+from gtb_cli.design.rows import Rows
 from gtb_cli.design.sides import (
     HoleSide,
     binomials,
@@ -30,7 +32,7 @@ from gtb_cli.design.sides import (
 from gtb_cli.design.splines import single_curves
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
-from gtb_cli.fairing.fair import FOLD_RINGS, RIDGE_FRACTION
+from gtb_cli.fairing.fair import FOLD_RINGS
 from gtb_cli.fairing.variation import Bending, bendings, variation_matrices
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
@@ -40,6 +42,7 @@ from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
+from gtb_cli.vocabulary import CONTINUITIES
 
 VISIBLE = 0.01
 """Of the way to the middle: what is nearer to the boundary is not seen, and there curvature may grow without bounds."""
@@ -48,6 +51,9 @@ _AWAY = (stations() > 0.02) & (stations() < 0.98)  # places nearer to the ends o
 
 MOST_BENDING = 1.02
 """Relative to the least that is found: a patch bends no more, so that its curvature varies less."""
+
+MOST_OSCULATING = 1.1
+"""As `MOST_BENDING` if curvature is given along edges: less bending is had by leaving it just inside them."""
 
 
 @frozen
@@ -140,6 +146,7 @@ def fill_loop(
     sides: Sequence[HoleSide],
     name: str | None = None,
     *,
+    continuity: str = "g1",
     inner: str = "fair",
     fullness: float = 1.0,
     raises: int | None = None,
@@ -147,8 +154,11 @@ def fill_loop(
     """Fill a hole whose sides are given in any order, with ends that meet; see `gtb_cli.fill` for the options.
 
     Raises `DomainError`: an option has no such value, or the sides do not close, are too few or too many, or have no
-    tangent planes.
+    tangent planes or curvatures.
     """
+    if continuity not in CONTINUITIES:
+        raise DomainError(f"continuity: expected {' or '.join(CONTINUITIES)}, got {continuity!r}")
+    sides = [side.met_with(continuity) for side in sides]
     if inner not in ("fair", "flat"):
         raise DomainError(f"inner: expected fair or flat, got {inner!r}")
     if not 0 < fullness <= 1000:
@@ -168,16 +178,19 @@ def fill_loop(
     unit = []  # the sides in units of the loop's size, from its middle
     for side in ordered:
         weights = side.curve[:, 3:]
-        unit.append(replace(side, curve=np.hstack([(side.curve[:, :3] - weights * middle) / size, weights])))
+        curve = np.hstack([(side.curve[:, :3] - weights * middle) / size, weights])
+        bend = None if side.bend is None else side.bend * size
+        strip = None if side.strip is None else (side.strip[0] / size, side.strip[1] / size)
+        unit.append(replace(side, curve=curve, bend=bend, strip=strip))
     normals = [None if side.across is None else side_normals(side) for side in unit]
 
     def attempt(least: int, fewer: bool) -> tuple[int, Patch, Bending, list[int], int, int]:
         """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given."""
-        edges, fields, times = row_fields(unit, normals, least)
+        edges, fields, seconds, times = row_fields(unit, normals, least)
         if fewer:
-            fields = [nearest_field(field, side, n) for field, side, n in zip(fields, unit, normals, strict=True)]
+            fields, seconds = nearest_fields(unit, normals, fields, seconds)
         found = []
-        for patch, bent in _solved(edges, fields, inner, fullness):
+        for patch, bent in _solved(edges, fields, seconds, inner, fullness):
             turned = sum(_angles(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
             turns, folds = _turns(patch), _folds(patch)
             found.append((turns + 1000 * (folds + turned), patch, bent, times, turns, folds))
@@ -185,7 +198,11 @@ def fill_loop(
                 break
         return min(found, key=lambda each: each[0])
 
-    least = (2 if any(n is not None for n in normals) else 1) if raises is None else raises
+    least = raises
+    if least is None:
+        least = 2 if any(n is not None for n in normals) else 1
+        if any(side.bend is not None for side in unit) and len(unit) < 7:  # with more, inner knots would be too few
+            least = 4
     plans = [(least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
@@ -222,14 +239,19 @@ def fill_loop(
 
 
 def _solved(
-    edges: Sequence[FloatArray], fields: Sequence[Field], inner: str, fullness: float
+    edges: Sequence[FloatArray],
+    fields: Sequence[Field],
+    seconds: Sequence[SecondRow | None],
+    inner: str,
+    fullness: float,
 ) -> list[tuple[Patch, Bending]]:
     """Return patches in units of the loop's size, and their bending: the fairest, and that of a thin plate."""
-    polars = [(edge[:-1] + edge[1:]) / 2 for edge in edges]
+    polars = [polar(edge) for edge in edges]
     shape = net(
         np.array([_length(edge) for edge in edges]),
         [binomials(len(edge) - 1) * edge[:, 3] for edge in edges],
         [binomials(len(row) - 1) * row[:, 3] for row in polars],
+        [None if second is None else second.weights for second in seconds],
     )
     # Energies are right to about 1e-4 with 24; with 4 samples or more for each knot, no control point is left free.
     samples = max(24**2 * min(len(edges), 8), 4 * len(shape.knots))
@@ -243,16 +265,8 @@ def _solved(
     plate = energy_at(shape.knots, shape.log_weights, s, areas, kind)
     p, areas = energy_samples(region, resolution, VISIBLE)
     s = moment_map.inverse(p, 1e-10, s)
-    given = np.zeros((len(shape.knots), 3))
-    for members, curve in zip((*shape.edges, *shape.rows), (*edges, *polars), strict=True):
-        given[members] = curve[:, :3] / curve[:, 3:]
-    shifts = [
-        (members, values / row[:, 3:])
-        for members, row, field in zip(shape.rows, polars, fields, strict=True)
-        for values in field or ()
-    ]
-    free = [members for members, field in zip(shape.rows, fields, strict=True) if field is None]
-    least = partial(_least, given, shifts, np.concatenate([*free, shape.inner]), fullness)
+    rows = Rows(shape, edges, fields, seconds)
+    least = partial(rows.fairest, fullness=fullness)
     measured = partial(bendings, shape.knots, shape.log_weights, s, areas)
     found = [least(plate)]
     if inner == "fair":
@@ -261,38 +275,9 @@ def _solved(
         area = measured(found)[0].area
         found += [least(third + factor / area * second) for factor in (0, 100, 400, 1600)]
     bent = measured(found)
-    most = MOST_BENDING * min(one.energy for one in bent)
+    most = (MOST_OSCULATING if any(seconds) else MOST_BENDING) * min(one.energy for one in bent)
     best = min(range(len(bent)), key=lambda k: bent[k].variation if bent[k].energy <= most else math.inf)
     return [(Patch(shape.knots, found[k], log_weights=shape.log_weights), bent[k]) for k in dict.fromkeys((best, 0))]
-
-
-def _least(
-    given: FloatArray,
-    shifts: Sequence[tuple[IntArray, FloatArray]],
-    inner: IntArray,
-    fullness: float,
-    matrix: FloatArray,
-) -> FloatArray:
-    """Return the control points with the least energy: the inner ones are free, and shifts may be added to the given.
-
-    Each shift is a set of knots and their (k, 3) displacements, to be multiplied by a factor.
-    """
-    matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
-    points, outer = given.copy(), np.setdiff1d(np.arange(len(given)), inner)
-    # The inner points are determined by the others, so that a quadratic form of the others is left.
-    weights = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, outer)])
-    form = matrix[np.ix_(outer, outer)] - matrix[np.ix_(outer, inner)] @ weights
-    form = (form + form.T) / 2
-    if shifts:
-        moves = np.zeros((len(shifts), len(outer), 3))
-        for move, (members, values) in zip(moves, shifts, strict=True):
-            move[np.searchsorted(outer, members)] = values
-        images = np.einsum("ij,fjk->fik", form, moves).reshape(len(moves), -1)
-        flat = moves.reshape(len(moves), -1)
-        factors = np.linalg.lstsq(images @ flat.T, -images @ points[outer].ravel(), rcond=RIDGE_FRACTION)[0]
-        points[outer] += fullness * np.einsum("f,fik->ik", factors, moves)
-    points[inner] = -weights @ points[outer]
-    return points
 
 
 def _length(curve: FloatArray) -> float:
@@ -351,7 +336,13 @@ def _contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | Non
         return Contact(math.nan, np.full(3, math.nan))
     angles = _angles(patch, side, normals)
     k = int(angles.argmax())
-    return Contact(float(angles[k]), points_and_tangents(given.curve, stations()[_AWAY][[k]])[0][0])
+    points = points_and_tangents(given.curve, stations())[0]
+    contact = Contact(float(angles[k]), points[_AWAY][k])
+    if given.bend is None:
+        return contact
+    bend = np.abs(patch_bend(patch, edge_of(patch, side), given.curve, normals) - given.bend)
+    k = int(np.where(_AWAY, bend, -1.0).argmax())
+    return replace(contact, bend=float(bend[k]), bend_place=points[k])
 
 
 def _angles(patch: Patch, side: int, normals: FloatArray) -> FloatArray:

@@ -3,26 +3,28 @@
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import finite
+from gtb_cli.arrays import FloatArray, finite
 from gtb_cli.assembly.seams import joints
 from gtb_cli.design.fill import Filling, edge_of, fill_loop
 from gtb_cli.design.holes import ring_of, ring_sides
 from gtb_cli.design.loops import read_loop
-from gtb_cli.design.sides import HoleSide, curve_side
+from gtb_cli.design.sides import HoleSide
+from gtb_cli.design.strips import curve_side
 from gtb_cli.errors import DomainError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.model import Model
-from gtb_cli.vocabulary import CONTINUITIES
 
 
 def fill(
     loop: Model | str | os.PathLike[str],
     ribbons: Sequence[ArrayLike | None] | None = None,
+    ribbons2: Sequence[ArrayLike | None] | None = None,
     *,
     hole: str | None = None,
     continuity: str = "g1",
@@ -40,18 +42,21 @@ def fill(
         with one of these or with a `.gbp` or `.lop` loop.
     ribbons : sequence of (n, 3) float or None, optional
         For each curve of a model of curves, the second row of control points: ribbon − curve is the cross field.
+    ribbons2 : sequence of (n, 3) float or None, optional
+        The third row. All three are those of a strip (1 − u)² curve + 2 u (1 − u) ribbon + u² ribbon2.
     hole : str, optional
         An edge of the ring in a model of surfaces, such as ``"wall-0 edge 2"``; not needed if there is one ring.
-    continuity : {"g1", "g0"}
+    continuity : {"g1", "g0", "g2"}
         With "g1" the patch touches the tangent planes that are given; with "g0" it only meets the curves, and is plane
-        where they lie in a plane.
+        where they lie in a plane; with "g2" it also has the neighbour's curvature along each side, which must be known.
     inner : {"fair", "flat"}
         Curvature varies little, or least Dirichlet energy.
     fullness : float
         Factor, up to 1000, of the distance for which the patch continues along the given planes; 1 is the fairest.
     raises : int, optional
         Smallest number of times that the degree of edges is raised. Default: 2 for a side with a ribbon and 1 for
-        others, or one less if the patch folds then; with 0, edges stay as they are if an exact field is found.
+        others, or one less if the patch folds then, and 4 with "g2" for up to six sides; with 0, edges stay as they
+        are if an exact field is found.
     name : str, optional
         Name of the patch.
 
@@ -71,7 +76,7 @@ def fill(
     """
     found: Sequence[HoleSide] | Model
     if isinstance(loop, Model):
-        found = loop if loop.dimension == 2 else _sides(loop, ribbons)
+        found = loop if loop.dimension == 2 else _sides(loop, ribbons, ribbons2)
     else:
         source = os.fspath(loop)
         found = read_loop(read_file(source, MAX_BYTES + 1), source)
@@ -92,18 +97,16 @@ def filled(
 
     The `model` of the filling has the patch, under a name that no other has. Raises `DomainError` as `fill` does.
     """
-    if continuity not in CONTINUITIES:
-        raise DomainError(f"continuity: expected {' or '.join(CONTINUITIES)}, got {continuity!r}")
+    fill_sides = partial(fill_loop, continuity=continuity, inner=inner, fullness=fullness, raises=raises)
     if not isinstance(found, Model):
         if hole is not None:
             raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
-        return fill_loop(_loosened(found, continuity), name, inner=inner, fullness=fullness, raises=raises)
+        return fill_sides(found, name)
     ring = ring_of(found, hole)
-    sides = _loosened(ring_sides(found, ring), continuity)
     taken = {patch.name for patch in found}
     names = (name or "hole", *(f"{name or 'hole'}-{k}" for k in range(1, len(taken) + 1)))
     unique = next(candidate for candidate in names if candidate not in taken)
-    filling = fill_loop(sides, unique, inner=inner, fullness=fullness, raises=raises)
+    filling = fill_sides(ring_sides(found, ring), unique)
     whole = found.replace(patches=(*found.patches, filling.patch))
     remarks = filling.remarks
     if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] == len(found)]:
@@ -118,19 +121,22 @@ def filled(
     return replace(filling, contacts=tuple(contacts), remarks=remarks, model=whole)
 
 
-def _loosened(sides: Sequence[HoleSide], continuity: str) -> Sequence[HoleSide]:
-    """Sides without their tangent planes, if the patch only has to meet the curves."""
-    return [replace(side, across=None) for side in sides] if continuity == "g0" else sides
-
-
-def _sides(loop: Model, ribbons: Sequence[ArrayLike | None] | None) -> list[HoleSide]:
-    rows = [None] * len(loop) if ribbons is None else list(ribbons)
-    if len(rows) != len(loop):
-        raise DomainError(f"ribbons: expected {len(loop)}, one for each curve or None, got {len(rows)}")
-    sides = []
-    for index, (curve, row) in enumerate(zip(loop, rows, strict=True)):
-        ribbon = None if row is None else finite(f"ribbons[{index}]", row)
-        if ribbon is not None and ribbon.shape != curve.control_points.shape:
-            raise DomainError(f"ribbons[{index}]: expected shape {curve.control_points.shape}, got {ribbon.shape}")
-        sides.append(curve_side(curve, ribbon, patch_name(curve, index)))
-    return sides
+def _sides(
+    loop: Model, ribbons: Sequence[ArrayLike | None] | None, ribbons2: Sequence[ArrayLike | None] | None
+) -> list[HoleSide]:
+    found: list[list[FloatArray]] = [[] for _ in loop]
+    for number, (key, given) in enumerate((("ribbons", ribbons), ("ribbons2", ribbons2))):
+        given = [None] * len(loop) if given is None else given
+        if len(given) != len(loop):
+            raise DomainError(f"{key}: expected {len(loop)}, one for each curve or None, got {len(given)}")
+        for index, (curve, row, rows) in enumerate(zip(loop, given, found, strict=True)):
+            if row is None:
+                continue
+            points = finite(f"{key}[{index}]", row)
+            if points.shape != curve.control_points.shape:
+                raise DomainError(f"{key}[{index}]: expected shape {curve.control_points.shape}, got {points.shape}")
+            if len(rows) < number:
+                raise DomainError(f"{key}[{index}]: is the row after a ribbon, and there is none")
+            rows.append(points)
+    names = [patch_name(curve, index) for index, curve in enumerate(loop)]
+    return [curve_side(*side) for side in zip(loop, found, names, strict=True)]

@@ -1,10 +1,12 @@
 """Open rings of a model: the edges around a hole, as sides with the tangent planes of the neighbouring patches."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.design.osculation import patch_bend
 from gtb_cli.design.sides import MAX_GAP, HoleSide, bezier_form, edge_normals, points_and_tangents, stations
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.edges import EdgeRef, edge_name
@@ -62,7 +64,7 @@ def ring_sides(model: Model, ring: Sequence[EdgeRef]) -> list[HoleSide]:
         patch = model.patches[patch_index]
         name = edge_name(model.patches, (patch_index, edge))
         (curve,) = bezier_form(patch.boundary(edge), (), name)
-        side = HoleSide(name, curve, _outwards(patch, edge, curve))
+        side = _outwards(patch, edge, HoleSide(name, curve))
         # The hole's boundary runs in the opposite direction to that of the patch.
         sides.append(side if model.joints.flipped[patch_index] else side.reversed())
     return sides
@@ -76,11 +78,10 @@ def _ends(model: Model, ref: EdgeRef, flipped: bool) -> tuple[FloatArray, FloatA
     return ends if flipped else ends[::-1]
 
 
-def _outwards(patch: Patch, edge: int, curve: FloatArray) -> FloatArray | None:
-    """Return directions in a patch's tangent planes across an edge, out of the patch; None if it has no normals."""
-    t = stations()
-    normals = edge_normals(patch, edge, t)
+def _outwards(patch: Patch, edge: int, side: HoleSide) -> HoleSide:
+    """Add the directions in a patch's tangent planes across an edge, out of it, and its curvature if it has normals."""
+    normals = edge_normals(patch, edge, stations())
     if not np.isfinite(normals).all():
-        return None
-    _, tangents = points_and_tangents(curve, t)
-    return np.asarray(np.cross(tangents, normals))
+        return side
+    _, tangents = points_and_tangents(side.curve, stations())
+    return replace(side, across=np.cross(tangents, normals), bend=patch_bend(patch, edge, side.curve, -normals))

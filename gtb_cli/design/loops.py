@@ -4,7 +4,8 @@ import os
 
 import numpy as np
 
-from gtb_cli.design.sides import MAX_DEGREE, HoleSide, curve_side, ribbon_field
+from gtb_cli.design.sides import MAX_DEGREE, HoleSide
+from gtb_cli.design.strips import curve_side, strip_side
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nurbs import span_matrices
 from gtb_cli.imports.words import Words
@@ -52,24 +53,27 @@ def loop_from_text(data: bytes, source: str) -> list[HoleSide]:
 
 
 def _gbp(words: Words) -> list[HoleSide]:
-    """Read sides and ribbons of a generalized Bézier patch, its two outer layers; skip the centre and inner layers.
+    """Read sides, ribbons and curvatures of a generalized Bézier patch: its outer layers; skip the centre and others.
 
-    Layer l has d − 2 l points for each side: those of row l that do not belong to the next side.
+    Layer l has d − 2 l points for each side: those of row l that do not belong to the next side. From degree 5 there is
+    a third layer.
     """
     n = words.whole("the number of sides", 3, MAX_CURVES)
     degree = words.whole("the degree", 3, MAX_DEGREE)
     words.rows(1, 3, "the centre")
     first = words.rows(n * degree, 3, "the boundary").reshape(n, degree, 3)
-    second = words.rows(n * (degree - 2), 3, "the second layer").reshape(n, degree - 2, 3)
+    layers = [first, words.rows(n * (degree - 2), 3, "the second layer").reshape(n, degree - 2, 3)]
     for layer in range(2, (degree + 1) // 2):
-        words.rows(n * (degree - 2 * layer), 3, f"layer {layer}")
+        layers.append(words.rows(n * (degree - 2 * layer), 3, f"layer {layer}").reshape(n, degree - 2 * layer, 3))
     sides = []
     for k in range(n):
         following = (k + 1) % n
-        curve = np.vstack([first[k], first[following, :1]])
-        ribbon = np.vstack([first[k - 1, -1:], second[k], second[following, :1], first[following, 1:2]])
-        points, row = (np.column_stack([part, np.ones(len(part))]) for part in (curve, ribbon))
-        sides.append(HoleSide(f"side {k}", points, ribbon_field(points, row)))
+        rows = []
+        for number, own in enumerate(layers[:3]):
+            before = [layers[i][k - 1, i - number] for i in range(number)]
+            after = [layers[i][following, number - i] for i in range(number, -1, -1)]
+            rows.append(np.column_stack([np.array([*before, *own[k], *after]), np.ones(degree + 1)]))
+        sides.append(strip_side(f"side {k}", rows, degree))
     return sides
 
 

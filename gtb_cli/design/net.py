@@ -15,38 +15,50 @@ from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.values import frozen
 
 SECOND_LAYER = 2.0  # distance from an edge, relative to the row's: curvature would be infinite with less
+THIRD_LAYER = 3.0  # where a second row gives the curvature
 
 
 @frozen
 class Net:
     """(n, 2) knots and (n,) log weights, given on edges, and in each row up to a common factor.
 
-    `edges` have the m + 1 knots of each edge, from corner to corner, `rows` the m of each row.
+    `edges` have the m + 1 knots of each edge, from corner to corner, `rows` the m of each row, and `seconds` the m − 1
+    of a second row, or none.
     """
 
     knots: FloatArray
     log_weights: FloatArray
     edges: tuple[IntArray, ...]
     rows: tuple[IntArray, ...]
+    seconds: tuple[IntArray, ...]
     inner: IntArray
 
 
-def net(lengths: FloatArray, edge_weights: Sequence[FloatArray], row_weights: Sequence[FloatArray]) -> Net:
+def net(
+    lengths: FloatArray,
+    edge_weights: Sequence[FloatArray],
+    row_weights: Sequence[FloatArray],
+    second_weights: Sequence[FloatArray | None],
+) -> Net:
     """Lay out the knots of a patch whose domain has sides like the (r,) lengths in space, and choose its weights.
 
-    Products c ω of the knots are given: (m + 1,) of each edge, 1 at the corners, and (m,) of its row, up to a factor.
+    Products c ω of the knots are given: (m + 1,) of each edge, 1 at the corners, (m,) of its row, up to a factor, and
+    of its second row, if it has one, (m − 1,), up to the square of this factor.
     """
     corners = polygon(lengths)
     degrees = np.array([len(weights) - 1 for weights in edge_weights])
-    distance = _row_distance(corners, degrees)
-    edges, rows, knots = _boundary(corners, degrees, distance)
-    inner_knots = _rings(corners, degrees, distance)
+    logs_of_seconds = [np.log([] if weights is None else weights) for weights in second_weights]
+    layer = THIRD_LAYER if any(map(len, logs_of_seconds)) else SECOND_LAYER
+    distance = _row_distance(corners, degrees, layer)
+    edges, rows, seconds, knots = _boundary(corners, degrees, distance, [len(row) for row in logs_of_seconds])
+    inner_knots = _rings(corners, degrees, distance, layer)
     inner = np.arange(len(knots), len(knots) + len(inner_knots))
     knots = np.concatenate([knots, inner_knots])
     logs = np.full(len(knots), np.log(4.0))
-    for members, weights in zip((*edges, *rows), (*edge_weights, *row_weights), strict=True):
-        logs[members] = np.log(weights)
-    return Net(knots, _even_weights(knots, logs, rows, inner), edges, rows, inner)
+    given = (*map(np.log, edge_weights), *map(np.log, row_weights), *logs_of_seconds)
+    for members, own in zip((*edges, *rows, *seconds), given, strict=True):
+        logs[members] = own
+    return Net(knots, _even_weights(knots, logs, rows, seconds, inner), edges, rows, seconds, inner)
 
 
 def polygon(lengths: FloatArray) -> FloatArray:
@@ -92,7 +104,7 @@ def _frames(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return lengths, along, np.column_stack([-along[:, 1], along[:, 0]])
 
 
-def _row_distance(corners: FloatArray, degrees: IntArray) -> float:
+def _row_distance(corners: FloatArray, degrees: IntArray, layer: float) -> float:
     """Return the distance of rows from their edges: the largest that the ends of neighbouring rows allow."""
     row_spacing = 0.98  # at 1, rows would be in each other's second layer
     lengths, along, _ = _frames(corners)
@@ -100,12 +112,15 @@ def _row_distance(corners: FloatArray, degrees: IntArray) -> float:
     cosine = -(np.roll(along, 1, axis=0) * along).sum(axis=1)  # of the angle inside corner k, between k − 1 and k
     sine = np.sqrt(1 - cosine**2)
     step = np.minimum(np.roll(steps, 1), steps)
-    return float(row_spacing * (step / 2 * sine / (SECOND_LAYER + cosine)).min())
+    found = step / 2 * sine / (layer + cosine)
+    if layer > SECOND_LAYER:
+        found = np.minimum(found, step * sine / (layer + 2 * cosine))
+    return float(row_spacing * found.min())
 
 
 def _boundary(
-    corners: FloatArray, degrees: IntArray, distance: float
-) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
+    corners: FloatArray, degrees: IntArray, distance: float, seconds: Sequence[int]
+) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
     """Return the knots of edges, m + 1 each, and of rows, m each and shifted by half a step."""
     lengths, along, inward = _frames(corners)
     r = len(corners)
@@ -118,10 +133,15 @@ def _boundary(
         rows.append(np.arange(len(knots), len(knots) + degrees[side]))
         start = corners[side] + distance * inward[side]
         knots += [start + (j + 0.5) * steps[side] * along[side] for j in range(degrees[side])]
-    return tuple(edges), tuple(rows), np.array(knots)
+    second_rows = []
+    for side in range(r):
+        second_rows.append(np.arange(len(knots), len(knots) + seconds[side]))
+        start = corners[side] + 2 * distance * inward[side]
+        knots += [start + (j + 1) * steps[side] * along[side] for j in range(seconds[side])]
+    return tuple(edges), tuple(rows), tuple(second_rows), np.array(knots)
 
 
-def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArray:
+def _rings(corners: FloatArray, degrees: IntArray, distance: float, layer: float) -> FloatArray:
     """Return the knots inside, ring by ring, then the centre."""
     gap_growth, last_size = 0.5, 0.18  # of the first gap between rings, and of the domain
     first_ring_steps = 24  # with fewer, few knots remain to make the inside fair
@@ -130,7 +150,7 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArra
     centre = corners.mean(axis=0)
     depth = float(((centre - corners) * inward).sum(axis=1).min())
     while True:
-        gaps, sizes = [distance], [1 - SECOND_LAYER * distance / depth]
+        gaps, sizes = [distance], [1 - layer * distance / depth]
         while (size := sizes[-1] - gaps[-1] / depth) > last_size:
             sizes.append(size)
             gaps.append(gaps[-1] + gap_growth * distance)
@@ -156,7 +176,9 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArra
     return np.concatenate([*knots, centre[None]])
 
 
-def _even_weights(knots: FloatArray, logs: FloatArray, rows: Sequence[IntArray], inner: IntArray) -> FloatArray:
+def _even_weights(
+    knots: FloatArray, logs: FloatArray, rows: Sequence[IntArray], seconds: Sequence[IntArray], inner: IntArray
+) -> FloatArray:
     """Return log weights with which inner knots, and rows on average, have a certain share at their own places."""
     # Most of the rest belongs to a knot's neighbours: the bumps of inner knots overlap so much that no ripple is left.
     # A row with less than this hides its planes in a strip too thin to be seen; with more, it is a crease.
@@ -176,5 +198,8 @@ def _even_weights(knots: FloatArray, logs: FloatArray, rows: Sequence[IntArray],
             change = wanted - np.log(t) + np.log1p(-np.minimum(t, 1 - 1e-9))
         for row in np.split(change, ends)[:-1]:
             row[:] = row.mean()
-        logs[free] += damping * np.clip(change, -3, 3)
+        change = damping * np.clip(change, -3, 3)
+        logs[free] += change
+        for row, end in zip(seconds, ends, strict=True):
+            logs[row] += 2 * change[end - 1]
     return logs

@@ -6,6 +6,7 @@ from typing import TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.design.osculation import SecondRow, osculating
 from gtb_cli.design.sides import HoleSide, bernstein, points_and_tangents, raised, stations
 from gtb_cli.errors import DomainError
 
@@ -17,13 +18,15 @@ Field: TypeAlias = "list[FloatArray] | None"
 
 def row_fields(
     sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], least: int
-) -> tuple[list[FloatArray], list[Field], list[int]]:
-    """Return each side's curve with its degree raised, the fields for its row, and the number of raises."""
+) -> tuple[list[FloatArray], list[Field], list[SecondRow | None], list[int]]:
+    """Return each side's curve with its degree raised, the fields for its rows, and the number of raises."""
     edges: list[FloatArray] = []
     fields: list[Field] = []
+    seconds: list[SecondRow | None] = []
     times: list[int] = []
     for side, normal in zip(sides, normals, strict=True):
         step = len(side.multiplier) - 1
+        second = None
         if normal is None:
             # A rational side stays as it is: its row is free, and many knots would make it no fairer.
             wanted = max(least if step == 1 else 0, 2 - side.degree)
@@ -31,11 +34,17 @@ def row_fields(
         else:
             first = -(-max(least, 2 - side.degree) // step)
             most = (least + 6) // step  # to find a field that crosses the edge and is exact
-            edge, field = _touching(side, normal, range(first, max(first, most) + 1))
+            counts = range(first, max(first, most) + 1)
+            if side.bend is None:
+                edge, field = _touching(side, normal, counts)
+            else:
+                second = osculating(side, normal, counts)
+                edge, field = second.curve, second.fields
         edges.append(edge)
         fields.append(field)
+        seconds.append(second)
         times.append(len(edge) - len(side.curve))
-    return edges, fields, times
+    return edges, fields, seconds, times
 
 
 def _touching(side: HoleSide, normals: FloatArray, counts: range) -> tuple[FloatArray, list[FloatArray]]:
@@ -79,14 +88,25 @@ def _crosses(field: list[FloatArray], values: FloatArray, inward: FloatArray) ->
     return bool(found.min() > MIN_CROSSING)
 
 
-def nearest_field(field: Field, side: HoleSide, normals: FloatArray | None) -> Field:
-    """Return the single field nearest to the given directions across, with length 1."""
-    if normals is None or side.across is None or not field:
-        return field
-    values = bernstein(len(field[0]) - 1, stations())
-    table = np.array([(values @ row).ravel() for row in field])
-    _, tangents = points_and_tangents(side.curve, stations())
-    inward = np.cross(normals, tangents)
-    wanted = (inward / np.linalg.norm(inward, axis=1, keepdims=True)).ravel()
-    factors = np.linalg.lstsq(table.T, wanted, rcond=MIN_CROSSING**2)[0]
-    return [np.asarray(np.einsum("f,fij->ij", factors, np.array(field)))]
+def nearest_fields(
+    sides: Sequence[HoleSide],
+    normals: Sequence[FloatArray | None],
+    fields: Sequence[Field],
+    seconds: Sequence[SecondRow | None],
+) -> tuple[list[Field], list[SecondRow | None]]:
+    """Return for each side the single field nearest to the given directions across, with length 1, and its row 2."""
+    singles: list[Field] = []
+    rows: list[SecondRow | None] = []
+    for side, normal, field, second in zip(sides, normals, fields, seconds, strict=True):
+        if normal is not None and side.across is not None and field:
+            values = bernstein(len(field[0]) - 1, stations())
+            table = np.array([(values @ row).ravel() for row in field])
+            _, tangents = points_and_tangents(side.curve, stations())
+            inward = np.cross(normal, tangents)
+            wanted = (inward / np.linalg.norm(inward, axis=1, keepdims=True)).ravel()
+            factors = np.linalg.lstsq(table.T, wanted, rcond=MIN_CROSSING**2)[0]
+            field = [np.asarray(np.einsum("f,fij->ij", factors, np.array(field)))]
+            second = second and second.chosen(factors[None])
+        singles.append(field)
+        rows.append(second)
+    return singles, rows

@@ -24,12 +24,17 @@ class HoleSide:
     """One side of a hole: (m + 1, 4) Bézier points (ω x, ω y, ω z, ω), with ω positive and 1 at both ends.
 
     `across` has (96, 3) directions into the hole at the parameters `stations`; they and the tangent span the planes
-    that the patch is to touch. None: it only has to meet the curve. `spline` is the B-spline of which it is a piece.
+    that the patch is to touch. `bend` has the (96,) normal curvatures of the neighbour across the side there, with
+    tangent × across as the normal; NaN where there is none. None: these are not known. `strip` has the first
+    and the second derivative across of a polynomial neighbour along a polynomial side, as Bézier points (m + 1, 3).
+    `spline` is the B-spline of which it is a piece.
     """
 
     name: str
     curve: FloatArray
     across: FloatArray | None = None
+    bend: FloatArray | None = None
+    strip: tuple[FloatArray, FloatArray] | None = None
     spline: str | None = None
 
     @property
@@ -53,9 +58,33 @@ class HoleSide:
         weights = self.curve[:, 3]
         return weights if np.ptp(weights) > polynomial_spread * weights.max() else np.ones(2)
 
+    def met_with(self, continuity: str) -> "HoleSide":
+        """Leave out what a patch need not meet: the curvature with g1, and the planes with g0.
+
+        Raises `DomainError` if it is to be met and is not known: with g2.
+        """
+        if continuity == "g2":
+            if self.bend is None:
+                needed = "a ribbon and a ribbon2" if self.across is None else "a ribbon2 (a .gbp file degree 5)"
+                raise DomainError(f"{self.name}: its neighbour's curvature is not known: continuity g2 needs {needed}")
+            if not np.isfinite(self.bend).all():
+                place = stations()[int(np.flatnonzero(~np.isfinite(self.bend))[0])]
+                raise DomainError(
+                    f"{self.name}: its neighbour has no finite curvature near t = {place:.3f}: take continuity g1"
+                )
+            return self
+        return replace(self, bend=None, across=None if continuity == "g0" else self.across)
+
     def reversed(self) -> "HoleSide":
         """Run through the side from its other end; the hole stays on the same side of it."""
-        return replace(self, curve=self.curve[::-1], across=None if self.across is None else self.across[::-1])
+        across = None if self.across is None else self.across[::-1]
+        return replace(
+            self,
+            curve=self.curve[::-1],
+            across=across,
+            bend=None if self.bend is None else -self.bend[::-1],
+            strip=None if self.strip is None else (self.strip[0][::-1], self.strip[1][::-1]),
+        )
 
 
 def stations() -> FloatArray:
@@ -161,8 +190,8 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
     return tuple(table / factors for table in found)
 
 
-def edge_normals(patch: Patch, edge: int, t: FloatArray) -> FloatArray:
-    """Return (m, 3) unit normals of a surface at (m,) Bézier parameters in (0, 1) of an edge; NaN where it has none.
+def edge_places(patch: Patch, edge: int, t: FloatArray) -> Location:
+    """Locate (m,) Bézier parameters in (0, 1) of a surface's edge, for its normals and curvatures there.
 
     The torus coordinate is log(t / (1 − t)), divided by the step of the knots, up to the factor that gives both ends of
     the Bézier form the weight 1.
@@ -174,23 +203,16 @@ def edge_normals(patch: Patch, edge: int, t: FloatArray) -> FloatArray:
     assert steps is not None, "the edge has a Bézier form"
     tilt = _end_log(logs, along == along.max()) - _end_log(logs, along == along.min())
     s = ((np.log(t / (1 - t)) * steps - tilt) / length)[None]
-    where = Location(np.arange(len(t)), face, along[:, None], s)
-    return patch.normals_at([where], len(t))
+    return Location(np.arange(len(t)), face, along[:, None], s)
 
 
 def _end_log(logs: FloatArray, members: FloatArray | IntArray) -> float:
     return float(np.logaddexp.reduce(logs[np.asarray(members, dtype=bool)]))
 
 
-def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> HoleSide:
-    """Make a side from a curve patch and, if there is one, the second row of control points.
-
-    Raises `DomainError` if the patch is not a curve, or not a rational Bézier curve.
-    """
-    if curve.dimension != 1:
-        raise DomainError(f"{name}: is a surface, and the sides of a loop are curves")
-    points, *rows = bezier_form(curve, () if ribbon is None else (ribbon,), name)
-    return HoleSide(name, points, ribbon_field(points, rows[0]) if rows else None)
+def edge_normals(patch: Patch, edge: int, t: FloatArray) -> FloatArray:
+    """Return (m, 3) unit normals of a surface at (m,) Bézier parameters in (0, 1) of an edge; NaN where it has none."""
+    return patch.normals_at([edge_places(patch, edge, t)], len(t))
 
 
 def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
@@ -213,13 +235,6 @@ def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
         if -180 + least_turn < math.degrees(math.atan2(sine, float(one @ back))) < -least_turn:
             found.append(f"{before.name} and {side.name} at {point_text(side.ends[0], corners)}")
     return found
-
-
-def ribbon_field(curve: FloatArray, second: FloatArray) -> FloatArray:
-    """Return (96, 3) directions from a curve to a second row, both homogeneous Bézier points of one degree."""
-    values = bernstein(len(curve) - 1, stations())
-    first, other = values @ curve, values @ second
-    return np.asarray(other[:, :3] * first[:, 3:] - first[:, :3] * other[:, 3:])
 
 
 def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:

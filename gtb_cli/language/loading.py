@@ -67,22 +67,24 @@ def parse(text: bytes | str, source: str = "<spec>", format: Format | None = Non
 
 def parse_loop(
     text: bytes | str, source: str, format: Format | None = None
-) -> tuple[Patch | Model, tuple[FloatArray | None, ...]]:
-    """Read the text of a spec whose curves may have the key ``ribbon``; otherwise like `parse`.
+) -> tuple[Patch | Model, tuple[tuple[FloatArray, ...], ...]]:
+    """Read the text of a spec whose curves may have the keys ``ribbon`` and ``ribbon2``; otherwise like `parse`.
 
-    Also return the (n, 3) second row of control points of each patch, moved with the copies, or None if it has none.
+    Also return up to two (n, 3) further rows of control points of each patch, moved with the copies.
     """
-    spec = _parse(text, source, format, False)
+    spec = _parse(text, source, format, 0)
     if spec.dimension == 2:
-        return spec, (None,) * len(spec.patches)
-    moved = _parse(text, source, format, True)
-    pairs = zip(spec.patches, moved.patches, strict=True)
-    rows = ((first.control_points, second.control_points) for first, second in pairs)
-    return spec, tuple(None if np.array_equal(curve, row) else row for curve, row in rows)
+        return spec, ((),) * len(spec.patches)
+    rows = [[patch.control_points] for patch in spec.patches]
+    for number in (1, 2):
+        for found, patch in zip(rows, _parse(text, source, format, number).patches, strict=True):
+            if not np.array_equal(found[-1], patch.control_points):
+                found.append(patch.control_points)
+    return spec, tuple(tuple(found[1:]) for found in rows)
 
 
-def _parse(text: bytes | str, source: str, format: Format | None, second_row: bool | None) -> Patch | Model:
-    """Read a spec and the files that it includes, with `second_row` as of `Reader`."""
+def _parse(text: bytes | str, source: str, format: Format | None, row: int | None) -> Patch | Model:
+    """Read a spec and the files that it includes, with `row` as of `Reader`."""
     library, budget = Library(), Budget()
     files: list[Faults] = []
 
@@ -97,7 +99,7 @@ def _parse(text: bytes | str, source: str, format: Format | None, second_row: bo
             found = spec(data, spec_format_of(path), (*readers, path))
             return () if found is None else found.patches
 
-        return ModelReader(Values(faults, budget), include, second_row).spec(document.data, stem_of(readers[-1]))
+        return ModelReader(Values(faults, budget), include, row).spec(document.data, stem_of(readers[-1]))
 
     result = spec(text, format, (source,))
     if result is None or any(faults.count for faults in files):

@@ -18,13 +18,13 @@ Include = Callable[[str], tuple[Patch, ...]]
 
 
 class ModelReader:
-    """Turns a document's data into a patch or model, and notes all faults; `second_row` is that of `Reader`."""
+    """Turns a document's data into a patch or model, and notes all faults; `row` is that of `Reader`."""
 
-    def __init__(self, values: Values, include: Include, second_row: bool | None = None) -> None:
+    def __init__(self, values: Values, include: Include, row: int | None = None) -> None:
         self.values = values
         self.faults = values.faults
         self._include = include
-        self._reader = Reader(values, second_row)
+        self._reader = Reader(values, row)
 
     def spec(self, data: object, name: str | None) -> Patch | Model | None:
         """Read a whole document; None if faults, here or in included files, leave the model without patches."""

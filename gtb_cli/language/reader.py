@@ -19,7 +19,7 @@ PATCH_KEYS = frozenset(
     {"name", "knots", "weights", "log_weights", "control_points", "coefficients"}
     | {"lifting", "edge_normals", "edge_scale"}
 )
-RIBBON = "ribbon"  # key of the second row of control points, for gtb fill, in the curves of a loop
+RIBBONS = ("ribbon", "ribbon2")  # keys of further rows of control points, for gtb fill, in the curves of a loop
 MOVE_KEYS = frozenset(("name", "mirror", "scale", "rotate", "translate", "repeat"))
 COPY_KEYS, INCLUDE_KEYS = MOVE_KEYS | {"copy"}, MOVE_KEYS | {"file"}
 MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
@@ -30,12 +30,13 @@ MAX_UNITY = 300  # knots for "partition-of-unity", which solves a dense linear s
 class Reader:
     """Turns tables into patches, and notes all faults.
 
-    `second_row` tells whether a patch gets its ribbon, if any, as control points; None: ribbons are refused.
+    `row` is the number of the row that a patch gets as its control points, if it has as many: 0, or 1 and 2 for its
+    ribbons; None: ribbons are refused.
     """
 
-    def __init__(self, values: Values, second_row: bool | None = None) -> None:
+    def __init__(self, values: Values, row: int | None = None) -> None:
         self.values = values
-        self._second_row = second_row
+        self._row = row
         self._bases: dict[tuple[object, ...], Patch] = {}
 
     def patch(self, entries: object, path: Path, name: str | None) -> Patch | None:
@@ -48,11 +49,16 @@ class Reader:
         title = table.name(name)
         knots, n = _knots(table)
         points = _points(table, "control_points", n)
-        ribbon = _points(table, RIBBON, n) if self._second_row else None
-        if ribbon is not None:
-            if points is not None and not np.any(_in_space(ribbon) - _in_space(points)):
-                table.fault(RIBBON, "is the curve itself, and leads nowhere")
-            points = ribbon
+        for ribbon_key in RIBBONS[: self._row or 0]:
+            ribbon = _points(table, ribbon_key, n)
+            if ribbon is not None:
+                if (
+                    ribbon_key == RIBBONS[0]
+                    and points is not None
+                    and not np.any(_in_space(ribbon) - _in_space(points))
+                ):
+                    table.fault(ribbon_key, "is the curve itself, and leads nowhere")
+                points = ribbon
         weights = _row(table, "weights", n, POSITIVE)
         logarithms = _row(table, "log_weights", n, COORDINATE)
         if "weights" in entries and "log_weights" in entries:
@@ -100,11 +106,13 @@ class Reader:
         knots = table.entries.get("knots")
         is_surface = isinstance(knots, list) and bool(knots) and isinstance(knots[0], list)
         known = PATCH_KEYS if table.path else PATCH_KEYS | MODEL_KEYS - {"weld"}
-        if self._second_row is not None and not is_surface:
-            known |= {RIBBON}
+        if self._row is not None and not is_surface:
+            known |= {*RIBBONS}
+            if RIBBONS[1] in table.entries and RIBBONS[0] not in table.entries:
+                table.fault(RIBBONS[1], f"is the row after {RIBBONS[0]}, which is missing")
         elsewhere = dict.fromkeys(COPY_KEYS, "belongs to a copy, one of several [[patches]]")
         elsewhere |= dict.fromkeys(MODEL_KEYS, "belongs to a model of several [[patches]], not to a patch")
-        elsewhere[RIBBON] = "is for gtb fill alone, in the curves of its loop"
+        elsewhere |= dict.fromkeys(RIBBONS, "is for gtb fill alone, in the curves of its loop")
         for key in table.entries:
             if key in elsewhere and key not in known:
                 table.fault(key, elsewhere[key])

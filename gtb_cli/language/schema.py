@@ -30,7 +30,7 @@ def schema() -> Schema:
     -----
     A schema cannot express every rule. `gtb_cli.language.loading.parse` alone checks syntax, repeated keys and sizes;
     that lists have an entry for each knot; the values of expressions and the names in them; that copied patches and
-    included files exist; that `ribbon` is for curves and for gtb fill alone; that names do not clash; that numbers are
+    included files exist; that ribbons are for curves and for gtb fill alone; that names do not clash; that numbers are
     finite (JSON has no others); that a name has no half of a surrogate pair; that the hull is not flat, and the number
     of its edges; and whether the knots are a lattice.
     """
@@ -169,6 +169,7 @@ def _patch() -> Schema:
             "log_weights": numbers,
             "control_points": points,
             "ribbon": points,
+            "ribbon2": points,
             "coefficients": _any({"enum": list(COEFFICIENTS)}, _list("positive")),
             "lifting": numbers,
             "edge_normals": {"enum": list(get_args(EdgeNormals)), "default": "auto"},

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from gtb_cli.design.sides import HoleSide, raised, ribbon_field
+from gtb_cli.design.sides import HoleSide, raised
+from gtb_cli.design.strips import strip_side
 
 ARC = np.array([[1.0, 0, 0, 1], [math.sqrt(0.5), math.sqrt(0.5), 0, math.sqrt(0.5)], [0, 1, 0, 1]])
 """A quarter of a circle, in homogeneous coordinates."""
@@ -39,5 +40,5 @@ def random_sides(
         ribbon += 0.375 * noise * rng.normal(size=ribbon.shape)
         ribbon[0], ribbon[-1] = before[-2], after[1]
         curve, row = homogeneous(points, weights), homogeneous(ribbon, weights)
-        sides.append(HoleSide(f"side {k}", curve, ribbon_field(curve, row)))
+        sides.append(strip_side(f"side {k}", (curve, row), 2))
     return sides

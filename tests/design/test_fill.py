@@ -19,12 +19,12 @@ from gtb_cli.design.sides import (
     HoleSide,
     bezier_form,
     concave_corners,
-    curve_side,
     points_and_tangents,
     raised,
     stations,
 )
 from gtb_cli.design.splines import single_curves
+from gtb_cli.design.strips import curve_side
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy, energy_samples
 from gtb_cli.language.loading import parse
@@ -150,7 +150,7 @@ def test_no_plane_patch_that_passes_is_folded(seed):
 def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
     """Control points of the pentagon's boundary crowd at corners: a mesh of the patch is not folded there."""
     pentagon = load(SPECS / "pentagon.toml")
-    sides = [curve_side(pentagon.boundary(edge), None, f"edge {edge}") for edge in range(5)]
+    sides = [curve_side(pentagon.boundary(edge), (), f"edge {edge}") for edge in range(5)]
     filling = fill_loop(sides)
     assert filling.raises == (0, 1, 1, 1, 0)
     assert (filling.folds, filling.sharp_turns) == (0, 0)
@@ -316,7 +316,7 @@ def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
     near = np.abs(found[:, None] - curve.evaluate(t, "linear")[None]).max(axis=2).min(axis=1)
     assert near.max() < 2e-3
     with pytest.raises(DomainError, match="x: is a surface"):
-        curve_side(load(SPECS / "pentagon.toml"), None, "x")
+        curve_side(load(SPECS / "pentagon.toml"), (), "x")
     with pytest.raises(DomainError, match="knots are not multiples of a common step"):
         bezier_form(Patch([0, math.sqrt(0.2), 1], [[0, 0, 0], [1, 2, 0], [2, 2, 1]]))
 

@@ -11,7 +11,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from gtb_cli.language.reader import COPY_KEYS, INCLUDE_KEYS, MODEL_KEYS, PATCH_KEYS
+from gtb_cli.language.reader import COPY_KEYS, INCLUDE_KEYS, MODEL_KEYS, PATCH_KEYS, RIBBONS
 from gtb_cli.language.schema import page, schema
 from gtb_cli.vocabulary import TEMPLATES
 from tests.shell import SPECS, gtb
@@ -33,8 +33,8 @@ def test_is_a_schema_and_plain_json() -> None:
 
 def test_names_every_key_and_no_other() -> None:
     properties = schema()["properties"]
-    assert set(properties) == PATCH_KEYS | MODEL_KEYS | {"ribbon"}
-    assert set(properties["patches"]["items"]["properties"]) == PATCH_KEYS | COPY_KEYS | {"ribbon"}
+    assert set(properties) == PATCH_KEYS | MODEL_KEYS | {*RIBBONS}
+    assert set(properties["patches"]["items"]["properties"]) == PATCH_KEYS | COPY_KEYS | {*RIBBONS}
 
 
 def test_a_misspelled_key_is_the_only_fault() -> None:
@@ -115,7 +115,7 @@ def test_ribbons_belong_to_curves_of_a_loop() -> None:
 
 def test_the_page_of_keys_has_every_key_once_and_stands_among_the_specs() -> None:
     keys = re.findall(r"^### (.*)$", page(), re.MULTILINE)
-    assert sorted(keys) == sorted(PATCH_KEYS | MODEL_KEYS | COPY_KEYS | INCLUDE_KEYS | {"ribbon"})
+    assert sorted(keys) == sorted(PATCH_KEYS | MODEL_KEYS | COPY_KEYS | INCLUDE_KEYS | {*RIBBONS})
     assert (SPECS / "SPEC.md").read_text(encoding="utf-8") == page() == gtb("help", "spec").text, (
         "gtb help spec > specs/SPEC.md"
     )
@@ -135,7 +135,7 @@ def test_its_lines_are_specs(section: str, tmp_path: Path) -> None:
     VALIDATOR.validate(tomllib.loads(text))
     (tmp_path / "spec.toml").write_text(text, encoding="utf-8")
     shutil.copy(SPECS / "bicubic.toml", tmp_path)
-    command = ["fill"] if key == "ribbon" else ["mesh", "-n", 3]
+    command = ["fill"] if key in RIBBONS else ["mesh", "-n", 3]
     gtb(*command, tmp_path / "spec.toml", "-o", tmp_path / "out.obj", status=0)
 
 
