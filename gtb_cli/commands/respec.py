@@ -252,7 +252,8 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
             streams.console.warn(f"{name}the patch folds at {part.folds} of some thousand places")
         if part.free:
             stays = "no fairer one is found" if part.folds else "already fair"
-            made = stays if part.patch is given else f"{part.free} free control points"
+            free = f"{part.free} free control point{'s' if part.free > 1 else ''}"
+            made = stays if part.patch is given else free
             streams.console.note(f"{name}{made}; {_changes(part)}")
     if stiff := [name[:-2] for name, part in zip(names, found, strict=True) if not part.free]:
         where = "" if len(stiff) == len(found) else f" in {', '.join(stiff)}"

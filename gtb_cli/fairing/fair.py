@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import overload
 
 import numpy as np
@@ -16,6 +17,7 @@ from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.solidity import folded_pairs
 from gtb_cli.spec_paths import SpecPath, loaded
+from gtb_cli.theory.edges import CURVE_TOLERANCE
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -110,7 +112,26 @@ def fair(
         raise DomainError(f"keep: expected {', '.join(KEEPS[:-1])} or {KEEPS[-1]}, got {keep!r}")
     if isinstance(found, Patch):
         return _faired(found, energy, [keep] * len(found.domain.vertices))
-    return tuple(_faired(patch, energy, kept) for patch, kept in zip(found, _kept_edges(found, keep), strict=True))
+    made: list[Fairing] = []
+    kept = _kept_edges(found, keep)
+    for index, patch in enumerate(found):
+        copies = (_copied(found[k], made[k], patch) for k in range(index) if kept[k] == kept[index])
+        made.append(next(filter(None, copies), None) or _faired(patch, energy, kept[index]))
+    return tuple(made)
+
+
+def _copied(patch: Patch, made: Fairing, other: Patch) -> Fairing | None:
+    """Return the fairing of another patch if a rigid motion, or a reflection, takes the first patch to it."""
+    if patch.domain != other.domain or not np.array_equal(patch.log_products, other.log_products):
+        return None
+    ours, theirs = (each.control_points - each.control_points.mean(axis=0) for each in (patch, other))
+    left, _, right = np.linalg.svd(ours.T @ theirs)
+    turn = left @ right
+    if np.abs(ours @ turn - theirs).max() > CURVE_TOLERANCE * np.abs(theirs).max():
+        return None
+    shifts = (made.patch.control_points - patch.control_points) @ turn
+    moved = other.replace(control_points=other.control_points + shifts) if shifts.any() else other
+    return replace(made, patch=moved)
 
 
 def _kept_edges(model: Model, keep: Keep) -> list[list[Keep]]:
