@@ -24,15 +24,26 @@ if TYPE_CHECKING:
     from gtb_cli.design.fill import Filling
 
 
+def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+    """Read the continuity of all sides, under an empty name, and of sides by their names."""
+    kinds = dict(value.rpartition("=")[::2] for value in values)
+    for kind in kinds.values():
+        if kind not in CONTINUITIES:
+            raise click.BadParameter(f"{kind!r} is not one of {', '.join(CONTINUITIES)}", ctx, param)
+    return kinds
+
+
 @click.command
 @click.argument("loop", metavar="LOOP", type=INPUT)
 @click.option("--hole", metavar="EDGE", help='In a model, fill the ring with this edge, such as "wall-0 edge 2".')
 @click.option(
     "--continuity",
-    type=click.Choice(CONTINUITIES),
-    default=CONTINUITIES[0],
+    multiple=True,
+    metavar="[SIDE=]KIND",
+    callback=_kinds,
     help="With g1, the default, the patch touches the given tangent planes; with g0 it only meets the curves, and is a "
-    "plane lid or floor where they lie in a plane; with g2 it also has the curvature of its neighbours.",
+    "plane lid or floor where they lie in a plane; with g2 it also has the curvature of its neighbours. "
+    'Of one side: "side 2=g1".',
 )
 @click.option(
     "--inner",
@@ -58,7 +69,7 @@ if TYPE_CHECKING:
 def fill(
     loop: str,
     hole: str | None,
-    continuity: str,
+    continuity: dict[str, str],
     inner: str,
     fullness: float | None,
     raises: int | None,

@@ -8,7 +8,7 @@ thin plate, then, in the metric of its surface, that of the least variation of c
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 
@@ -146,7 +146,7 @@ def fill_loop(
     sides: Sequence[HoleSide],
     name: str | None = None,
     *,
-    continuity: str = "g1",
+    continuity: str | Mapping[str, str] = "g1",
     inner: str = "fair",
     fullness: float = 1.0,
     raises: int | None = None,
@@ -156,9 +156,7 @@ def fill_loop(
     Raises `DomainError`: an option has no such value, or the sides do not close, are too few or too many, or have no
     tangent planes or curvatures.
     """
-    if continuity not in CONTINUITIES:
-        raise DomainError(f"continuity: expected {' or '.join(CONTINUITIES)}, got {continuity!r}")
-    sides = [side.met_with(continuity) for side in sides]
+    sides = _met_with(continuity, sides)
     if inner not in ("fair", "flat"):
         raise DomainError(f"inner: expected fair or flat, got {inner!r}")
     if not 0 < fullness <= 1000:
@@ -236,6 +234,20 @@ def fill_loop(
         0 if folds else turns,
         tuple(remarks),
     )
+
+
+def _met_with(continuity: str | Mapping[str, str], sides: Sequence[HoleSide]) -> list[HoleSide]:
+    """Return sides with what is to be met along each."""
+    kinds = {"": continuity} if isinstance(continuity, str) else continuity
+    names = [side.name for side in sides]
+    for name, kind in kinds.items():
+        if kind not in CONTINUITIES:
+            raise DomainError(
+                f"continuity: expected {', '.join(CONTINUITIES[:-1])} or {CONTINUITIES[-1]}, got {kind!r}"
+            )
+        if name and name not in names:
+            raise DomainError(f"continuity: no side is called {name!r}: they are {', '.join(names)}")
+    return [side.met_with(kinds.get(side.name, kinds.get("", CONTINUITIES[0]))) for side in sides]
 
 
 def _solved(

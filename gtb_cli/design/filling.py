@@ -1,7 +1,7 @@
 """`fill` for Python: a hole from a file, from curves, or in a model."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -27,7 +27,7 @@ def fill(
     ribbons2: Sequence[ArrayLike | None] | None = None,
     *,
     hole: str | None = None,
-    continuity: str = "g1",
+    continuity: str | Mapping[str, str] = "g1",
     inner: str = "fair",
     fullness: float = 1.0,
     raises: int | None = None,
@@ -46,9 +46,10 @@ def fill(
         The third row. All three are those of a strip (1 − u)² curve + 2 u (1 − u) ribbon + u² ribbon2.
     hole : str, optional
         An edge of the ring in a model of surfaces, such as ``"wall-0 edge 2"``; not needed if there is one ring.
-    continuity : {"g1", "g0", "g2"}
+    continuity : {"g1", "g0", "g2"} or mapping
         With "g1" the patch touches the tangent planes that are given; with "g0" it only meets the curves, and is plane
         where they lie in a plane; with "g2" it also has the neighbour's curvature along each side, which must be known.
+        A mapping has the names of sides that differ, and "" for all others.
     inner : {"fair", "flat"}
         Curvature varies little, or least Dirichlet energy.
     fullness : float
@@ -88,7 +89,7 @@ def filled(
     hole: str | None,
     name: str | None,
     *,
-    continuity: str = "g1",
+    continuity: str | Mapping[str, str] = "g1",
     inner: str = "fair",
     fullness: float = 1.0,
     raises: int | None = None,

@@ -139,6 +139,20 @@ def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
     spec = tmp_path / "loop.toml"
     spec.write_text("\n".join(lines), encoding="utf-8")
     run = gtb("fill", spec, "--continuity", "g2", status=0)
-    assert "curvatures across differ by up to" in run.err
+    assert run.err.count("curvatures across differ by up to") == 3
+    kinds = ["--continuity", "g2", "--continuity", "side 1=g1"]
+    assert gtb("fill", spec, *kinds, status=0).err.count("curvatures across differ") == 2
     spec.write_text("\n".join(line for line in lines if not line.startswith("ribbon ")), encoding="utf-8")
     assert "ribbon2: is the row after ribbon, which is missing" in gtb("fill", spec, status=2).err
+
+
+def test_a_side_may_differ() -> None:
+    found = strips(4, 1, 2)
+    filling = fill_loop(sides(found), continuity={"": "g2", "side 1": "g1", "side 2": "g0"})
+    for contact, name in zip(filling.contacts, found, strict=True):
+        assert (contact.bend < RELATIVE * 10) == (name in {"side 0", "side 3"})
+        assert (contact.angle < RELATIVE) == (name != "side 2")
+    with pytest.raises(
+        DomainError, match=r"^continuity: no side is called 'x': they are side 0, side 1, side 2, side 3"
+    ):
+        fill_loop(sides(found), continuity={"x": "g2"})
