@@ -32,13 +32,11 @@ from gtb_cli.design.sides import (
 from gtb_cli.design.splines import single_curves
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
-from gtb_cli.fairing.fair import FOLD_RINGS
+from gtb_cli.fairing.folds import folds as count_folds
+from gtb_cli.fairing.folds import sharp_turns
 from gtb_cli.fairing.variation import Bending, bendings, variation_matrices
 from gtb_cli.knots.domain import domain
-from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.meshes.solidity import folded_pairs
 from gtb_cli.moment.moment_map import MomentMap
-from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -190,7 +188,7 @@ def fill_loop(
         found = []
         for patch, bent in _solved(edges, fields, seconds, inner, fullness):
             turned = sum(_angles(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
-            turns, folds = _turns(patch), _folds(patch)
+            turns, folds = sharp_turns(patch), count_folds(patch)
             found.append((turns + 1000 * (folds + turned), patch, bent, times, turns, folds))
             if not found[-1][0]:
                 break
@@ -295,47 +293,6 @@ def _solved(
 def _length(curve: FloatArray) -> float:
     points, _ = points_and_tangents(curve, np.linspace(0, 1, 33))
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-
-
-def _turns(patch: Patch) -> int:
-    """Count the triangle sides in a mesh of Δ at which the image turns by more than a right angle."""
-    part = central_triangulation(patch.domain, FOLD_RINGS)
-    return len(folded_pairs(patch.evaluate(part.parameters, "linear"), part.cells))
-
-
-def _folds(patch: Patch) -> int:
-    """Count the folds between neighbouring places of the energy's quadrature, which are dense near edges and corners.
-
-    At a fold the normal turns by more than a right angle in an ever smaller step; elsewhere it only turns fast.
-    """
-    # Of the places, of which there are no more with many sides, and of the way from one to the next
-    resolution, halvings = math.ceil(24 * math.sqrt(min(1.0, 8 / len(patch.domain.vertices)))), 10
-    places, _ = energy_samples(patch.domain, resolution)
-    s = MomentMap(patch.knots, patch.log_products).inverse(places, 1e-7)
-    blocks = np.array_split(s, 1 + len(places) // block_length(len(patch.knots)), axis=1)
-    normals = np.concatenate([_directions(patch, block) for block in blocks])
-    numbers = np.arange(len(places)).reshape(-1, resolution, resolution)  # by edge, depth and place along the edge
-    rings = numbers.swapaxes(0, 1).reshape(resolution, -1)
-    pairs = np.concatenate(
-        [np.stack(pair, axis=-1).reshape(-1, 2) for pair in ((rings, np.roll(rings, -1, 1)), (rings[:-1], rings[1:]))]
-    )
-    pairs = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) <= 0]
-    start, end, before, after = s[:, pairs[:, 0]], s[:, pairs[:, 1]], normals[pairs[:, 0]], normals[pairs[:, 1]]
-    for _ in range(halvings):
-        middle = (start + end) / 2
-        between = _directions(patch, middle)
-        first = (before * between).sum(axis=1) <= (between * after).sum(axis=1)  # the half that turns more
-        start, end = np.where(first, start, middle), np.where(first, middle, end)
-        before, after = np.where(first[:, None], before, between), np.where(first[:, None], between, after)
-    return int(((before * after).sum(axis=1) <= 0).sum())
-
-
-def _directions(patch: Patch, s: FloatArray) -> FloatArray:
-    """Return (m, 3) unit normals at (2, m) torus coordinates, or 0."""
-    t = shares(exponents(patch.knots, patch.log_products, s))
-    normals = np.cross(*((t * (axis[:, None] - axis @ t)).T @ patch.control_points for axis in patch.knots.T))
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))
 
 
 def edge_of(patch: Patch, side: int) -> int:

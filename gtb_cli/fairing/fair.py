@@ -12,10 +12,9 @@ from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import FLAT, descended, figures, measured
 from gtb_cli.fairing.energy import Samples, energy_matrix, samples
+from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
-from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.meshes.solidity import folded_pairs
 from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.edges import CURVE_TOLERANCE
 from gtb_cli.theory.model import Model
@@ -24,8 +23,6 @@ from gtb_cli.values import frozen
 from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
 
 RIDGE_FRACTION = 1e-12  # of the mean energy is added: a control point without influence on it stays where it is
-
-FOLD_RINGS = 16  # of the mesh of Δ that is searched for folds
 
 LEFT_OUT = (1e-2, 1e-3)
 """Outermost parts of the way to the middle without which figures must not rise; those of the first are reported."""
@@ -47,7 +44,7 @@ class Fairing:
     free : int
         Number of control points that were free.
     folds : int
-        Sides of some thousand triangles at which the surface turns back.
+        Number of places, among some thousand, at which the surface turns back.
     energies : (float, float), optional
         Thin-plate or Dirichlet energy before and after, in units of length², if this was to be least; see
         `gtb_cli.fairing.energy.energy`.
@@ -163,13 +160,19 @@ def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
         points[kept] = patch.control_points[kept]
         patch = patch.replace(control_points=points)
     return Fairing(
-        patch, bent[0][0].scaled(size), bent[1][0].scaled(size), error, len(free), _folds(patch, found), energies
+        patch,
+        bent[0][0].scaled(size),
+        bent[1][0].scaled(size),
+        error,
+        len(free),
+        count_folds(patch.replace(control_points=found)),
+        energies,
     )
 
 
 def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray:
     """Return control points with less variation, or the given ones if none are found."""
-    folds, (search, judge) = _folds(patch, given), (_zones(patch, resolution) for resolution in (32, 48))
+    folds, (search, judge) = count_folds(patch), (_zones(patch, resolution) for resolution in (32, 48))
     before = figures(measured(judge, [given])[0])
     start, most = given, before
     if folds or not np.isfinite(before).all():
@@ -178,7 +181,7 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     found = descended(search, judge, start, free, most)
     if found is given:
         return given
-    after, now = figures(measured(judge, [found])[0]), _folds(patch, found)
+    after, now = figures(measured(judge, [found])[0]), count_folds(patch.replace(control_points=found))
     before, after = np.maximum(before, FLAT), np.maximum(after, FLAT)
     is_better = now < folds or (now == folds and (after <= before).all() and (after < before).any())
     return found if is_better else given
@@ -214,11 +217,6 @@ def _least(matrix: FloatArray, given: FloatArray, free: IntArray) -> FloatArray:
         form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
         points[free] -= np.linalg.solve(form, matrix[free] @ points)
     return points
-
-
-def _folds(patch: Patch, points: FloatArray) -> int:
-    part = central_triangulation(patch.domain, FOLD_RINGS)
-    return len(folded_pairs(patch.replace(control_points=points).evaluate(part.parameters, "linear"), part.cells))
 
 
 def kept_knots(patch: Patch, keeps: Sequence[Keep]) -> BoolArray:

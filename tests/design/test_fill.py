@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gtb_cli.design.fill import Filling, _folds, _turns, fill_loop
+from gtb_cli.design.fill import Filling, fill_loop
 from gtb_cli.design.filling import fill
 from gtb_cli.design.holes import rings
 from gtb_cli.design.loops import loop_from_text, read_loop
@@ -27,6 +27,7 @@ from gtb_cli.design.splines import single_curves
 from gtb_cli.design.strips import curve_side
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy, energy_samples
+from gtb_cli.fairing.folds import folds, sharp_turns
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.theory.curvature import curvatures_at
@@ -100,8 +101,8 @@ def test_a_fold_is_told_from_a_sharp_turn(height, folded):
     x, y = np.meshgrid(np.linspace(-1, 1, 7), np.linspace(-1, 1, 7))
     knots = np.column_stack([x.ravel(), y.ravel()])
     patch = Patch(knots, np.column_stack([(knots[:, 0] - 0.05) ** 2, knots[:, 1], height * knots[:, 0]]))
-    assert _turns(patch) > 0
-    assert (_folds(patch) > 0) == folded
+    assert sharp_turns(patch) > 0
+    assert (folds(patch) > 0) == folded
 
 
 def plane_sides(corners: np.ndarray, signs: list[int]) -> list[HoleSide]:
