@@ -54,7 +54,7 @@ def extents(shape: Patch | Model) -> dict[str, Extent]:
 
 
 def _lengths(shape: Patch | Model) -> dict[str, Extent]:
-    """The length of curves, by Gauss's rule between the vertices of a mesh, and its difference from that of a coarser."""
+    """The length of curves, by Gauss's rule between the vertices of a mesh, and its difference beside a coarser one."""
     nodes, weights = np.polynomial.legendre.leggauss(8)
     frame = Frame.around(*(patch.control_points for patch in shape.patches))
     sums = np.zeros(2)
