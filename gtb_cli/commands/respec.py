@@ -251,7 +251,7 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
         if part.folds:
             streams.console.warn(f"{name}the patch folds at {part.folds} of some thousand places")
         if part.free:
-            stays = "no fairer one is found" if part.folds else "already fair"
+            stays = "no fairer one is found" if part.folds or part.error > 0.1 else "already fair"
             free = f"{part.free} free control point{'s' if part.free > 1 else ''}"
             made = stays if part.patch is given else free
             streams.console.note(f"{name}{made}; {_changes(part)}")

@@ -98,7 +98,7 @@ def fair(
     Knots and weights stay. The limits on an edge of planes, and of curvatures, are determined by the knots up to the
     height of the lowest layer that does not follow the edge's tangents, and up to twice this height. Least energies are
     linear problems, since the patch is linear in its control points; see `gtb_cli.fairing.descent` for the variation. A
-    patch that folds or has no tangent plane somewhere begins as a thin plate. Not in the paper.
+    patch that folds, or nearly, or has no tangent plane somewhere begins as a thin plate. Not in the paper.
     """
     found = loaded(spec, "Patch", "Model")
     if found.dimension == 1:
@@ -150,41 +150,38 @@ def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
     if energy != "variation":
         matrix = energy_matrix(patch.domain, patch.log_products, energy)
         found = _least(matrix, given, free)
-        first, last = (float(np.einsum("ik,ij,jk->", points, matrix, points)) for points in (given, found))
-        energies = first * size * size, last * size * size
+        least = [float(np.einsum("ik,ij,jk->", points, matrix, points)) for points in (given, found)]
+        energies = least[0] * size * size, least[1] * size * size
     elif len(free):
         found = _least_varied(patch, given, free)
-    bent, error = _measured(patch, [given, found])
+    (before, after), error = _measured(patch, [given, found])
+    if energies is None and (figures(after) > np.maximum(figures(before), FLAT)).any():  # by the finest quadrature
+        found, after = given, before
     if found is not given:
         points = found * size + middle
         points[kept] = patch.control_points[kept]
         patch = patch.replace(control_points=points)
-    return Fairing(
-        patch,
-        bent[0][0].scaled(size),
-        bent[1][0].scaled(size),
-        error,
-        len(free),
-        count_folds(patch.replace(control_points=found)),
-        energies,
-    )
+    first, last = before[0].scaled(size), after[0].scaled(size)
+    return Fairing(patch, first, last, error, len(free), count_folds(patch), energies)
 
 
 def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray:
     """Return control points with less variation, or the given ones if none are found."""
     folds, (search, judge) = count_folds(patch), (_zones(patch, resolution) for resolution in (32, 48))
-    before = figures(measured(judge, [given])[0])
-    start, most = given, before
-    if folds or not np.isfinite(before).all():
+    coarse, before = (figures(measured(zones, [given])[0]) for zones in (search, judge))
+    starts = [(given, before)]
+    is_measured = np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)  # elsewhere it is as good as folded
+    if folds or not is_measured.all():
         plate = energy_matrix(patch.domain, patch.log_products, "thin-plate")
-        start, most = _least(plate, given, free), np.full(len(before), math.inf)
-    found = descended(search, judge, start, free, most)
-    if found is given:
-        return given
-    after, now = figures(measured(judge, [found])[0]), count_folds(patch.replace(control_points=found))
-    before, after = np.maximum(before, FLAT), np.maximum(after, FLAT)
-    is_better = now < folds or (now == folds and (after <= before).all() and (after < before).any())
-    return found if is_better else given
+        starts.insert(0, (_least(plate, given, free), np.full(len(before), math.inf)))
+    before = np.maximum(before, FLAT)
+    for start, most in starts:
+        found = descended(search, judge, start, free, most)
+        after = np.maximum(figures(measured(judge, [found])[0]), FLAT)
+        now = count_folds(patch.replace(control_points=found))
+        if now <= folds and (after <= before).all() and (now < folds or (after < before).any()):
+            return found
+    return given
 
 
 def _zones(patch: Patch, resolution: int) -> list[Samples]:
