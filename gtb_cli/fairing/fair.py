@@ -110,10 +110,12 @@ def fair(
     if isinstance(found, Patch):
         return _faired(found, energy, [keep] * len(found.domain.vertices))
     made: list[Fairing] = []
-    kept = _kept_edges(found, keep)
-    for index, patch in enumerate(found):
-        copies = (_copied(found[k], made[k], patch) for k in range(index) if kept[k] == kept[index])
-        made.append(next(filter(None, copies), None) or _faired(patch, energy, kept[index]))
+    alike: dict[object, int] = {}
+    for patch, keeps in zip(found, _kept_edges(found, keep), strict=True):
+        size = np.linalg.norm(patch.control_points - patch.control_points.mean(axis=0))
+        k = alike.setdefault((patch.knots.tobytes(), tuple(keeps), f"{size:.6g}"), len(made))
+        copy = _copied(found[k], made[k], patch) if k < len(made) else None
+        made.append(copy or _faired(patch, energy, keeps))
     return tuple(made)
 
 
