@@ -79,7 +79,7 @@ def fill(
     """\b
     Example: gtb boundary specs/nonagon.toml | gtb fill - | gtb mesh - -o filled.obj
 
-    Print the spec of one patch that fills a hole with three or more sides.
+    Print the spec of one patch that fills a hole with three or more sides, or a model if the hole has to be cut.
 
     LOOP is a spec whose patches are the sides, in any order: rational Bézier curves, each with a "ribbon" if the patch
     is to touch tangent planes along it (the second row of control points, as many as in the first). It may also be a
@@ -95,6 +95,9 @@ def fill(
     variation) and the largest curvature of the patch without its outermost hundredth; folds among some thousand places.
     With --json it is printed as data in place of the spec, which -o writes. A patch that folds or is turned over is not
     written, and the exit status is 1.
+
+    A hole with concave corners is cut by up to four curves, from these corners to others (of a loop of curves, also to
+    points of sides), into parts with a patch each, whose tangent planes along the cuts are the same.
     """
     from gtb_cli.design.filling import filled
     from gtb_cli.design.loops import read_loop
@@ -141,31 +144,39 @@ def _certificate(filling: Filling) -> dict[str, Any]:
         "curvature": filling.bending.curvature,
         "folds": filling.folds,
         "sharp_turns": filling.sharp_turns,
-        "knots": len(filling.patch.knots),
+        "patches": [patch.name for patch in filling.patches],
+        "knots": sum(len(patch.knots) for patch in filling.patches),
         "remarks": list(filling.remarks),
         "fault": filling.fault,
     }
 
 
 def _report(filling: Filling, console: Console) -> None:
+    import numpy as np
+
     from gtb_cli.arrays import point_text
+    from gtb_cli.design.fill import SPIKE
 
     # Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so
     corner_angle = 0.1
     for remark in filling.remarks:
         console.note(remark)
-    sides = len(filling.sides)
-    for corner, angle in enumerate(filling.corner_angles.tolist()):
-        if angle > corner_angle:
-            names = f"{filling.sides[corner - 1].name} and {filling.sides[corner].name}"
-            console.warn(f"the tangent planes of {names} differ by {angle:.2g} degrees at their corner")
+    for part in filling.parts or (filling,):
+        for corner, angle in enumerate(part.corner_angles.tolist()):
+            if angle > corner_angle:
+                names = f"{part.sides[corner - 1].name} and {part.sides[corner].name}"
+                console.warn(f"the tangent planes of {names} differ by {angle:.2g} degrees at their corner")
     if filling.sharp_turns:
         console.warn(
             f"the patch turns sharply at {filling.sharp_turns} of some thousand places: coarse meshes fold there"
         )
 
+    if filling.sharpness > SPIKE:
+        console.warn(f"in places it is curved {filling.sharpness:.2g} times as much as a sphere of its area")
+    points = np.concatenate([patch.control_points for patch in filling.patches])
+
     def near(place: FloatArray) -> str:
-        return f"near {point_text(place, filling.patch.control_points)}"
+        return f"near {point_text(place, points)}"
 
     for side, contact in zip(filling.sides, filling.contacts, strict=True):
         if math.isnan(contact.angle):
@@ -174,7 +185,8 @@ def _report(filling: Filling, console: Console) -> None:
         if not math.isnan(contact.bend):
             bent = f", curvatures across differ by up to {contact.bend:.2g} {near(contact.bend_place)}"
         console.note(f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees {near(contact.place)}{bent}")
-    bending, knots = filling.bending, len(filling.patch.knots)
+    bending, knots = filling.bending, sum(len(patch.knots) for patch in filling.patches)
+    sides = " + ".join(str(len(part.sides)) for part in filling.parts or (filling,))
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
     console.note(f"{sides} sides, {knots} knots, no folds at some thousand places{angle}")
     bent, varied = (f"{round(value, 12):.3g}" for value in (bending.energy, bending.variation))  # 0 of planes

@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.design.corners import concave_corners
 from gtb_cli.design.net import net
 from gtb_cli.design.osculation import SecondRow, patch_bend, polar
 from gtb_cli.design.planes import Field, nearest_fields, row_fields
@@ -22,7 +23,6 @@ from gtb_cli.design.rows import Rows
 from gtb_cli.design.sides import (
     HoleSide,
     binomials,
-    concave_corners,
     edge_normals,
     loop,
     points_and_tangents,
@@ -46,6 +46,9 @@ VISIBLE = 0.01
 """Of the way to the middle: what is nearer to the boundary is not seen, and there curvature may grow without bounds."""
 
 _AWAY = (stations() > 0.02) & (stations() < 0.98)  # places nearer to the ends of a side belong to its corners
+
+SPIKE = 30.0
+"""Largest curvature, relative to that of a sphere with the same area, of a patch that does not turn sharply."""
 
 MOST_BENDING = 1.02
 """Relative to the least that is found: a patch bends no more, so that its curvature varies less."""
@@ -101,7 +104,10 @@ class Filling:
         angle.
     remarks : tuple of str
     model : Model or None
-        The model with its hole filled by the patch.
+        The model with its hole filled, or the patches of a loop that is cut.
+    parts : tuple of Filling
+        Of a hole that is cut at its concave corners, its parts: `patch` is the first one's, and the other attributes
+        list or add up those of all. Empty if one patch fills the hole.
     """
 
     patch: Patch
@@ -114,11 +120,22 @@ class Filling:
     sharp_turns: int
     remarks: tuple[str, ...]
     model: Model | None = None
+    parts: tuple["Filling", ...] = ()
+
+    @property
+    def patches(self) -> tuple[Patch, ...]:
+        """The patch, or those of all parts."""
+        return tuple(part.patch for part in self.parts) or (self.patch,)
 
     @property
     def angle(self) -> float:
         """Largest angle in degrees between the patch's normals and the given ones, away from corners; NaN if none."""
         return max((each.angle for each in self.contacts if not math.isnan(each.angle)), default=math.nan)
+
+    @property
+    def sharpness(self) -> float:
+        """Largest curvature, relative to that of a sphere with the same area."""
+        return self.bending.curvature * math.sqrt(self.bending.area / (4 * math.pi))
 
     @property
     def fault(self) -> str | None:
@@ -129,6 +146,9 @@ class Filling:
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
             way_out = "try a fullness nearer to 1, other ribbons, or curves that cut the hole into smaller ones"
+        elif self.sharpness > 2000 or (concave_corners(self.sides) and (self.sharp_turns or self.sharpness > SPIKE)):
+            what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
+            way_out = "raise degrees more, or try other ribbons, or curves that cut the hole into smaller ones"
         else:
             return None
         corners = concave_corners(self.sides)
@@ -154,7 +174,7 @@ def fill_loop(
     Raises `DomainError`: an option has no such value, or the sides do not close, are too few or too many, or have no
     tangent planes or curvatures.
     """
-    sides = _met_with(continuity, sides)
+    sides = met_with(continuity, sides)
     if inner not in ("fair", "flat"):
         raise DomainError(f"inner: expected fair or flat, got {inner!r}")
     if not 0 < fullness <= 1000:
@@ -164,9 +184,7 @@ def fill_loop(
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
-    whole, remarks = single_curves(sides)
-    ordered, said = loop(whole)
-    remarks += said
+    ordered, remarks = closed(sides)
     if len(ordered) > max_sides:
         raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
     points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in ordered])
@@ -234,7 +252,7 @@ def fill_loop(
     )
 
 
-def _met_with(continuity: str | Mapping[str, str], sides: Sequence[HoleSide]) -> list[HoleSide]:
+def met_with(continuity: str | Mapping[str, str], sides: Sequence[HoleSide]) -> list[HoleSide]:
     """Return sides with what is to be met along each."""
     kinds = {"": continuity} if isinstance(continuity, str) else continuity
     names = [side.name for side in sides]
@@ -246,6 +264,13 @@ def _met_with(continuity: str | Mapping[str, str], sides: Sequence[HoleSide]) ->
         if name and name not in names:
             raise DomainError(f"continuity: no side is called {name!r}: they are {', '.join(names)}")
     return [side.met_with(kinds.get(side.name, kinds.get("", CONTINUITIES[0]))) for side in sides]
+
+
+def closed(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
+    """Return the sides of a hole in order, each B-spline in one, and remarks, as `single_curves` and `loop` do."""
+    whole, remarks = single_curves(sides)
+    ordered, said = loop(whole)
+    return ordered, remarks + said
 
 
 def _solved(

@@ -1,15 +1,18 @@
 """`fill` for Python: a hole from a file, from curves, or in a model."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from itertools import chain, count, islice
+from typing import Any
 
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, finite
 from gtb_cli.assembly.seams import joints
-from gtb_cli.design.fill import Filling, edge_of, fill_loop
+from gtb_cli.design.corners import corners
+from gtb_cli.design.cutting import fill_parts
+from gtb_cli.design.fill import Filling, closed, edge_of, fill_loop, met_with
 from gtb_cli.design.holes import ring_of, ring_sides
 from gtb_cli.design.loops import read_loop
 from gtb_cli.design.sides import HoleSide
@@ -19,6 +22,7 @@ from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 
 def fill(
@@ -98,28 +102,66 @@ def filled(
 
     The `model` of the filling has the patch, under a name that no other has. Raises `DomainError` as `fill` does.
     """
-    fill_sides = partial(fill_loop, continuity=continuity, inner=inner, fullness=fullness, raises=raises)
+    options: dict[str, Any] = {"continuity": continuity, "inner": inner, "fullness": fullness, "raises": raises}
     if not isinstance(found, Model):
         if hole is not None:
             raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
-        return fill_sides(found, name)
+        filling = _in_parts(found, name, (), options)
+        return _beside((), filling) if filling.parts else filling
     ring = ring_of(found, hole)
-    taken = {patch.name for patch in found}
-    names = (name or "hole", *(f"{name or 'hole'}-{k}" for k in range(1, len(taken) + 1)))
-    unique = next(candidate for candidate in names if candidate not in taken)
-    filling = fill_sides(ring_sides(found, ring), unique)
-    whole = found.replace(patches=(*found.patches, filling.patch))
+    taken = [patch.name for patch in found]
+    filling = _in_parts(ring_sides(found, ring), next(_free(name or "hole", taken)), taken, options)
+    whole = found.replace(patches=(*found.patches, *filling.patches))
     remarks = filling.remarks
-    if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] == len(found)]:
+    if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] >= len(found)]:
         remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
-    beside = found.replace(patches=(*(found.patches[k] for k in sorted({ref[0] for ref in ring})), filling.patch))
-    seams = {seam.second[1]: seam for seam in joints(beside) if seam.second[0] == len(beside) - 1}
-    edges = [seams.get(edge_of(filling.patch, k)) for k in range(len(filling.sides))]
-    contacts = [
+    beside = [found.patches[k] for k in sorted({ref[0] for ref in ring})]
+    return replace(_beside(beside, filling), remarks=remarks, model=whole)
+
+
+def _in_parts(
+    sides: Sequence[HoleSide], name: str | None, taken: Sequence[str | None], options: dict[str, Any]
+) -> Filling:
+    """Fill a hole with one patch, or cut it if that has a fault; a loop beside no patches may be cut inside a side."""
+    ordered, remarks = closed(met_with(options["continuity"], sides))
+
+    def fill_part(part: Sequence[HoleSide]) -> Filling:
+        kinds = {side.name: "g1" if side.bend is None else "g2" for side in part}
+        return fill_loop(part, name, **{**options, "continuity": kinds})
+
+    found = None
+    if any(corner.concave for corner in corners(ordered)):
+        found = fill_parts(ordered, fill_part, cut_sides=not taken)
+    if found is None:
+        return fill_loop(sides, name, **options)
+    if not found.parts:
+        return replace(found, remarks=(*remarks, *found.remarks))
+    names = islice(_free(f"{name or 'hole'}-0", taken), len(found.parts))
+    patches = [part.patch.replace(name=unique) for part, unique in zip(found.parts, names, strict=True)]
+    parts = tuple(replace(part, patch=patch) for part, patch in zip(found.parts, patches, strict=True))
+    return replace(found, patch=patches[0], parts=parts, model=Model(patches, name), remarks=(*remarks, *found.remarks))
+
+
+def _free(name: str, taken: Sequence[str | None]) -> Iterator[str]:
+    """Name patches as none of a model's is: the name, or with numbers from 1 after it."""
+    stem = name.removesuffix("-0")
+    return (each for each in chain([name], (f"{stem}-{k}" for k in count(1))) if each not in taken)
+
+
+def _beside(neighbours: Sequence[Patch], filling: Filling) -> Filling:
+    """Measure the differences of curvature across the edges that a filling shares with neighbours, and its cuts."""
+    model = Model((*neighbours, *filling.patches))
+    seams = {ref: seam for seam in joints(model) for ref in (seam.first, seam.second)}
+    edges = [
+        seams.get((len(neighbours) + p, edge_of(part.patch, k)))
+        for p, part in enumerate(filling.parts or (filling,))
+        for k in range(len(part.sides))
+    ]
+    contacts = tuple(
         contact if seam is None else replace(contact, bend=seam.bend, bend_place=seam.bend_place)
         for contact, seam in zip(filling.contacts, edges, strict=True)
-    ]
-    return replace(filling, contacts=tuple(contacts), remarks=remarks, model=whole)
+    )
+    return replace(filling, contacts=contacts)
 
 
 def _sides(

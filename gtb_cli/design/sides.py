@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, point_text, unit
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location
@@ -213,28 +213,6 @@ def _end_log(logs: FloatArray, members: FloatArray | IntArray) -> float:
 def edge_normals(patch: Patch, edge: int, t: FloatArray) -> FloatArray:
     """Return (m, 3) unit normals of a surface at (m,) Bézier parameters in (0, 1) of an edge; NaN where it has none."""
     return patch.normals_at([edge_places(patch, edge, t)], len(t))
-
-
-def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
-    """Name the corners of a closed loop, in order, at which the hole takes up more than half a turn.
-
-    It does so in the planes of both sides; that of a side without a field across is that of the loop's vector area.
-    """
-    least_turn = 1.0  # degrees beyond half a turn: a straight corner is none
-    corners = np.array([side.ends[0] for side in sides])
-    points = np.concatenate([side.curve[:-1, :3] / side.curve[:-1, 3:] for side in sides])
-    points = (points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)
-    area = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
-    found = []
-    for before, side in zip([sides[-1], *sides[:-1]], sides, strict=True):
-        _, (ahead, _) = points_and_tangents(side.curve, np.array([0.0, 1.0]))
-        _, (_, end) = points_and_tangents(before.curve, np.array([0.0, 1.0]))
-        planes = [area if each.across is None else side_normals(each)[k] for each, k in ((before, -1), (side, 0))]
-        one, back, *normals = unit(np.stack([ahead, -end, *planes]))
-        sine = max(float(np.cross(one, back) @ normal) for normal in normals)
-        if -180 + least_turn < math.degrees(math.atan2(sine, float(one @ back))) < -least_turn:
-            found.append(f"{before.name} and {side.name} at {point_text(side.ends[0], corners)}")
-    return found
 
 
 def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:

@@ -172,6 +172,7 @@ FILLED: dict[str, Kind] = {
         }
     ],
     "corner_angles": [(NUMBER, None)],
+    "patches": [(TEXT, None)],
     **_each("area bending variation curvature", NUMBER),
     **_each("folds sharp_turns knots", INTEGER),
     "remarks": [TEXT],

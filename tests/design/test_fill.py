@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from gtb_cli.design.corners import concave_corners
 from gtb_cli.design.fill import Filling, fill_loop
 from gtb_cli.design.filling import fill
 from gtb_cli.design.holes import rings
@@ -18,7 +19,6 @@ from gtb_cli.design.loops import loop_from_text, read_loop
 from gtb_cli.design.sides import (
     HoleSide,
     bezier_form,
-    concave_corners,
     points_and_tangents,
     raised,
     stations,
@@ -362,16 +362,17 @@ def lop(curves: list[tuple[list[float], list[list[float]]]]) -> list[HoleSide]:
     return loop_from_text(text.encode(), "x.lop")
 
 
+@long
 def test_a_bspline_with_a_corner_or_far_from_any_curve_becomes_several():
     knots, ends = [0.0] * 4, [1.0] * 4
     bent = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 2, 0], [3, 3, 0]]
-    wavy = [[3 - 3 * k / 12, 3 - 3 * k / 12 + 0.1 * (-1) ** k * (0 < k < 12), 0] for k in range(13)]
-    sides = lop([([*knots, 0.5, 0.5, 0.5, *ends], bent), ([*knots, *(np.arange(1, 10) / 10), *ends], wavy)])
+    wavy = [[3 - k / 2, 3 - k / 2 + 0.5 * (-1) ** k * (0 < k < 6), 0] for k in range(7)]
+    sides = lop([([*knots, 0.5, 0.5, 0.5, *ends], bent), ([*knots, 0.25, 0.5, 0.75, *ends], wavy)])
     assert single_curves(sides) == (sides, [])  # two curves would not be a loop
     whole, remarks = single_curves([*sides, HoleSide("last", np.array([[4.0, 4, 0, 1], [5, 5, 0, 1]]))])
     assert [side.name for side in whole[:3]] == ["side 0 part 0", "side 0 part 1", "side 1 part 0"]
     np.testing.assert_array_equal(whole[0].ends[1], [3, 0, 0])
-    assert len(whole) < 10
+    assert len(whole) in (5, 6)
     assert remarks[0] == "side 0: 2 curves with corners between them, up to 0 from its B-spline; one would be too far"
     for before, after in itertools.pairwise(whole[:-1]):
         np.testing.assert_array_equal(before.ends[1], after.ends[0])
