@@ -81,3 +81,17 @@ def across_at(side: HoleSide, t: FloatArray) -> FloatArray:
     distance = t[:, None] - nodes
     shares = weights / np.where(distance == 0, np.finfo(float).tiny ** 0.5, distance)
     return np.asarray(shares @ side.across / shares.sum(axis=1, keepdims=True))
+
+
+def plane_angles(normals: Sequence[FloatArray | None]) -> FloatArray:
+    """Return the angles in degrees between the planes of sides k − 1 and k at corner k, NaN without planes."""
+    t = stations()[:6]
+    ends = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])  # extrapolate from stations to a corner
+    angles = []
+    for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True):
+        if before is None or after is None:
+            angles.append(math.nan)
+        else:
+            end, start = ends @ before[:-7:-1], ends @ after[:6]
+            angles.append(math.degrees(math.atan2(float(np.linalg.norm(np.cross(end, start))), float(end @ start))))
+    return np.array(angles)

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.corners import concave_corners
+from gtb_cli.design.corners import concave_corners, plane_angles
 from gtb_cli.design.net import net
 from gtb_cli.design.osculation import SecondRow, patch_bend, polar
 from gtb_cli.design.planes import Field, nearest_fields, row_fields
@@ -244,7 +244,7 @@ def fill_loop(
         ordered,
         Bending(bent.area * size**2, bent.energy, bent.variation, bent.curvature / size),
         tuple(_contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True))),
-        _corner_angles(normals),
+        plane_angles(normals),
         tuple(times),
         folds,
         0 if folds else turns,
@@ -344,17 +344,3 @@ def _angles(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
     found = edge_normals(patch, edge_of(patch, side), stations()[_AWAY])
     sine = np.linalg.norm(np.cross(found, normals[_AWAY]), axis=1)
     return np.asarray(np.degrees(np.arctan2(sine, (found * normals[_AWAY]).sum(axis=1))))
-
-
-def _corner_angles(normals: Sequence[FloatArray | None]) -> FloatArray:
-    """Return the angles in degrees between the planes of sides k − 1 and k at corner k, NaN without planes."""
-    t = stations()[:6]
-    ends = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])  # extrapolate from stations to a corner
-    angles = []
-    for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True):
-        if before is None or after is None:
-            angles.append(math.nan)
-        else:
-            end, start = ends @ before[:-7:-1], ends @ after[:6]
-            angles.append(math.degrees(math.atan2(float(np.linalg.norm(np.cross(end, start))), float(end @ start))))
-    return np.array(angles)
