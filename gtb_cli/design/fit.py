@@ -120,7 +120,8 @@ def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
         raise DomainError(f"points: expected shape (n, 3) or (n, 2), got {places.shape}")
     n = len(places)
     if not 2 <= n <= MAX_POINTS:
-        raise DomainError(f"points: expected 2 to {MAX_POINTS}, got {n}")
+        way_out = "; `patch` fits a surface to more" if n > MAX_POINTS else ""
+        raise DomainError(f"points: expected 2 to {MAX_POINTS}, got {n}{way_out}")
     a = _chord_lengths(places) if knots is None else finite("knots", knots)
     one_for_each("knots", a, n, "point")
     steps = np.diff(a)

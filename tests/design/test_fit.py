@@ -263,6 +263,7 @@ def test_fit_prints_a_spec(tmp_path):
         (b"1 2\n1 \xff\n", "is not a number"),
         (b"1 2\n1 inf\n", "<stdin>: points[1][1]: must be finite"),
         (b"1 2\n", "<stdin>: points: expected 2 to 100, got 1"),
+        (b"1 2 3\n" * 441, "<stdin>: points: expected 2 to 100, got 441; --patch fits a surface to more"),
         pytest.param(b"1 2\n" * 1_000_001, "<stdin>: has more than 1000000 points", marks=long),
     ],
 )
