@@ -130,6 +130,7 @@ def _certificate(filling: Filling) -> dict[str, Any]:
             "angle": known(contact.angle),
             "place": None if math.isnan(contact.angle) else contact.place.tolist(),
             "curvature_difference": known(contact.bend),
+            "curvature_difference_inside": known(contact.bend_inside),
             "curvature_place": None if math.isnan(contact.bend) else contact.bend_place.tolist(),
         }
         for side, contact in zip(filling.sides, filling.contacts, strict=True)
@@ -184,6 +185,8 @@ def _report(filling: Filling, console: Console) -> None:
         bent = ""
         if not math.isnan(contact.bend):
             bent = f", curvatures across differ by up to {contact.bend:.2g} {near(contact.bend_place)}"
+        if not math.isnan(contact.bend_inside):
+            bent += f", at 1% of its length inside by {contact.bend_inside:.2g}"
         console.note(f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees {near(contact.place)}{bent}")
     bending, knots = filling.bending, sum(len(patch.knots) for patch in filling.patches)
     sides = " + ".join(str(len(part.sides)) for part in filling.parts or (filling,))

@@ -17,7 +17,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.design.corners import concave_corners, plane_angles
 from gtb_cli.design.net import net
-from gtb_cli.design.osculation import SecondRow, patch_bend, polar
+from gtb_cli.design.osculation import SecondRow, bend_inside, corner_bends, patch_bend, polar
 from gtb_cli.design.planes import Field, nearest_fields, row_fields
 from gtb_cli.design.rows import Rows
 from gtb_cli.design.sides import (
@@ -72,12 +72,16 @@ class Contact:
         known or not finite.
     bend_place : (3,) float
         The point with this difference, or NaN.
+    bend_inside : float
+        Where curvature is met: twice the largest difference of mean curvatures at the side and at a hundredth of its
+        length from it, without a twentieth at each end; NaN elsewhere.
     """
 
     angle: float
     place: FloatArray
     bend: float = math.nan
     bend_place: FloatArray = field(default_factory=lambda: np.full(3, math.nan))
+    bend_inside: float = math.nan
 
 
 @frozen
@@ -215,7 +219,8 @@ def fill_loop(
     least = raises
     if least is None:
         least = 2 if any(n is not None for n in normals) else 1
-        if any(side.bend is not None for side in unit) and len(unit) < 7:  # with more, inner knots would be too few
+        most_knots = 45  # of all edges together: with more, inner knots would be too few
+        if any(side.bend is not None for side in unit) and sum(side.degree + 4 for side in unit) <= most_knots:
             least = 4
     plans = [(least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
@@ -230,6 +235,13 @@ def fill_loop(
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
+    bends = corner_bends(unit, normals)
+    largest = max((np.abs(side.bend).max() for side in unit if side.bend is not None), default=0.0)
+    for k in np.flatnonzero(bends > 1e-6 * largest):  # rounding of what is extrapolated
+        remarks.append(
+            f"{ordered[k - 1].name} and {ordered[k].name}: mean curvatures of their neighbours differ by "
+            f"{bends[k] / size:.2g} at their corner"
+        )
     if any(times):
         remarks.append(f"degrees of the sides are raised by {', '.join(map(str, times))}")
     for side, n in zip(ordered, normals, strict=True):
@@ -336,7 +348,8 @@ def _contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | Non
         return contact
     bend = np.abs(patch_bend(patch, edge_of(patch, side), given.curve, normals) - given.bend)
     k = int(np.where(_AWAY, bend, -1.0).argmax())
-    return replace(contact, bend=float(bend[k]), bend_place=points[k])
+    inside = bend_inside(patch, edge_of(patch, side), given.curve)
+    return replace(contact, bend=float(bend[k]), bend_place=points[k], bend_inside=inside)
 
 
 def _angles(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
