@@ -1,5 +1,6 @@
 """The fairest control points: descent to the least product of powers of bending and of its variation."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,6 +38,17 @@ def figures(bent: Sequence[Bending]) -> FloatArray:
     return np.where(np.isfinite(found), found, np.inf)
 
 
+def merit(found: FloatArray) -> float:
+    """Return the logarithm of the product of (2 k,) figures, bending to a power: smaller is fairer."""
+    powers = np.tile([BENDING_POWER, 1], len(found) // 2)
+    return float(powers @ np.log(np.maximum(found, FLAT)))
+
+
+def is_fairer(found: FloatArray, than: FloatArray) -> bool:
+    """Tell whether a product of figures is smaller by `LEAST_GAIN`."""
+    return merit(found) < merit(than) + math.log(1 - LEAST_GAIN)
+
+
 def descended(
     search: Sequence[Samples], judge: Sequence[Samples], points: FloatArray, members: IntArray, most: FloatArray
 ) -> FloatArray:
@@ -48,7 +60,6 @@ def descended(
     zones and judged by another, as a surface may ripple between the places of the first.
     """
     most_steps, most_trials = 40, 4
-    powers = np.tile([BENDING_POWER, 1], len(judge))
     now, damping = figures(measured(judge, [points])[0]), 1e-2
     for _ in range(most_steps):
         if not np.isfinite(now).all() or now.min() < FLAT:
@@ -60,7 +71,7 @@ def descended(
             trial = points.copy()
             trial[members] -= np.linalg.solve(form, slope).reshape(-1, 3)
             found = figures(measured(judge, [trial])[0])
-            if powers @ np.log(found / now) < np.log(1 - LEAST_GAIN) and (found <= most).all():
+            if is_fairer(found, now) and (found <= most).all():
                 points, now, damping = trial, found, damping / 6
                 break
             damping *= 10

@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.descent import FLAT, descended, figures, measured
+from gtb_cli.fairing.descent import FLAT, descended, figures, is_fairer, measured
 from gtb_cli.fairing.energy import Samples, energy_matrix, samples
 from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.variation import Bending
@@ -98,7 +98,7 @@ def fair(
     Knots and weights stay. The limits on an edge of planes, and of curvatures, are determined by the knots up to the
     height of the lowest layer that does not follow the edge's tangents, and up to twice this height. Least energies are
     linear problems, since the patch is linear in its control points; see `gtb_cli.fairing.descent` for the variation. A
-    patch that folds, or nearly, or has no tangent plane somewhere begins as a thin plate. Not in the paper.
+    thin plate is a second start where it is fairer, or where the given patch folds. Not in the paper.
     """
     found = loaded(spec, "Patch", "Model")
     if found.dimension == 1:
@@ -168,22 +168,25 @@ def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
 
 
 def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray:
-    """Return control points with less variation, or the given ones if none are found."""
-    folds, (search, judge) = count_folds(patch), (_zones(patch, resolution) for resolution in (32, 48))
+    """Return control points with less variation, or the given ones if none are found.
+
+    Descent begins at the given ones, then at a thin plate if that is fairer than what is found, or if the quadratures
+    do not agree on what is given: it is as good as folded somewhere.
+    """
+    search, judge = (_zones(patch, resolution) for resolution in (32, 48))
+    plate = _least(energy_matrix(patch.domain, patch.log_products, "thin-plate"), given, free)
     coarse, before = (figures(measured(zones, [given])[0]) for zones in (search, judge))
-    starts = [(given, before)]
-    is_measured = np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)  # elsewhere it is as good as folded
-    if folds or not is_measured.all():
-        plate = energy_matrix(patch.domain, patch.log_products, "thin-plate")
-        starts.insert(0, (_least(plate, given, free), np.full(len(before), math.inf)))
-    before = np.maximum(before, FLAT)
-    for start, most in starts:
+    folds, is_known = count_folds(patch), (np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)).all()
+    best, least, fewest = given, before, folds
+    for start, most in ((given, before), (plate, np.full(len(before), math.inf))):
+        if start is plate and not folds and is_known and not is_fairer(figures(measured(judge, [plate])[0]), least):
+            continue
         found = descended(search, judge, start, free, most)
-        after = np.maximum(figures(measured(judge, [found])[0]), FLAT)
-        now = count_folds(patch.replace(control_points=found))
-        if now <= folds and (after <= before).all() and (now < folds or (after < before).any()):
-            return found
-    return given
+        after, now = figures(measured(judge, [found])[0]), count_folds(patch.replace(control_points=found))
+        is_better = now < fewest or (now == fewest and is_fairer(after, least))
+        if is_better and (after <= np.maximum(before, FLAT)).all():
+            best, least, fewest = found, after, now
+    return best
 
 
 def _zones(patch: Patch, resolution: int) -> list[Samples]:

@@ -176,6 +176,13 @@ def test_a_folded_plane_unfolds():
     assert made.after.energy < 1e-9
 
 
+def test_a_peak_becomes_flat_though_its_variation_rises_on_the_way():
+    corners = [[0, 0], [2, 0], [2, 2], [0, 2], [1, 1]]
+    made = fair(Patch(corners, [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]]))
+    assert made.before.energy > 1
+    assert made.after.energy < 1e-9
+
+
 @pytest.mark.parametrize("keep", mostly_long(["curvature", "tangents"]))
 def test_what_is_kept_along_edges(keep):
     """The limits on all edges, by the formulas for them; knots at heights 1, 2 and 3 determine ever more of these."""
