@@ -96,7 +96,7 @@ def fill(
     With --json it is printed as data in place of the spec, which -o writes. A patch that folds or is turned over is not
     written, and the exit status is 1.
 
-    A hole with concave corners is cut by up to four curves, from these corners to others (of a loop of curves, also to
+    A hole with concave corners is cut by up to six curves, from these corners to others (of a loop of curves, also to
     points of sides), into parts with a patch each, whose tangent planes along the cuts are the same.
     """
     from gtb_cli.design.filling import filled

@@ -21,7 +21,7 @@ from gtb_cli.fairing.variation import Bending
 from gtb_cli.theory.model import Model
 from gtb_cli.values import frozen
 
-MAX_CUTS = 4
+MAX_CUTS = 6
 
 Fill = Callable[[Sequence[HoleSide]], Filling]
 
@@ -50,7 +50,7 @@ class _Search:
     def __init__(self, fill: Fill, cut_sides: bool) -> None:
         self.fill = fill
         self.cut_sides = cut_sides
-        self.trials = 10  # of fillings, in all
+        self.trials = 12  # of fillings, in all
 
     def parts(self, sides: Sequence[HoleSide], cuts: int) -> Parts | None:
         """Fill a loop, or the parts into which at most `cuts` cuts divide it; None if all that is tried has a fault."""
