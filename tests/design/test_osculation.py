@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gtb_cli.assembly.seams import joints
 from gtb_cli.design.fill import Filling, edge_of, fill_loop
 from gtb_cli.design.filling import fill
 from gtb_cli.design.sides import HoleSide, bernstein, edge_places
@@ -16,7 +17,8 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.design.loops import homogeneous
 from tests.marks import long, mostly_long
-from tests.shell import gtb
+from tests.shell import SPECS, gtb
+from tests.specs import load
 
 RELATIVE = 1e-9  # of the largest curvature along a side: what differences of second derivatives leave
 
@@ -189,3 +191,18 @@ def test_neighbours_of_one_surface_agree_at_corners_and_others_are_named() -> No
     found["side 1"][2, :, 2] += 0.05
     named = [remark for remark in fill_loop(sides(found), continuity="g2").remarks if "mean curvatures" in remark]
     assert [remark.split(":")[0] for remark in named] == ["side 0 and side 1", "side 1 and side 2"]
+
+
+@long
+def test_a_corner_between_rational_patches_has_their_curvature() -> None:
+    cube = load(SPECS / "rounded-cube.toml")
+    index = next(k for k, patch in enumerate(cube) if patch.name == "corner")
+    rest = cube.replace(patches=tuple(patch for patch in cube if patch.name != "corner"))
+    filling = fill(rest, continuity="g2")
+    assert [len(filling.sides), filling.folds] == [3, 0]
+    assert max(contact.bend for contact in filling.contacts) < RELATIVE
+    seams = [seam for seam in joints(filling.model) if len(filling.model) - 1 in {seam.first[0], seam.second[0]}]
+    assert len(seams) == 3
+    assert max(seam.bend for seam in seams) < RELATIVE
+    given = [seam.bend for seam in joints(cube) if index in {seam.first[0], seam.second[0]}]
+    assert min(given) > 0.1
