@@ -53,9 +53,6 @@ SPIKE = 30.0
 MOST_BENDING = 1.02
 """Relative to the least that is found: a patch bends no more, so that its curvature varies less."""
 
-MOST_OSCULATING = 1.1
-"""As `MOST_BENDING` if curvature is given along edges: less bending is had by leaving it just inside them."""
-
 
 @frozen
 class Contact:
@@ -322,7 +319,8 @@ def _solved(
         area = measured(found)[0].area
         found += [least(third + factor / area * second) for factor in (0, 100, 400, 1600)]
     bent = measured(found)
-    most = (MOST_OSCULATING if any(seconds) else MOST_BENDING) * min(one.energy for one in bent)
+    # Where curvature is given along edges, less bending is had by leaving it just inside them.
+    most = math.inf if any(seconds) else MOST_BENDING * min(one.energy for one in bent)
     best = min(range(len(bent)), key=lambda k: bent[k].variation if bent[k].energy <= most else math.inf)
     return [(Patch(shape.knots, found[k], log_weights=shape.log_weights), bent[k]) for k in dict.fromkeys((best, 0))]
 
