@@ -61,7 +61,6 @@ ROOMS = {
     "evaluate": "eval",
     "guides": "completion help schema",
     "imports": "import",
-    "origins": "fill",
     "respec": "bezier boundary coefficients elevate expand fair isocurve",
     "sequences": "degenerate knot-limit",
 }

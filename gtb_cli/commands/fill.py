@@ -9,13 +9,7 @@ import click
 
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.options import (
-    INPUT,
-    WholeNumber,
-    json_option,
-    length_of,
-    streams_options,
-)
+from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, streams_options
 from gtb_cli.shell.streams import Streams, about, read_bytes, shown_input, stem_of, write_json
 from gtb_cli.vocabulary import CONTINUITIES
 
