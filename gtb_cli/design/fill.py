@@ -3,12 +3,12 @@
 Inside each edge, with Bézier points q_0 … q_m, there is a row of m knots shifted by half a step, with control points
 ``(q_j + q_{j+1})/2 + v_j``: the first part lies on the tangent line, and v is a polynomial field in the given tangent
 planes. So the edge's tangent and the direction to the row span these planes. All such fields form a linear space, the
-null space of ``v ↦ <normal, v>``. Linear least-squares problems choose a field and the inner control points: that of a
-thin plate, then, in the metric of its surface, that of the least variation of curvature.
+null space of ``v ↦ <normal, v>``. Linear least-squares problems choose a field and the inner control points for the
+least variation of curvature: in the metric of the domain, then in that of the surface.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 
@@ -34,7 +34,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
 from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.folds import sharp_turns
-from gtb_cli.fairing.variation import Bending, bendings, variation_matrices
+from gtb_cli.fairing.variation import BENDING_POWER, Bending, bendings, variation_matrices
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.model import Model
@@ -49,9 +49,6 @@ _AWAY = (stations() > 0.02) & (stations() < 0.98)  # places nearer to the ends o
 
 SPIKE = 30.0
 """Largest curvature, relative to that of a sphere with the same area, of a patch that does not turn sharply."""
-
-MOST_BENDING = 1.02
-"""Relative to the least that is found: a patch bends no more, so that its curvature varies less."""
 
 
 @frozen
@@ -219,12 +216,12 @@ def fill_loop(
         most_knots = 45  # of all edges together: with more, inner knots would be too few
         if any(side.bend is not None for side in unit) and sum(side.degree + 4 for side in unit) <= most_knots:
             least = 4
-    plans = [(least, True), (least + 1, False), (least + 2, True)]
+    plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
-        plans.insert(0, (least - 1, False))
-    best = attempt(least, False)
-    for plan in plans:
+        plans.insert(0 if len(unit) > 12 else 1, (least - 1, False))
+    best = attempt(*plans[0])
+    for plan in plans[1:]:
         if not best[0]:
             break
         best = min(best, attempt(*plan), key=lambda found: found[0])
@@ -288,8 +285,8 @@ def _solved(
     seconds: Sequence[SecondRow | None],
     inner: str,
     fullness: float,
-) -> list[tuple[Patch, Bending]]:
-    """Return patches in units of the loop's size, and their bending: the fairest, and that of a thin plate."""
+) -> Iterator[tuple[Patch, Bending]]:
+    """Yield patches in units of the loop's size, and their bending: the fairest, and others if that folds."""
     polars = [polar(edge) for edge in edges]
     shape = net(
         np.array([_length(edge) for edge in edges]),
@@ -297,32 +294,36 @@ def _solved(
         [binomials(len(row) - 1) * row[:, 3] for row in polars],
         [None if second is None else second.weights for second in seconds],
     )
-    # Energies are right to about 1e-4 with 24; with 4 samples or more for each knot, no control point is left free.
+    # Variation is right to some hundredths with 24; with 4 samples for each knot, no control point is left free.
     samples = max(24**2 * min(len(edges), 8), 4 * len(shape.knots))
     resolution = math.ceil(math.sqrt(samples / len(edges)))
     region = domain(shape.knots, "unit")
-    moment_map = MomentMap(shape.knots, shape.log_weights)
-    p, areas = energy_samples(region, resolution)
-    s = moment_map.inverse(p, 1e-10)
-    # For thin plates and membranes the metric is the domain's: their surface is where the search begins.
-    kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
-    plate = energy_at(shape.knots, shape.log_weights, s, areas, kind)
     p, areas = energy_samples(region, resolution, VISIBLE)
-    s = moment_map.inverse(p, 1e-10, s)
+    places = MomentMap(shape.knots, shape.log_weights).inverse
+    s = places(p, 1e-6)
     rows = Rows(shape, edges, fields, seconds)
     least = partial(rows.fairest, fullness=fullness)
     measured = partial(bendings, shape.knots, shape.log_weights, s, areas)
-    found = [least(plate)]
     if inner == "fair":
+        # The search begins in the metric of the domain.
+        flat = np.column_stack([shape.knots, np.zeros(len(shape.knots))])
+        second, third = variation_matrices(shape.knots, shape.log_weights, s, areas, flat)
+        found = [least(third + 30 / areas.sum() * second)]
         # The less weight bending has, the less curvature varies, and the more some patches bend.
         second, third = variation_matrices(shape.knots, shape.log_weights, s, areas, found[0])
         area = measured(found)[0].area
-        found += [least(third + factor / area * second) for factor in (0, 100, 400, 1600)]
-    bent = measured(found)
-    # Where curvature is given along edges, less bending is had by leaving it just inside them.
-    most = math.inf if any(seconds) else MOST_BENDING * min(one.energy for one in bent)
-    best = min(range(len(bent)), key=lambda k: bent[k].variation if bent[k].energy <= most else math.inf)
-    return [(Patch(shape.knots, found[k], log_weights=shape.log_weights), bent[k]) for k in dict.fromkeys((best, 0))]
+        found += [least(third + factor / area * second) for factor in (0, 100, 400)]
+        bent = measured(found)
+        # Where curvature is given along edges, less bending is had by leaving it just inside them.
+        power = 0 if any(seconds) else BENDING_POWER
+        best = min(range(len(bent)), key=lambda k: bent[k].energy ** power * bent[k].variation)
+        for k in dict.fromkeys((best, 0)):
+            yield Patch(shape.knots, found[k], log_weights=shape.log_weights), bent[k]
+    # A thin plate overshoots least; a membrane is what was asked for.
+    p, all_areas = energy_samples(region, resolution)
+    kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
+    points = least(energy_at(shape.knots, shape.log_weights, places(p, 1e-6, s), all_areas, kind))
+    yield Patch(shape.knots, points, log_weights=shape.log_weights), measured([points])[0]
 
 
 def _length(curve: FloatArray) -> float:

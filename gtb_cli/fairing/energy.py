@@ -136,8 +136,8 @@ def energy_samples(
     Of the specs' energies it is below 1e-2 with 32, and 2e-5 with 64. A strip, `until` a part of the way to the middle,
     has a third of the places.
     """
-    # Of the way to the middle, as is what is left out; within these, steps are nearly even
-    layer, corner = min(1e-2, until / 10), 1e-3
+    # Of the way to the middle, as is what is left out, and of an edge; within these, steps are nearly even
+    layer, corner = min(1e-2, until / 10), max(1e-3, left_out)
     nodes, weights = np.polynomial.legendre.leggauss(resolution if until == 1 else math.ceil(resolution / 3))
     span = np.log((until + layer) / (left_out + layer))
     depth = (left_out + layer) * np.exp(span * (nodes + 1) / 2) - layer
