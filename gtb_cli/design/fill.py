@@ -31,10 +31,11 @@ from gtb_cli.design.sides import (
 )
 from gtb_cli.design.splines import single_curves
 from gtb_cli.errors import DomainError
+from gtb_cli.fairing.descent import BENDING_POWER
 from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
 from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.folds import sharp_turns
-from gtb_cli.fairing.variation import BENDING_POWER, Bending, bendings, variation_matrices
+from gtb_cli.fairing.variation import Bending, bendings, variation_matrices
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.model import Model

