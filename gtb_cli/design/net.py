@@ -143,8 +143,8 @@ def _boundary(
 
 def _rings(corners: FloatArray, degrees: IntArray, distance: float, layer: float) -> FloatArray:
     """Return the knots inside, ring by ring, then the centre."""
-    # Of the first gap between rings, and of the domain; with fewer steps, curvature varies more, as few knots are left to
-    # choose it with. Where a second row gives the curvature, it is met less exactly with more.
+    # Of the first gap between rings, and of the domain; with fewer steps, curvature varies more, as few knots are left
+    # to choose it with. Where a second row gives the curvature, it is met less exactly with more.
     gap_growth, last_size, first_ring_steps = (0.35, 0.1, 48) if layer == SECOND_LAYER else (0.5, 0.18, 24)
     inner_knots = 320  # about: if there would be many more, rings have fewer steps, or there are fewer rings
     lengths, _, inward = _frames(corners)
