@@ -145,8 +145,9 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float, layer: float
     """Return the knots inside, ring by ring, then the centre."""
     # Of the first gap between rings, and of the domain; with fewer steps, curvature varies more, as few knots are left
     # to choose it with. Where a second row gives the curvature, it is met less exactly with more.
-    gap_growth, last_size, first_ring_steps = (0.35, 0.1, 48) if layer == SECOND_LAYER else (0.5, 0.18, 24)
-    inner_knots = 320  # about: if there would be many more, rings have fewer steps, or there are fewer rings
+    gap_growth, last_size, first_ring_steps = (0.35, 0.1, 48) if layer == SECOND_LAYER else (0.5, 0.15, 36)
+    # About: if there would be many more, rings have fewer steps, or there are fewer rings
+    inner_knots = 320 if layer == SECOND_LAYER else 440
     lengths, _, inward = _frames(corners)
     centre = corners.mean(axis=0)
     depth = float(((centre - corners) * inward).sum(axis=1).min())
@@ -183,7 +184,7 @@ def _even_weights(
     """Return log weights with which inner knots, and rows on average, have a certain share at their own places."""
     # Most of the rest belongs to a knot's neighbours: the bumps of inner knots overlap so much that no ripple is left.
     # A row with less than this hides its planes in a strip too thin to be seen; with more, it is a crease.
-    inner_share, row_share = 0.08 if any(map(len, seconds)) else 0.04, 0.15
+    inner_share, row_share = (0.06, 0.13) if any(map(len, seconds)) else (0.04, 0.15)
     rounds, damping = 15, 0.6  # towards weights right if the others stayed; a few per cent of a share remain
     logs = logs.copy()
     free = np.concatenate([*rows, inner])

@@ -186,7 +186,7 @@ def test_neighbours_of_one_surface_agree_at_corners_and_others_are_named() -> No
     assert_osculates(filling, found)
     assert not any("mean curvatures" in remark for remark in filling.remarks)
     x, y, z = filling.patch.evaluate(energy_samples(filling.patch.domain, 12)[0], "linear").T
-    assert np.abs(z - (x**2 + y**2) / 20).max() < 3e-4
+    assert np.abs(z - (x**2 + y**2) / 20).max() < 6e-4  # there are fairer surfaces than the paraboloid
     assert max(contact.bend_inside for contact in filling.contacts) < 0.05 * 0.1  # of its curvature
     found["side 1"][2, :, 2] += 0.05
     named = [remark for remark in fill_loop(sides(found), continuity="g2").remarks if "mean curvatures" in remark]

@@ -280,6 +280,7 @@ def test_measuring_snaps_to_corners_and_edges_and_is_in_the_address(browser, sho
         browser.mouse((x + 4, y + 3), drag=True)
     assert browser.run("return [state.from, state.to, measured().distance]") == ["0,0,2", "40,30,2", pytest.approx(50)]
     assert "distance 50\ndx 40  dy 30  dz 0" in browser.run("return $('measured').textContent")
+    browser.settle()  # the length is written where it is drawn
     assert browser.run("return [$('length').textContent, $('length').hidden]") == ["50", False]
     x, y = corner(browser, 22, 0, 2)
     assert browser.run(f"const s = snap({x}, {y + 3}); return [s.kind, ...inModel(s.point)]") == [
