@@ -251,9 +251,8 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
         if part.folds:
             streams.console.warn(f"{name}the patch folds at {part.folds} of some thousand places")
         if part.free:
-            stays = "no fairer one is found" if part.folds or part.error > 0.1 else "already fair"
             free = f"{part.free} free control point{'s' if part.free > 1 else ''}"
-            made = stays if part.patch is given else free
+            made = "no fairer one is found" if part.patch is given else free
             streams.console.note(f"{name}{made}; {_changes(part)}")
     if stiff := [name[:-2] for name, part in zip(names, found, strict=True) if not part.free]:
         where = "" if len(stiff) == len(found) else f" in {', '.join(stiff)}"
@@ -266,16 +265,16 @@ def _changes(part: Fairing) -> str:
 
     def change(what: str, before: float, after: float, digits: int = digits) -> str:
         one, other = (
-            f"{round(value, 12):.{digits}g}" if math.isfinite(value) else "unknown" for value in (before, after)
+            f"{round(value, 12) + 0.0:.{digits}g}" if math.isfinite(value) else "unknown" for value in (before, after)
         )
         return f"{what} {one}" if one == other else f"{what} from {one} to {other}"
 
-    changes = [change("energy", *part.energies)] if part.energies else []
-    changes += [
+    energies = f"{change('energy', *part.energies)} but for the outermost thousandth; " if part.energies else ""
+    changes = [
         change("bending", part.before.energy, part.after.energy),
         change("variation", part.before.variation, part.after.variation),
         change(
             "largest curvature", part.before.curvature, part.after.curvature, 2
         ),  # of the places that were looked at
     ]
-    return f"but for the outermost hundredth: {', '.join(changes)}"
+    return f"{energies}but for the outermost hundredth: {', '.join(changes)}"

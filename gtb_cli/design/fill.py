@@ -152,7 +152,8 @@ class Filling:
             return None
         corners = concave_corners(self.sides)
         if 0 < len(corners) < len(self.sides) - 2:  # with fewer others, the ribbons point out of the hole
-            way_out = f"cut the hole with curves from its concave corners: {'; '.join(corners)}"
+            places = "; ".join(corners)
+            way_out = f"cut the hole with curves from its concave corners (gtb fill tries at most six): {places}"
         return f"the patch {what}: {way_out}"
 
     def __repr__(self) -> str:

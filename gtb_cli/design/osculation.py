@@ -270,6 +270,6 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
             if second.crosses() and second.shifts(trial.normal(size=len(found)))[2] <= exact:
                 return second
     raise DomainError(
-        f"{side.name}: no row of knots of degree up to {most} has its neighbour's curvature exactly, as polynomials of "
-        "the curve and Bézier patches do: take continuity g1"
+        f"{side.name}: no row of knots of degree up to {most} has its neighbour's curvature exactly, as there mostly "
+        "is beside Bézier patches of degree 4 or less: take continuity g1"
     )

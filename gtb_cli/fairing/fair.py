@@ -35,7 +35,7 @@ class Fairing:
     Attributes
     ----------
     patch : Patch
-        The given one itself if it is fair already, or if no control point is free.
+        The given one itself if no fairer one is found, or if no control point is free.
     before, after : Bending
         Of the given patch and of this one, without the outermost hundredth: area, ∫ κ₁² + κ₂² (`energy`), area times
         ∫ |∇H|² (`variation`) and the largest curvature. They are not finite if a surface has no tangent plane there.

@@ -49,15 +49,15 @@ class Reader:
         title = table.name(name)
         knots, n = _knots(table)
         points = _points(table, "control_points", n)
-        for ribbon_key in RIBBONS[: self._row or 0]:
+        faults = (
+            "is the curve itself, and leads nowhere",
+            "is the ribbon itself; of a strip straight across, it is 2 ribbon - curve",
+        )
+        for ribbon_key, fault in zip(RIBBONS[: self._row or 0], faults, strict=False):
             ribbon = _points(table, ribbon_key, n)
             if ribbon is not None:
-                if (
-                    ribbon_key == RIBBONS[0]
-                    and points is not None
-                    and not np.any(_in_space(ribbon) - _in_space(points))
-                ):
-                    table.fault(ribbon_key, "is the curve itself, and leads nowhere")
+                if points is not None and not np.any(_in_space(ribbon) - _in_space(points)):
+                    table.fault(ribbon_key, fault)
                 points = ribbon
         weights = _row(table, "weights", n, POSITIVE)
         logarithms = _row(table, "log_weights", n, COORDINATE)

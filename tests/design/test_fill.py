@@ -127,7 +127,7 @@ def test_a_ribbon_that_points_out_of_the_hole_makes_no_corner_concave():
 @pytest.mark.parametrize(
     ("sign", "way_out"),
     [
-        (1, "cut the hole with curves from its concave corners: s2 and s3 at (1, 1, 0)"),
+        (1, "cut the hole with curves from its concave corners (gtb fill tries at most six): s2 and s3 at (1, 1, 0)"),
         (-1, 'let the ribbons point into the hole, or take `continuity="g0"`'),
     ],
 )

@@ -149,6 +149,8 @@ def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
     assert gtb("fill", spec, *kinds, status=0).err.count("curvatures across differ") == 2
     spec.write_text("\n".join(line for line in lines if not line.startswith("ribbon ")), encoding="utf-8")
     assert "ribbon2: is the row after ribbon, which is missing" in gtb("fill", spec, status=2).err
+    spec.write_text("\n".join(lines).replace(str(ribbons2[0].tolist()), str(ribbons[0].tolist())), encoding="utf-8")
+    assert "[0].ribbon2: is the ribbon itself; of a strip straight across" in gtb("fill", spec, status=2).err
 
 
 @long

@@ -294,12 +294,21 @@ def test_fair_prints_a_spec():
     np.testing.assert_array_equal(
         parse(result.text).control_points, fair(load(BICUBIC), "dirichlet").patch.control_points
     )
-    assert "4 free control points; but for the outermost hundredth: energy from" in result.err
+    assert " but for the outermost thousandth; but for the outermost hundredth: bending" in result.err
     made = gtb("fair", BICUBIC)
     assert "bending from 15.1 to 1.75, variation from 188 to 2" in made.err
     again = gtb("fair", "-", stdin=made.out)
-    assert "already fair; but for the outermost hundredth: bending 1.75, variation 2" in again.err
+    assert "no fairer one is found; but for the outermost hundredth: bending 1.75, variation 2" in again.err
     assert again.out == made.out
+
+
+def test_fair_says_no_more_than_it_found():
+    plane = (
+        b"knots = [[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0.5]]\ncontrol_points = "
+        b"[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 0.5, 0]]"
+    )
+    assert "energy 0 but for" in gtb("fair", "-", "--energy", "thin-plate", stdin=plane).err
+    assert "no fairer one is found; but" in gtb("fair", SPECS / "hexagon.toml", "--keep", "curvature").err
 
 
 def test_fair_says_what_folds_and_what_has_nothing_free():
