@@ -3,19 +3,20 @@
 `python -m tests.benchmarks.filling FILE.gbp …` prints how the fillings of sets of ribbons bend: E = ∫ κ₁² + κ₂² and
 MV = area · ∫ |∇H|², without the outermost hundredth of the way to the middle; a `.gbp` file is a whole GB patch.
 Without files, or for numbers of sides, the hole is cut into the graph of a cubic: a regular polygon around which the
-graph is known, with its tangent planes. The distance from the graph inside is of the size of the hole.
+graph is known, with its tangent planes and curvatures. The distance from the graph inside is of the size of the hole.
 """
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from gtb_cli.design.fill import VISIBLE, fill_loop
+from gtb_cli.design.fill import VISIBLE, Filling, fill_loop
 from gtb_cli.design.loops import read_loop
 from gtb_cli.design.sides import HoleSide, bernstein, side_normals, stations
+from gtb_cli.design.strips import strip_side
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.knots.domain import domain
@@ -46,21 +47,19 @@ def cubic(seed: int) -> tuple[Graph, Graph]:
     return value, gradient
 
 
-def bezier(places: np.ndarray, value: Graph) -> np.ndarray:
-    """(4, 3) Bézier points of the graph over places with steps of a third."""
-    return np.asarray(np.linalg.solve(bernstein(3, np.arange(4) / 3), np.column_stack([places, value(places)])))
-
-
 def sides(n: int, value: Graph, gradient: Graph) -> list[HoleSide]:
-    found, v, t = [], polygon(n), stations()[:, None]
+    """The edges of a regular polygon, each with three rows of the strip that the graph is beside it."""
+    found, v, t = [], polygon(n), np.arange(4)[:, None] / 3
     for k in range(n):
         start, end = v[k], v[(k + 1) % n]
-        along = end - start
-        inward = np.array([-along[1], along[0]])
-        curve = bezier(start + np.arange(4)[:, None] / 3 * along, value)
-        slopes = gradient(start + t * along) @ inward
-        across = np.column_stack([np.tile(inward, (len(t), 1)), slopes])
-        found.append(HoleSide(f"side {k}", np.column_stack([curve, np.ones(4)]), across))
+        places, inward = start + t * (end - start), np.array([start[1] - end[1], end[0] - start[0]])
+        # The slope is quadratic across, so that its difference is exact.
+        curvature = (gradient(places + inward) - gradient(places - inward)) @ inward / 2
+        first = np.column_stack([places, value(places)])
+        second = first + np.column_stack([np.tile(inward, (4, 1)), gradient(places) @ inward]) / 2
+        third = 2 * second - first + np.column_stack([np.zeros((4, 2)), curvature / 2])
+        rows = [np.linalg.solve(bernstein(3, t[:, 0]), row) for row in (first, second, third)]
+        found.append(strip_side(f"side {k}", [np.column_stack([row, np.ones(4)]) for row in rows], 2))
     return found
 
 
@@ -91,6 +90,23 @@ def measured(
     return bent, float(max(angles)), len(folded_pairs(vertices, mesh.cells))
 
 
+def fillings(found: Sequence[HoleSide]) -> Iterator[tuple[str, Filling, float, str]]:
+    """Yield fillings with planes and, where it is known, with curvature: name, processor seconds, and what is left.
+
+    What is left of the given curvatures across at the edges, and a hundredth of a side inside, is the largest
+    difference, of the largest of them.
+    """
+    for continuity in ("g1", "g2") if all(side.bend is not None for side in found) else ("g1",):
+        begin = time.process_time()
+        filling = fill_loop(found, continuity=continuity)
+        seconds, text = time.process_time() - begin, ""
+        if continuity == "g2":
+            most = max(np.abs(side.bend).max() for side in found if side.bend is not None)
+            edge, inside = (max(getattr(c, name) for c in filling.contacts) / most for name in ("bend", "bend_inside"))
+            text = f"; curvatures across differ by {edge:.0e}, and by {inside:.0%} a hundredth inside"
+        yield f"gtb fill {continuity}", filling, seconds, text
+
+
 def line(name: str, bent: Bending, angle: float, folds: int, seconds: float) -> str:
     return f"  {name:13} {bent.energy:8.4g} {bent.variation:8.4g} {angle:8.1e} {folds:5} {seconds:8.2f}"
 
@@ -100,10 +116,9 @@ def ribbons(path: str) -> None:
     found = read_loop(Path(path).read_bytes(), path)
     assert not isinstance(found, Model)
     print(f"{Path(path).name}, {len(found)} sides, E, MV, degrees, folds, seconds", flush=True)
-    begin = time.process_time()
-    filling = fill_loop(found)
-    seconds = time.process_time() - begin
-    print(line("gtb fill", filling.bending, filling.angle, filling.folds + filling.sharp_turns, seconds), flush=True)
+    for name, filling, seconds, text in fillings(found):
+        folds = filling.folds + filling.sharp_turns
+        print(line(name, filling.bending, filling.angle, folds, seconds) + text, flush=True)
     gb, corner = GeneralizedBezier.read(path), polygon(len(found))
 
     def gb_edge(k: int, t: np.ndarray) -> np.ndarray:
@@ -133,25 +148,22 @@ def ribbons(path: str) -> None:
 def cubics(counts: Sequence[int]) -> None:
     for n in counts:
         value, gradient = cubic(n)
-        found, begin = sides(n, value, gradient), time.process_time()
-        filling = fill_loop(found)
-        seconds = time.process_time() - begin
-        places = energy_samples(filling.patch.domain, 20)[0]
+        found = sides(n, value, gradient)
         size = float(np.ptp(np.concatenate([side.ends for side in found]), axis=0).max())
 
         def missed(points: np.ndarray, value: Graph = value, size: float = size) -> str:
             return f"{np.abs(points[:, 2] - value(points[:, :2])).max() / size:.1e}"
 
-        bent = filling.bending
-        text = f"{n} sides: {missed(filling.patch.evaluate(places, 'linear'))} from the graph, "
-        text += f"{filling.angle:.0e} degrees, {filling.folds} folds, {seconds:.2f} s, "
-        text += f"bending {bent.energy:.3g}, variation {bent.variation:.2g}; Open CASCADE: "
+        print(f"{n} sides, distance from the graph, E, MV, degrees, folds, seconds", flush=True)
+        for name, filling, seconds, text in fillings(found):
+            far = missed(filling.patch.evaluate(energy_samples(filling.patch.domain, 20)[0], "linear"))
+            print(f"  {far}" + line(name, filling.bending, filling.angle, filling.folds, seconds) + text, flush=True)
         try:
             other = Filled(found)
-            text += missed(other.at(other.parameters(energy_samples(domain(polygon(n), "unit"), 20)[0])[0])[0])
+            places = energy_samples(domain(polygon(n), "unit"), 20)[0]
+            print(f"  {missed(other.at(other.parameters(places)[0])[0])}  Open CASCADE", flush=True)
         except ImportError:
-            text += MISSING
-        print(text, flush=True)
+            print(f"  Open CASCADE: {MISSING}", flush=True)
 
 
 def main(words: Sequence[str]) -> None:
