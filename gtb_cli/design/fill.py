@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -160,6 +161,9 @@ class Filling:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
 
 
+_Attempt: TypeAlias = tuple[tuple[int, bool], Patch, Bending, list[int], int, int]
+
+
 def fill_loop(
     sides: Sequence[HoleSide],
     name: str | None = None,
@@ -198,17 +202,21 @@ def fill_loop(
         unit.append(replace(side, curve=curve, bend=bend, strip=strip))
     normals = [None if side.across is None else side_normals(side) for side in unit]
 
-    def attempt(least: int, fewer: bool) -> tuple[int, Patch, Bending, list[int], int, int]:
-        """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given."""
+    def attempt(least: int, fewer: bool) -> _Attempt:
+        """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
+
+        First are the number of faults, and whether fairer patches have some.
+        """
         edges, fields, seconds, times = row_fields(unit, normals, least)
         if fewer:
             fields, seconds = nearest_fields(unit, normals, fields, seconds)
-        found = []
+        found: list[_Attempt] = []
         for patch, bent in _solved(edges, fields, seconds, inner, fullness):
             turned = sum(_angles(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
             turns, folds = sharp_turns(patch), count_folds(patch)
-            found.append((turns + 1000 * (folds + turned), patch, bent, times, turns, folds))
-            if not found[-1][0]:
+            faults = turns + 1000 * (folds + turned)
+            found.append(((faults, bool(found)), patch, bent, times, turns, folds))
+            if not faults:
                 break
         return min(found, key=lambda each: each[0])
 
@@ -224,7 +232,7 @@ def fill_loop(
         plans.insert(0 if len(unit) > 12 else 1, (least - 1, False))
     best = attempt(*plans[0])
     for plan in plans[1:]:
-        if not best[0]:
+        if not any(best[0]):
             break
         best = min(best, attempt(*plan), key=lambda found: found[0])
     _, patch, bent, times, turns, folds = best
