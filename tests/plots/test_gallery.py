@@ -1,14 +1,15 @@
 """The gallery of specs/README.md: every picture is there, small, and what its command draws."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.marks import long
 from tests.plots.images import pixels
-from tests.tools import guide
-from tests.tools.gallery import LARGEST, PICTURES, README, REPORT, pictures
+from tests.tools import guide, stripes
+from tests.tools.gallery import LARGEST, PICTURES, README, REPORT, STRIPES, pictures
 
 PICTURES_OF_PAGE = pictures()
 
@@ -23,12 +24,19 @@ DIFFERENT = 60
 FEW = 0.03
 
 
+def others(one: Path, other: Path) -> float:
+    """Part of the pixels that differ between two pictures of one size."""
+    there, drawn = pixels(one.read_bytes()), pixels(other.read_bytes())
+    assert there.shape == drawn.shape
+    return float((np.abs(there.astype(int) - drawn).max(axis=2) > DIFFERENT).mean())
+
+
 def test_every_figure_of_the_paper_is_there():
     text = README.read_text(encoding="utf-8")
     rows = {int(number) for number in re.findall(r"^\| (\d+)[ |]", text, re.MULTILINE)}
     assert rows == set(range(1, 17))
     shown = re.findall(r"!\[[^\]]*\]\(pictures/([\w.-]+)\)", text)
-    assert shown == [*(picture.name for picture in PICTURES_OF_PAGE), REPORT.name]
+    assert shown == [*(picture.name for picture in PICTURES_OF_PAGE), STRIPES.name, REPORT.name]
     assert set(shown) == {path.name for path in PICTURES.iterdir() if not path.name.startswith(guide.PREFIX)}
 
 
@@ -46,13 +54,15 @@ def test_pictures_are_small():
 def test_a_picture_is_what_its_command_draws(picture, tmp_path):
     target = tmp_path / "picture.png"
     assert picture.draw(target) == 0
-    there, drawn = pixels(picture.path.read_bytes()), pixels(target.read_bytes())
-    assert there.shape == drawn.shape
-    others = np.abs(there.astype(int) - drawn).max(axis=2) > DIFFERENT
-    assert others.mean() <= FEW
+    assert others(picture.path, target) <= FEW
+
+
+@long
+def test_stripes_are_those_of_fills(tmp_path):
+    target = tmp_path / "picture.png"
+    stripes.draw(target)
+    assert others(STRIPES, target) <= FEW
 
 
 def test_another_picture_is_seen():
-    one, other = (pixels((PICTURES / name).read_bytes()) for name in ("figure-3.png", "figure-4.png"))
-    assert one.shape == other.shape
-    assert (np.abs(one.astype(int) - other).max(axis=2) > DIFFERENT).mean() > FEW
+    assert others(PICTURES / "figure-3.png", PICTURES / "figure-4.png") > FEW

@@ -1,4 +1,5 @@
-"""The pictures of specs/README.md and specs/GUIDE.md: each is drawn by the command that stands beside it.
+"""The pictures of specs/README.md and specs/GUIDE.md: each is drawn by the command that stands beside it,
+and stripes, which no command draws, by `stripes`.
 
 ``python -m tests.tools.gallery`` draws all of them into specs/pictures, which ``make gallery`` is for. That of a report
 is a page in Chromium, and stays as it is where there is none.
@@ -15,12 +16,13 @@ from typing import NamedTuple
 
 from gtb_cli.commands.cli import run
 from tests.shell import REPOSITORY, SPECS
-from tests.tools import guide
+from tests.tools import guide, stripes
 from tests.tools.browser import Chromium
 
 README = REPOSITORY / "specs" / "README.md"
 PICTURES = REPOSITORY / "specs" / "pictures"
 REPORT = PICTURES / "report.png"
+STRIPES = PICTURES / "stripes.png"
 
 LARGEST = 60_000  # bytes of a picture that the repository keeps
 
@@ -52,10 +54,11 @@ def main() -> int:
     """Draw all pictures anew, and remove those that the page no longer has."""
     PICTURES.mkdir(exist_ok=True)
     drawn = pictures()
-    for old in set(PICTURES.iterdir()) - {REPORT, *(picture.path for picture in drawn)}:
+    for old in set(PICTURES.iterdir()) - {REPORT, STRIPES, *(picture.path for picture in drawn)}:
         old.unlink()
     if guide.draw():
         return 1
+    stripes.draw(STRIPES)
     if Chromium.THERE:
         draw_report(REPORT)
     else:
