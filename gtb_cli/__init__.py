@@ -32,21 +32,14 @@ from gtb_cli.spec_paths import of_patch
 from gtb_cli.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from gtb_cli.assembly.seams import Seam as Seam
-    from gtb_cli.assembly.seams import joints as joints
     from gtb_cli.bezier.elevation import elevate as elevate
+    from gtb_cli.bezier.isocurve import isocurve as isocurve
     from gtb_cli.bezier.pieces import bezier_pieces as bezier_pieces
     from gtb_cli.bezier.pieces import split_curve as split_curve
-    from gtb_cli.checks.check import check as check
+    from gtb_cli.checks.properties import check as check
     from gtb_cli.checks.report import Finding as Finding
     from gtb_cli.checks.report import ModelReport as ModelReport
     from gtb_cli.checks.report import Report as Report
-    from gtb_cli.design.fill import Contact as Contact
-    from gtb_cli.design.fill import Filling as Filling
-    from gtb_cli.design.filling import fill as fill
-    from gtb_cli.design.fit import Fit as Fit
-    from gtb_cli.design.fit import fit as fit
-    from gtb_cli.design.isocurve import isocurve as isocurve
     from gtb_cli.distances.comparison import diff as diff
     from gtb_cli.distances.comparison import distance as distance
     from gtb_cli.errors import DomainError as DomainError
@@ -58,10 +51,15 @@ if TYPE_CHECKING:
     from gtb_cli.errors import ToleranceError as ToleranceError
     from gtb_cli.fairing.fair import Fairing as Fairing
     from gtb_cli.fairing.fair import fair as fair
+    from gtb_cli.fairing.fit import Fit as Fit
+    from gtb_cli.fairing.fit import fit as fit
+    from gtb_cli.filling.fill import fill as fill
+    from gtb_cli.filling.one_patch import Contact as Contact
+    from gtb_cli.filling.one_patch import Filling as Filling
     from gtb_cli.formats.export import write_mesh as write_mesh
     from gtb_cli.formats.meshfiles import read_mesh as read_mesh
-    from gtb_cli.imports.readers import Imported as Imported
-    from gtb_cli.imports.readers import import_file as import_file
+    from gtb_cli.importers.readers import Imported as Imported
+    from gtb_cli.importers.readers import import_file as import_file
     from gtb_cli.knots.all_decompositions import LiftingCone as LiftingCone
     from gtb_cli.knots.all_decompositions import regular_decompositions as regular_decompositions
     from gtb_cli.knots.convergence import convergence_rate as convergence_rate
@@ -75,9 +73,19 @@ if TYPE_CHECKING:
     from gtb_cli.language.loading import load_patch as load_patch
     from gtb_cli.language.writer import save as save
     from gtb_cli.language.writer import to_dict as to_dict
+    from gtb_cli.limits.degeneration import degenerate as degenerate
+    from gtb_cli.limits.degeneration import regular_control_surface as regular_control_surface
+    from gtb_cli.limits.knot_limit import Film as Film
+    from gtb_cli.limits.knot_limit import KnotLimit as KnotLimit
+    from gtb_cli.limits.knot_limit import knot_limit as knot_limit
+    from gtb_cli.limits.knot_limit import merge_knots as merge_knots
+    from gtb_cli.limits.knot_limit import move_knots as move_knots
     from gtb_cli.meshes.difference import Difference as Difference
     from gtb_cli.meshes.hausdorff import Distance as Distance
     from gtb_cli.meshes.mesh import Mesh as Mesh
+    from gtb_cli.models.model import Model as Model
+    from gtb_cli.models.seams import Seam as Seam
+    from gtb_cli.models.seams import joints as joints
     from gtb_cli.pages.notebook import frame as frame
     from gtb_cli.pages.page import page as page
     from gtb_cli.plots.figures import plot as plot
@@ -90,14 +98,6 @@ if TYPE_CHECKING:
     from gtb_cli.tessellation.tessellate import tessellate as tessellate
     from gtb_cli.theory.basis import unity_coefficients as unity_coefficients
     from gtb_cli.theory.curvature import Curvature as Curvature
-    from gtb_cli.theory.degeneration import degenerate as degenerate
-    from gtb_cli.theory.degeneration import regular_control_surface as regular_control_surface
-    from gtb_cli.theory.knot_limit import Film as Film
-    from gtb_cli.theory.knot_limit import KnotLimit as KnotLimit
-    from gtb_cli.theory.knot_limit import knot_limit as knot_limit
-    from gtb_cli.theory.knot_limit import merge_knots as merge_knots
-    from gtb_cli.theory.knot_limit import move_knots as move_knots
-    from gtb_cli.theory.model import Model as Model
     from gtb_cli.theory.patch import Patch as Patch
     from gtb_cli.theory.quadrature import Quadrature as Quadrature
     from gtb_cli.theory.quadrature import quadrature as quadrature
@@ -106,21 +106,21 @@ if TYPE_CHECKING:
 else:
     # Public names by the modules that have them
     _ROOMS = {
-        "assembly.seams": "Seam joints",
+        "models.seams": "Seam joints",
         "bezier.elevation": "elevate",
         "bezier.pieces": "bezier_pieces split_curve",
-        "checks.check": "check",
+        "checks.properties": "check",
         "checks.report": "Finding ModelReport Report",
-        "design.fill": "Contact Filling",
-        "design.filling": "fill",
-        "design.fit": "Fit fit",
-        "design.isocurve": "isocurve",
+        "filling.one_patch": "Contact Filling",
+        "filling.fill": "fill",
+        "fairing.fit": "Fit fit",
+        "bezier.isocurve": "isocurve",
         "distances.comparison": "diff distance",
         "errors": "DomainError ExportError Fault GtbError RequirementError SpecError ToleranceError",
         "fairing.fair": "Fairing fair",
         "formats.export": "write_mesh",
         "formats.meshfiles": "read_mesh",
-        "imports.readers": "Imported import_file",
+        "importers.readers": "Imported import_file",
         "knots.all_decompositions": "LiftingCone regular_decompositions",
         "knots.convergence": "convergence_rate",
         "knots.decomposition": "RegularDecomposition regular_decomposition",
@@ -139,9 +139,9 @@ else:
         "tessellation.tessellate": "tessellate",
         "theory.basis": "unity_coefficients",
         "theory.curvature": "Curvature",
-        "theory.degeneration": "degenerate regular_control_surface",
-        "theory.knot_limit": "Film KnotLimit knot_limit merge_knots move_knots",
-        "theory.model": "Model",
+        "limits.degeneration": "degenerate regular_control_surface",
+        "limits.knot_limit": "Film KnotLimit knot_limit merge_knots move_knots",
+        "models.model": "Model",
         "theory.patch": "Patch",
         "theory.quadrature": "Quadrature quadrature",
     }

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gtb_cli.language import loading
-from gtb_cli.theory.model import Model
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
 SPECS = Path(__file__).parent.parent / "specs"

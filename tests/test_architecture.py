@@ -20,28 +20,16 @@ REPOSITORY = PACKAGE.parent
 
 GROUND = "ground"
 WINGS = [
-    *(GROUND, "knots", "moment", "theory", "bezier", "meshes", "language", "imports", "formats", "assembly"),
-    *(
-        "certificates",
-        "tessellation",
-        "distances",
-        "sequences",
-        "fairing",
-        "design",
-        "plots",
-        "pages",
-        "checks",
-        "review",
-        "shell",
-        "verdicts",
-        "commands",
-    ),
+    *(GROUND, "knots", "moment", "theory", "models", "limits", "bezier", "meshes", "solids", "language", "importers"),
+    *("formats", "certificates", "tessellation", "distances", "sequences", "fairing", "filling", "plots", "pages"),
+    *("checks", "review", "process", "shell", "verdicts", "commands"),
     *("__init__", "__main__", "pytest_plugin"),
 ]
 """The floors, from the ground up: each imports only those before it. Modules beside the folders are the ground, but for
 the two through which users come in, which are the top."""
 
-APART = {"knots": {"meshes"}, "theory": {"meshes"}, "bezier": {"meshes"}, "meshes": {"knots", "theory", "bezier"}}
+PATCHES = {"knots", "moment", "theory", "models", "limits", "bezier"}
+APART = {"meshes": PATCHES, "solids": PATCHES}
 """Floors that do not know each other."""
 
 READS_MESHES = {"meshes.mesh", "formats.glb", "formats.ply", "formats.stl"}
@@ -152,7 +140,7 @@ def test_a_floor_is_not_too_large():
 
 def test_a_room_knows_no_shell():
     for name, tree in modules().items():
-        if wing_of(name) in ("shell", "verdicts", "commands", "__main__"):
+        if wing_of(name) in ("process", "shell", "verdicts", "commands", "__main__"):
             continue
         assert "click" not in packages(imported(tree)), name
         calls = [node.func for node in nodes(tree) if isinstance(node, ast.Call)]
@@ -165,12 +153,12 @@ def test_a_text_of_a_room_names_no_option():
     option = re.compile(r"(?<![\w-])(--[a-z]|-[a-zA-Z]\b)")
     found = set()
     for name, tree in modules().items():
-        if wing_of(name) not in ("shell", "verdicts", "commands", "__main__", "pytest_plugin"):
+        if wing_of(name) not in ("process", "shell", "verdicts", "commands", "__main__", "pytest_plugin"):
             alone = {id(node.value) for node in nodes(tree) if isinstance(node, ast.Expr)}  # docstrings
             texts = [node for node in nodes(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
             found |= {name for text in texts if id(text) not in alone and option.search(text.value)}
     # A comment of a spec that `gtb new` writes, and options of the Python interpreter and of ffmpeg.
-    assert found == {"language.starter", "imports.rhino", "plots.film"}
+    assert found == {"language.starter", "importers.rhino", "plots.animation"}
 
 
 def test_slow_packages_are_imported_when_they_are_used():
@@ -180,8 +168,8 @@ def test_slow_packages_are_imported_when_they_are_used():
 
 
 def test_a_command_is_imported_alone_and_without_numpy():
-    shell = {name for name in modules() if wing_of(name) in ("shell", "verdicts")}
-    for name in [name for name in modules() if wing_of(name) in ("shell", "verdicts", "commands")]:
+    shell = {name for name in modules() if wing_of(name) in ("process", "shell", "verdicts")}
+    for name in [name for name in modules() if wing_of(name) in ("process", "shell", "verdicts", "commands")]:
         early = imported_at_top(modules()[name])
         assert "numpy" not in packages(early), name
         assert own(early) <= {"__init__", "errors", "version", "values", "vocabulary", RECIPE} | shell, name
@@ -244,7 +232,7 @@ def test_import_gtb_cli_imports_nothing(tmp_path):
 
 
 def test_a_small_mesh_imports_little(tmp_path):
-    ours = {"theory.joints", "theory.normals", "knots.decomposition", "language.copies"}
+    ours = {"models.joints", "theory.normals", "knots.decomposition", "language.copies"}
     assert ours <= modules().keys()
     slow = {"scipy", "trimesh", "fractions", "tempfile", "concurrent.futures", "multiprocessing", "numpy.ma", "json"}
     slow |= {"importlib.metadata", "decimal", "asyncio", "logging", "subprocess", "urllib.request", "unittest", "http"}

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gtb_cli.design.loops import loop_from_text
-from gtb_cli.design.sides import side_normals, stations
 from gtb_cli.fairing.variation import bendings
+from gtb_cli.filling.loops import loop_from_text
+from gtb_cli.filling.sides import side_normals, stations
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.patch import Patch
 from tests import benchmarks
@@ -80,7 +80,7 @@ def test_a_generalized_bezier_patch_with_four_sides_is_bicubic_and_bends_as_one(
 
 
 def test_generalized_bezier_patches_touch_their_ribbons():
-    path = Path(__file__).parent / "design" / "cagd86.gbp"
+    path = Path(__file__).parent / "filling" / "cagd86.gbp"
     patch, sides = gb.GeneralizedBezier.read(path), loop_from_text(path.read_bytes(), str(path))
     corners, t = gb.polygon(5), stations()[[9, 48, 80]]
     for k, side in enumerate(sides):

@@ -6,8 +6,8 @@ These are the commands of the README's "In CI". `make golden` renews the meshes 
 import numpy as np
 
 from gtb_cli.language.writer import dump
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
 from tests.shell import REPOSITORY, gtb

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.theory.model import Model
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.specs import GOOD_SPECS, SPECS, load, spec
 

@@ -15,9 +15,9 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.bezier.elevation import MAX_ELEVATED_KNOTS, MAX_PLAIN_WEIGHT
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import KNOT_TOLERANCE
+from gtb_cli.models.model import Model
 from gtb_cli.spec_paths import SpecPath, loaded, of_patch
 from gtb_cli.theory.edges import patch_name
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 MAX_DEGREE = 25  # of a piece, by default

@@ -10,7 +10,7 @@ from gtb_cli.certificates.curve import CurveCertificate
 from gtb_cli.certificates.deadline import Deadline
 from gtb_cli.certificates.planar import PlanarCertificate
 from gtb_cli.certificates.surface import SurfaceCertificate
-from gtb_cli.theory.knot_limit import merge_knots
+from gtb_cli.limits.knot_limit import merge_knots
 from gtb_cli.theory.patch import Patch
 
 

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of
-from gtb_cli.checks.bounds import bounds
+from gtb_cli.checks.bounding_boxes import bounds
 from gtb_cli.knots.domain import EdgeNormals, has_integer_corners
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.knots.triangulation import cell_count, triangulation

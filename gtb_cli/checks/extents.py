@@ -10,8 +10,8 @@ from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 

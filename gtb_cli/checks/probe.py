@@ -13,8 +13,8 @@ from gtb_cli.checks.report import Finding
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import KNOT_ULPS
 from gtb_cli.knots.triangulation import cell_count, triangulation
+from gtb_cli.limits.knot_limit import merge_knots
 from gtb_cli.theory.basis import Location, torus_coordinates
-from gtb_cli.theory.knot_limit import merge_knots
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 

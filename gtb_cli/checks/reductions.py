@@ -5,9 +5,9 @@ from itertools import product
 import numpy as np
 
 from gtb_cli.arrays import EPS
+from gtb_cli.bezier.isocurve import isocurve
 from gtb_cli.checks.probe import Probe, choice, largest, points_at_torus
 from gtb_cli.checks.report import Finding, not_applicable, within_rounding
-from gtb_cli.design.isocurve import isocurve
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_fault, lattice_of
 from gtb_cli.theory.basis import torus_coordinates

@@ -59,7 +59,7 @@ def _checked(
     spec: str, spec_format: str | None, weld: float | str | None, require: tuple[str, ...]
 ) -> tuple[Report | ModelReport, list[Fault]]:
     """Return the report on a spec, and the requirements that its mesh does not meet."""
-    from gtb_cli.checks.check import check as measure
+    from gtb_cli.checks.properties import check as measure
     from gtb_cli.tessellation.recipe import Recipe, welded
 
     with spec_of(spec, spec_format) as read:

@@ -108,8 +108,8 @@ def _print_version(ctx: click.Context, param: click.Parameter, value: bool) -> N
     if not value or ctx.resilient_parsing:
         return
     if ctx.params.get("json"):  # an eager option, which is read first
+        from gtb_cli.process.versions import package_version, versions
         from gtb_cli.shell.streams import write_json
-        from gtb_cli.shell.versions import package_version, versions
 
         write_json(STANDARD, versions() | {"click": package_version("click")})
     else:
@@ -120,9 +120,9 @@ def _print_version(ctx: click.Context, param: click.Parameter, value: bool) -> N
 def _bound(ctx: click.Context, param: click.Parameter, text: str | None) -> float | None:
     if text is None:
         return None
-    from gtb_cli.shell import bounds
+    from gtb_cli.shell.allowances import bytes_from, seconds_from
 
-    return bounds.seconds_from(text) if param.name == "max_seconds" else bounds.bytes_from(text)
+    return seconds_from(text) if param.name == "max_seconds" else bytes_from(text)
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -210,10 +210,10 @@ def _done(arguments: Sequence[str], alone: bool) -> tuple[int, list[Fault]]:
             if limits != (None, None):
                 if not alone:
                     raise click.UsageError("--max-seconds and --max-memory need a process of their own")
-                from gtb_cli.shell.bounds import bound
+                from gtb_cli.shell.allowances import bound
 
                 bound(*limits)
-            from gtb_cli.shell.memory import prepare_for_limit  # --help and --version do not need it
+            from gtb_cli.process.memory import prepare_for_limit  # --help and --version do not need it
 
             prepare_for_limit()
             gtb.invoke(context)

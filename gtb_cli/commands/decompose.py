@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.shell.limits import all_decompositions
+from gtb_cli.shell.limit_options import all_decompositions
 from gtb_cli.shell.meshing import format_of_lines, write_lines
 from gtb_cli.shell.options import WholeNumber, json_option, lifting_option, spec_argument, streams_options
 from gtb_cli.shell.streams import Streams, about, single, write_json
@@ -55,7 +55,7 @@ def decompose(
     JSON it is {"schema": 1, "decompositions": [{"cells", "absent", "lifting", "dimension", "used"}, ...]}: a lifting
     that induces it, the dimension of the cone of all such liftings, and the number of knots that cells use.
     """
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
 
     given = {"--triangulations": triangulations, "--flips": flips, "--max": most is not None}
     if every:
@@ -83,7 +83,7 @@ def decompose(
             parts = [_decomposition(loaded, lifting, net)]
             found = _data(parts[0])
     if net:
-        from gtb_cli.plots.nets import mesh_of_nets
+        from gtb_cli.plots.net_lines import mesh_of_nets
 
         return write_lines(streams, kind, mesh_of_nets(loaded.patches, parts, loaded.name))
     if as_json:
@@ -95,8 +95,8 @@ def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, net: bool) -
     """Return the decomposition by a lifting, or the spec's own; for the usual net of a Bézier patch without one."""
     from gtb_cli.knots.decomposition import regular_decomposition
     from gtb_cli.knots.lattice import lattice_of
-    from gtb_cli.plots.nets import bowl
-    from gtb_cli.theory.degeneration import lifting_of
+    from gtb_cli.limits.degeneration import lifting_of
+    from gtb_cli.plots.net_lines import bowl
 
     has_usual_net = patch.dimension == 1 or lattice_of(patch.domain) is not None
     if net and lifting is None and patch.lifting is None and has_usual_net:

@@ -15,7 +15,7 @@ from gtb_cli.vocabulary import CONTINUITIES
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
-    from gtb_cli.design.fill import Filling
+    from gtb_cli.filling.one_patch import Filling
 
 
 def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
@@ -93,10 +93,10 @@ def fill(
     A hole with concave corners is cut by up to six curves, from these corners to others (of a loop of curves, also to
     points of sides), into parts with a patch each, whose tangent planes along the cuts are the same.
     """
-    from gtb_cli.design.filling import filled
-    from gtb_cli.design.loops import read_loop
+    from gtb_cli.filling.fill import filled
+    from gtb_cli.filling.loops import read_loop
     from gtb_cli.language.writer import dump
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
 
     source = shown_input(loop)
     found = read_loop(read_bytes(loop), source, streams.spec_format)  # type: ignore[arg-type]
@@ -150,7 +150,7 @@ def _report(filling: Filling, console: Console) -> None:
     import numpy as np
 
     from gtb_cli.arrays import point_text
-    from gtb_cli.design.fill import SPIKE
+    from gtb_cli.filling.one_patch import SPIKE
 
     # Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so
     corner_angle = 0.1

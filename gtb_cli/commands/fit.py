@@ -39,7 +39,7 @@ def fit(points: str, knots: tuple[float, ...] | None, patch: str | None, streams
         raise click.UsageError("--knots is for curves; --patch has its own knots")
     if patch == points == STANDARD:
         raise click.UsageError("standard input can be read only once")
-    from gtb_cli.design.fit import fit as fitted
+    from gtb_cli.fairing.fit import fit as fitted
     from gtb_cli.language.writer import dump
 
     surface = None if patch is None else streams.patch_of(patch)

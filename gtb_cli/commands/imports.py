@@ -31,9 +31,9 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
     geomdl (.json). A message names what a patch cannot hold, such as trimming and units. Boundaries of holes (.gbp,
     .lop) are filled as gtb fill does.
     """
-    from gtb_cli.design.fill import fill_loop
-    from gtb_cli.design.loops import SUFFIXES, loop_from_text
-    from gtb_cli.imports.readers import import_data
+    from gtb_cli.filling.loops import SUFFIXES, loop_from_text
+    from gtb_cli.filling.one_patch import fill_loop
+    from gtb_cli.importers.readers import import_data
     from gtb_cli.language.writer import dump
 
     source = shown_input(file)

@@ -18,7 +18,7 @@ from gtb_cli.vocabulary import SPEC_FORMATS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.checks.description import Description
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
     from gtb_cli.theory.patch import Patch
 
 MAX_PATCHES_SHOWN = 4  # largest number of patches of a model that are all described without --long
@@ -95,9 +95,9 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
     import numpy as np
 
     from gtb_cli.arrays import bounds_of
-    from gtb_cli.checks.bounds import bounds
+    from gtb_cli.checks.bounding_boxes import bounds
     from gtb_cli.checks.description import description
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
 
     if isinstance(loaded, Model):
         all_shown = in_full or len(loaded.patches) <= MAX_PATCHES_SHOWN
@@ -115,9 +115,9 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
 
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
-    from gtb_cli.assembly.openings import near_misses
-    from gtb_cli.assembly.seams import bends
-    from gtb_cli.assembly.seams import joints as seams_of
+    from gtb_cli.models.openings import near_misses
+    from gtb_cli.models.seams import bends
+    from gtb_cli.models.seams import joints as seams_of
     from gtb_cli.theory.edges import edge_name
 
     joints, seams, name = model.joints, seams_of(model), partial(edge_name, model.patches)

@@ -40,7 +40,7 @@ from gtb_cli.shell.streams import (
     write_blocks,
     write_text,
 )
-from gtb_cli.shell.surfaces import check_unit, surface_format, write_surfaces
+from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfaces
 from gtb_cli.shell.workers import Workers, workers_option
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, CELL_SUFFIXES, FORMATS, UNITS, suffix_of
 
@@ -288,7 +288,7 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         if task.sums is not None:
             from gtb_cli.formats.export import standing
             from gtb_cli.meshes.measures import measure
-            from gtb_cli.shell.versions import versions
+            from gtb_cli.process.versions import versions
 
             measures = measure(standing(mesh, kind, options.up)).record()
             asked = {"tolerance": options.recipe.tolerance_for(spec), "assurance": assurance} if assurance else {}

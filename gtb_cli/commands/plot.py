@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.shell.console import STANDARD
-from gtb_cli.shell.limits import limit_options, refuse_limit
+from gtb_cli.shell.limit_options import limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, gathered, numbers_of, spec_format_option
 from gtb_cli.shell.streams import Streams, about, format_of, refuse_terminal, write_blocks
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SEQUENCE_RECORD, SIZE_LIMITS, STRETCH_LIMITS
 
 if TYPE_CHECKING:
-    from gtb_cli.plots.sequences import Approach
+    from gtb_cli.plots.panels import Approach
 
 FIGURE_FORMATS = ("png", "svg", "pdf", "pgf")  # the default first
 FILM_FORMATS = ("gif", "apng", "mp4")
@@ -170,10 +170,10 @@ def plot(
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
     with settings():  # a missing matplotlib is reported before anything is computed
         pass
+    from gtb_cli.plots.animation import encoded_film
     from gtb_cli.plots.figures import Variation, figure_of, frames_of_picture, picture_of
-    from gtb_cli.plots.film import encoded_film
     from gtb_cli.plots.look import look_of
-    from gtb_cli.plots.sequences import figure_of_frames, film_of_frames, read_frames
+    from gtb_cli.plots.panels import figure_of_frames, film_of_frames, read_frames
 
     is_folder = os.path.isdir(spec) or os.path.basename(spec) == SEQUENCE_RECORD
     if is_folder:

@@ -53,7 +53,7 @@ def elevate(spec: Spec, by: int) -> Spec:
     Each patch of a model is elevated.
     """
     from gtb_cli.bezier.elevation import elevate as elevated
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
 
     if isinstance(spec, Model):
         return spec.replace(patches=tuple(elevated(patch, by) for patch in spec))
@@ -73,7 +73,7 @@ def boundary(spec: Spec, edge: int | None) -> Spec:
     Edges are counted from 0, counter-clockwise from the lowest, then leftmost, corner of the domain; gtb info lists
     their knots. The curve's knots are measured along the edge, from its first corner.
     """
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
 
     patch = single(spec)
     if patch.dimension == 1:
@@ -108,8 +108,8 @@ def isocurve(
     """
     import numpy as np
 
-    from gtb_cli.design.isocurve import isocurve as curve_of
-    from gtb_cli.design.isocurve import isoparametric_points
+    from gtb_cli.bezier.isocurve import isocurve as curve_of
+    from gtb_cli.bezier.isocurve import isoparametric_points
     from gtb_cli.language.writer import dump
     from gtb_cli.meshes.mesh import Mesh
 
@@ -158,7 +158,7 @@ def bezier(spec: str, split: tuple[float, ...] | None, max_degree: int, streams:
     """
     from gtb_cli.bezier.pieces import bezier_pieces, split_curve
     from gtb_cli.language.writer import dump
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
 
     if split is not None and len(split) != 1:
         raise click.UsageError(f"--split: expected one parameter, got {len(split)}")
@@ -238,8 +238,8 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
     """
     from gtb_cli.fairing.fair import fair as made_fair
     from gtb_cli.language.writer import dump
+    from gtb_cli.models.model import Model
     from gtb_cli.theory.edges import patch_name
-    from gtb_cli.theory.model import Model
 
     with streams.spec_of(spec) as loaded:
         model = loaded if isinstance(loaded, Model) else None

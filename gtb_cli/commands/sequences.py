@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.limits import all_decompositions, lifting_of, moves_of, x_of
+from gtb_cli.shell.limit_options import all_decompositions, lifting_of, moves_of, x_of
 from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument
-from gtb_cli.shell.sequences import NAME_DIGITS, SequenceOutput, sequence_options
+from gtb_cli.shell.sequence_options import NAME_DIGITS, SequenceOutput, sequence_options
 from gtb_cli.shell.streams import single
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
-    from gtb_cli.theory.knot_limit import KnotLimit
+    from gtb_cli.limits.knot_limit import KnotLimit
     from gtb_cli.theory.patch import Patch
 
 
@@ -80,8 +80,8 @@ def degenerate(
     if out.emits_spec and len(set(xs)) != 1:
         raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
     out.check_length(xs)
+    from gtb_cli.limits.degeneration import heights_of
     from gtb_cli.sequences.sequence import degeneration
-    from gtb_cli.theory.degeneration import heights_of
 
     with out.streams.spec_of(spec) as loaded:
         patch = single(loaded)
@@ -95,7 +95,7 @@ def degenerate(
 def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
     """Return the spec of the patch with the weights x^λ ω, or of its limit."""
     from gtb_cli.language.writer import dump
-    from gtb_cli.theory.degeneration import degenerate, regular_control_surface
+    from gtb_cli.limits.degeneration import degenerate, regular_control_surface
 
     if 0 < x < math.inf:
         return dump(degenerate(patch, x, heights))
@@ -164,8 +164,8 @@ def knot_limit(spec: str, moves: dict[int, int], steps: tuple[float, ...], out: 
     """
     out.check_length(steps)
     from gtb_cli.language.writer import dump
+    from gtb_cli.limits.knot_limit import knot_limit as limit_of
     from gtb_cli.sequences.sequence import knot_sequence
-    from gtb_cli.theory.knot_limit import knot_limit as limit_of
 
     with out.streams.spec_of(spec) as loaded:
         patch = single(loaded)

@@ -12,7 +12,7 @@ import click
 from gtb_cli.errors import ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import in_options
-from gtb_cli.shell.limits import all_decompositions, limit_options, refuse_limit
+from gtb_cli.shell.limit_options import all_decompositions, limit_options, refuse_limit
 from gtb_cli.shell.options import (
     INPUT,
     OUTPUT,
@@ -30,8 +30,8 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import FORMATS, RESOLUTION, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
-    from gtb_cli.pages.content import Content
-    from gtb_cli.plots.sequences import Approach
+    from gtb_cli.pages.page_scene import Content
+    from gtb_cli.plots.panels import Approach
 
 
 # Default parameters x of a degeneration and steps of a knot limit; the slider interpolates linearly between them
@@ -150,7 +150,7 @@ def view(
 
 
 def _comparison(paths: tuple[str, ...], recipe: Recipe, spec_format: str | None) -> str:
-    from gtb_cli.review.page import page
+    from gtb_cli.review.review_page import page
     from gtb_cli.verdicts.comparing import Comparing
     from gtb_cli.verdicts.reporting import reviewed
 
@@ -164,7 +164,7 @@ def content_of_paths(
     paths: tuple[str, ...], recipe: Recipe | None, spec_format: str | None, limit: Approach
 ) -> Content:
     """Return what a page shows of files and folders, or of the way to a limit."""
-    from gtb_cli.pages.content import joined
+    from gtb_cli.pages.page_scene import joined
 
     content = joined([_content(path, recipe, spec_format, limit) for path in paths])
     return replace(content, remarks=tuple(map(in_options, content.remarks)))
@@ -176,7 +176,7 @@ def content_of_all_limits(path: str, recipe: Recipe | None, spec_format: str | N
     if os.path.isdir(path) or suffix_of(path) in FORMATS:
         raise click.UsageError(f"--limits is for a spec, and {path} is not a spec")
     from gtb_cli.knots.triangulation import cell_count
-    from gtb_cli.pages.limits import content_of_limits, parts_of
+    from gtb_cli.pages.all_limits import content_of_limits, parts_of
 
     _refuse_solid(recipe, "shows one mesh, and --limits several")
     with spec_of(path, spec_format) as spec:
@@ -193,7 +193,7 @@ def content_of_all_limits(path: str, recipe: Recipe | None, spec_format: str | N
 
 def _content(path: str, recipe: Recipe | None, spec_format: str | None, limit: Approach) -> Content:
     sequence_resolution = 20  # segments of each edge of each cell in a sequence
-    from gtb_cli.pages.content import content_of, content_of_frames, content_of_mesh
+    from gtb_cli.pages.page_scene import content_of, content_of_frames, content_of_mesh
 
     stem = os.path.splitext(os.path.basename(os.path.abspath(path)))[0]
     is_sequence, is_mesh = os.path.isdir(path) or os.path.basename(path) == SEQUENCE_RECORD, suffix_of(path) in FORMATS
@@ -201,7 +201,7 @@ def _content(path: str, recipe: Recipe | None, spec_format: str | None, limit: A
         refuse_limit(limit, path)
         _refuse_solid(recipe, f"is for specs, and {path} is not a spec")
     if is_sequence:
-        from gtb_cli.plots.sequences import read_frames
+        from gtb_cli.plots.panels import read_frames
 
         frames = read_frames(path)
         with about(path):
@@ -236,7 +236,7 @@ def _refuse_solid(recipe: Recipe | None, reason: str) -> None:
 
 
 def _refuse_too_many(faces: int) -> None:
-    from gtb_cli.pages.content import MAX_PAGE_FACES
+    from gtb_cli.pages.page_scene import MAX_PAGE_FACES
 
     if faces > MAX_PAGE_FACES:
         raise ToleranceError(f"{faces} faces, and a page has room for {MAX_PAGE_FACES}: make a coarser mesh")

@@ -21,9 +21,9 @@ from gtb_cli.language.scanner import Format
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
 from gtb_cli.meshes.mesh import KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of

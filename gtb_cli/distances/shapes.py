@@ -11,10 +11,10 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.hausdorff import Distance, Farthest
-from gtb_cli.tessellation.complex import Complex, joined_complex
+from gtb_cli.models.model import Model
+from gtb_cli.tessellation.complexes import Complex, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 RELATIVE_ERROR = 5e-4  # relative error of a distance between surfaces: three digits are right

@@ -16,7 +16,7 @@ from gtb_cli.arrays import FloatArray, IntArray, bounds_of, groups
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.moment.torus import scaled_exponentials
-from gtb_cli.tessellation.complex import Complex
+from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 

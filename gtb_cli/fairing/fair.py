@@ -8,16 +8,16 @@ from typing import overload
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
-from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import FLAT, descended, figures, is_fairer, measured
 from gtb_cli.fairing.energy import Samples, energy_matrix, samples
 from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
+from gtb_cli.models.model import Model
+from gtb_cli.models.seams import joints
 from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.edges import CURVE_TOLERANCE
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep

@@ -7,8 +7,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.fairing.energy import samples
 from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.meshes.solidity import folded_pairs
 from gtb_cli.moment.torus import block_length, exponents, shares
+from gtb_cli.solids.solidity import folded_pairs
 from gtb_cli.theory.patch import Patch
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import begin
-from gtb_cli.formats.splines import SplineSurface
+from gtb_cli.formats.bspline_surfaces import SplineSurface
 
 KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # the kernel's names

@@ -9,10 +9,10 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.formats.splines import exact_surfaces
-from gtb_cli.formats.surfaces import shortened
+from gtb_cli.formats.bspline_surfaces import exact_surfaces
+from gtb_cli.formats.kinds_of_surfaces import shortened
+from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import edge_points_at, patch_name
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 SAME = 1e-9  # differences of sides that are one: of points, as a fraction of the size, and of ratios of weights

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.content import SINGLE_FLOAT, Content, segments, single_half_steps, stacked, triangles
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, Content, segments, single_half_steps, stacked, triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, UNITS, Up

@@ -12,7 +12,7 @@ import numpy as np
 
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.files import read_file
-from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point
+from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, Content, faulty_point
 from gtb_cli.meshes.mesh import KnownMesh, Mesh, largest_coordinates, rounding
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
-from gtb_cli.formats.content import SINGLE_FLOAT
 from gtb_cli.formats.export import encode_mesh, standing
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT
 from gtb_cli.formats.glb import VERTICES, GlbFile, accessor_values, glb_chunks
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import Up

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
-from gtb_cli.formats.content import Content, faulty_point, segments, stacked, triangles
+from gtb_cli.formats.file_arrays import Content, faulty_point, segments, stacked, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword

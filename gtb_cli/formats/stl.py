@@ -8,10 +8,10 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError, MeshError
-from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS, text_rows
+from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, Content, faulty_point, single_half_steps
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
-from gtb_cli.meshes.welding import weld
+from gtb_cli.meshes.coincident import weld
 
 
 def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterable[bytes]:

@@ -16,10 +16,10 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.content import SINGLE_FLOAT, Content, single_half_steps, stacked
 from gtb_cli.formats.digits import text_rows
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, Content, single_half_steps, stacked
+from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.topology import are_proper, sides_of
-from gtb_cli.meshes.welding import weld
 from gtb_cli.vocabulary import PATCH_COLOURS
 
 UNIT_NAMES = {"mm": "millimeter", "cm": "centimeter", "m": "meter", "in": "inch", "ft": "foot"}  # the format's names

@@ -8,10 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.language.document import shown
-from gtb_cli.language.names import COUNTER
-from gtb_cli.language.reader import COPY_KEYS
-from gtb_cli.language.scanner import Path
-from gtb_cli.language.values import (
+from gtb_cli.language.entries import (
     COORDINATE,
     MAX_POINTS,
     MAX_SIZE,
@@ -22,6 +19,9 @@ from gtb_cli.language.values import (
     name_fault,
     suggestion,
 )
+from gtb_cli.language.names import COUNTER
+from gtb_cli.language.patch_reader import COPY_KEYS
+from gtb_cli.language.scanner import Path
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 

@@ -10,11 +10,11 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import Fault, SpecError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES, Document, Faults, error_about, read, spec_format_of
+from gtb_cli.language.entries import Budget, Values, valid_name
 from gtb_cli.language.includes import Library
-from gtb_cli.language.models import ModelReader
+from gtb_cli.language.model_reader import ModelReader
 from gtb_cli.language.scanner import Format
-from gtb_cli.language.values import Budget, Values, valid_name
-from gtb_cli.theory.model import Model
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
 

@@ -5,8 +5,8 @@ import re
 from typing import Any
 
 from gtb_cli.language.document import shown
+from gtb_cli.language.entries import FINITE, Values
 from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, names_in
-from gtb_cli.language.values import FINITE, Values
 
 NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number
 COUNTER = "k"  # name of a copy's number, in the expressions of copies

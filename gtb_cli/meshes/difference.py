@@ -12,8 +12,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.correspondence import matching, unlike
 from gtb_cli.meshes.hausdorff import Farthest, mesh_distance
-from gtb_cli.meshes.matching import matching, unlike
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
 from gtb_cli.vocabulary import percentage

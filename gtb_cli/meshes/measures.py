@@ -9,10 +9,10 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of, cross, dot
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, are_used, component_count, sides_of
-from gtb_cli.meshes.welding import weld
 
 
 @dataclass(frozen=True)

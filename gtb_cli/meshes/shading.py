@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, dot, paired, unit
+from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.topology import adjacent
-from gtb_cli.meshes.welding import merged
 
 SHARPEST = 35.0  # largest angle in degrees between facets of a mesh of a file that look like a smooth surface
 

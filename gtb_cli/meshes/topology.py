@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, IntArray, paired, taken
-from gtb_cli.meshes.welding import merged
+from gtb_cli.meshes.coincident import merged
 from gtb_cli.values import frozen
 
 

@@ -6,9 +6,9 @@ from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
 from gtb_cli.pages.page import frame as page_frame
-from gtb_cli.plots.colours import INK, patch_colour
-from gtb_cli.theory.model import Model
+from gtb_cli.plots.palette import INK, patch_colour
 from gtb_cli.theory.patch import Patch
 
 SIDE, MARGIN = 220, 16  # of a picture in pixels

@@ -14,12 +14,12 @@ from gtb_cli.arrays import bounds_of
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.solidity import CROSSES
-from gtb_cli.pages.content import Content, content_of, content_of_mesh
-from gtb_cli.plots.colours import scale_of
+from gtb_cli.models.model import Model
+from gtb_cli.pages.page_scene import Content, content_of, content_of_mesh
+from gtb_cli.plots.palette import scale_of
+from gtb_cli.solids.solidity import CROSSES
 from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 COMMON = "common.js"  # the script that pages of all packages share

@@ -12,10 +12,10 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.plots.colours import FAINT, INK, line_style
 from gtb_cli.plots.look import Look, subscript
+from gtb_cli.plots.palette import FAINT, INK, line_style
 from gtb_cli.plots.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, View, note, space_views
-from gtb_cli.plots.shapes import surface_of, with_normals
+from gtb_cli.plots.shape_figures import surface_of, with_normals
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.basis import gt_bernstein
 from gtb_cli.theory.patch import Patch

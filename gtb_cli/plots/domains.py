@@ -10,8 +10,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import domain
-from gtb_cli.plots.colours import FAINT, INK, LINE_COLOURS, patch_colour, rgb
 from gtb_cli.plots.look import Look, subscript
+from gtb_cli.plots.palette import FAINT, INK, LINE_COLOURS, patch_colour, rgb
 from gtb_cli.plots.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, Surface, View, note, plane_view, space_views
 from gtb_cli.theory.patch import Patch
 

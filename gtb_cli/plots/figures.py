@@ -11,17 +11,17 @@ import numpy as np
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import regular_decomposition
+from gtb_cli.limits.degeneration import heights_of
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
 from gtb_cli.plots.bases import draw_bases, draw_basis
 from gtb_cli.plots.domains import draw_decomposition, draw_domain, draw_lifted
 from gtb_cli.plots.look import Look, empty_figure, look_of, panels, settings, subscript, whole, with_numbers
-from gtb_cli.plots.nets import is_flat
+from gtb_cli.plots.net_lines import is_flat
+from gtb_cli.plots.panels import Approach, Frames, default_resolution, default_values, figure_of_frames
 from gtb_cli.plots.plates import draw_all_decompositions
-from gtb_cli.plots.sequences import Approach, Frames, default_resolution, default_values, figure_of_frames
-from gtb_cli.plots.shapes import draw_curves, draw_mesh, draw_surfaces
+from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
 from gtb_cli.spec_paths import SpecPath, loaded
-from gtb_cli.theory.degeneration import heights_of
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import PLOT_KINDS
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ExportError
-from gtb_cli.plots.colours import INK
+from gtb_cli.plots.palette import INK
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, SIZE_LIMITS, STRETCH_LIMITS
 
 if TYPE_CHECKING:

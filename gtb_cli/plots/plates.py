@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import bounds_of
 from gtb_cli.knots.all_decompositions import LiftingCone, regular_decompositions
 from gtb_cli.knots.decomposition import regular_decomposition
-from gtb_cli.plots.colours import FAINT, INK, patch_colour
+from gtb_cli.plots.palette import FAINT, INK, patch_colour
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:

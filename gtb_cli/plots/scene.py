@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of
-from gtb_cli.plots.colours import FAINT, INK, SURFACE_COLOUR, rgb
 from gtb_cli.plots.look import Camera
+from gtb_cli.plots.palette import FAINT, INK, SURFACE_COLOUR, rgb
 from gtb_cli.plots.raster import Raster, rasterised
 from gtb_cli.values import frozen
 

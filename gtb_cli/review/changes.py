@@ -12,7 +12,7 @@ from gtb_cli.meshes.difference import Difference, Point
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.review.colours import distances, moved, turned
+from gtb_cli.review.colouring import distances, moved, turned
 from gtb_cli.review.simplification import simplified
 
 MAX_SHOWN_FACES = 20_000  # of one mesh: finer ones look the same in a third of a window

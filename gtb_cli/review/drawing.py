@@ -9,10 +9,10 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.plots.colours import LINE_COLOURS
 from gtb_cli.plots.look import Camera, Look, empty_figure, encoded, panels, settings
+from gtb_cli.plots.palette import LINE_COLOURS
 from gtb_cli.plots.scene import HIDDEN_STRENGTH, Surface, plain, space_views
-from gtb_cli.plots.shapes import with_normals
+from gtb_cli.plots.shape_figures import with_normals
 from gtb_cli.review.changes import Change
 from gtb_cli.vocabulary import PATCH_COLOURS
 

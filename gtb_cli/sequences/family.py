@@ -13,16 +13,16 @@ from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
+from gtb_cli.limits.degeneration import cells_of
+from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.sequences.film import film_mesh
-from gtb_cli.tessellation.complex import Complex, alone, joined_complex
+from gtb_cli.models.joints import Joint, Joints
+from gtb_cli.sequences.membranes import film_mesh
+from gtb_cli.tessellation.complexes import Complex, alone, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.tessellate import FIRST_RESOLUTIONS
-from gtb_cli.theory.degeneration import cells_of
 from gtb_cli.theory.edges import EdgeRef
-from gtb_cli.theory.joints import Joint, Joints
-from gtb_cli.theory.knot_limit import KnotLimit, move_knots
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 

@@ -13,7 +13,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.hausdorff import mesh_distance
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.family import Family
-from gtb_cli.tessellation.complex import Complex
+from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.sampling import MIN_SAMPLES

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Collection
 
 from gtb_cli.errors import Fault, GtbError
-from gtb_cli.shell.memory import shortage
+from gtb_cli.process.memory import shortage
 
 
 def faults_about(error: Exception) -> list[Fault]:

@@ -11,9 +11,9 @@ from typing import Any
 import click
 
 from gtb_cli.errors import ExportError
+from gtb_cli.process.versions import versions
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks
-from gtb_cli.shell.versions import versions
 from gtb_cli.vocabulary import SCHEMA
 
 

@@ -122,7 +122,7 @@ def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = ())
     if stored is None or mesh.is_curve:
         return text
     from gtb_cli.meshes.measures import measure
-    from gtb_cli.meshes.solidity import CROSSES
+    from gtb_cli.solids.solidity import CROSSES
 
     measures = measure(stored)
     if measures.volume is None or measures.collapsed:  # a reader that keeps a collapsed face has four at its edges

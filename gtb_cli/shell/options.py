@@ -47,7 +47,7 @@ def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 def requirements_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
     """Read requirements, each once."""
     if value:
-        from gtb_cli.assembly.requirements import requirements
+        from gtb_cli.tessellation.requirements import requirements
 
         try:
             requirements(value)

@@ -19,7 +19,7 @@ from gtb_cli.shell.console import STANDARD, Console, abandon
 from gtb_cli.vocabulary import SCHEMA, suffix_of
 
 if TYPE_CHECKING:
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
     from gtb_cli.theory.patch import Patch
 
 Spec: TypeAlias = "Patch | Model"

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs
 
 from gtb_cli.errors import ExportError, GtbError
+from gtb_cli.process.memory import shortage
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.faults import in_options
-from gtb_cli.shell.memory import shortage
 from gtb_cli.shell.streams import is_device
 
 if TYPE_CHECKING:
-    from gtb_cli.pages.content import Content
+    from gtb_cli.pages.page_scene import Content
 
 HOST = "127.0.0.1"
 

@@ -5,9 +5,9 @@ from typing import NamedTuple, TypeVar
 
 import click
 
-from gtb_cli.shell.memory import divided_among
+from gtb_cli.process.memory import divided_among
+from gtb_cli.process.processes import MAX_JOBS, in_processes, processors
 from gtb_cli.shell.options import WholeNumber, gathered
-from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -28,7 +28,7 @@ class Workers(NamedTuple):
     ) -> Generator[R]:
         """Yield ``function(task)`` for each task, in their order; in this process, `here` is called instead."""
         if self.cluster is not None and tasks:
-            from gtb_cli.shell.cluster import in_cluster
+            from gtb_cli.process.cluster import in_cluster
 
             return in_cluster(function, tasks, self.cluster, warn)
         jobs = divided_among(min(self.jobs or processors(), len(tasks)))

@@ -9,9 +9,9 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.sampler import Sampler, torically_inside
 from gtb_cli.theory.curvature import Curvature, curvature, curvatures_at
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents

@@ -5,15 +5,15 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.formats.gismo import encode_gismo
-from gtb_cli.formats.surfaces import shortened
+from gtb_cli.formats.kinds_of_surfaces import shortened
 from gtb_cli.formats.vtu import QuadraticCells, encode_quadratic, encode_vtu
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.attributes import QUALITY_NAME, with_attributes
-from gtb_cli.tessellation.complex import joined_complex
+from gtb_cli.tessellation.complexes import joined_complex
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
 
@@ -49,7 +49,7 @@ class Recipe:
         Some of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
         Refuse what does not have these properties: "watertight", "solid", "unfolded", "smooth:1deg", see
-        `gtb_cli.assembly.requirements`. One word may stand for itself, and None for none.
+        `gtb_cli.tessellation.requirements`. One word may stand for itself, and None for none.
     max_faces : int
         More are refused before they are made.
     weld : float, str or None
@@ -100,7 +100,7 @@ class Recipe:
         words = (self.require,) if isinstance(self.require, str) else tuple(self.require or ())
         object.__setattr__(self, "require", words)
         if words:
-            from gtb_cli.assembly.requirements import requirements
+            from gtb_cli.tessellation.requirements import requirements
 
             requirements(words)
 
@@ -126,7 +126,7 @@ class Recipe:
         tolerance = self.tolerance_for(spec)
         around = 1  # faces around each segment of a tube with a tolerance
         if tolerance is not None and self.radius is not None:
-            from gtb_cli.meshes.tube import ring_size
+            from gtb_cli.solids.tube import ring_size
 
             # Of the middle line, and of the polygon of its rings: on the outside of a bend as sharp as the tube allows,
             # the middle line's error counts twice.
@@ -163,8 +163,8 @@ class Recipe:
         if self.radius is not None:
             mesh, folds = self._tube(spec, mesh, self.radius, tolerance)
         elif self.thickness is not None:
-            from gtb_cli.meshes.solid import thicken
-            from gtb_cli.meshes.solidity import folded_places
+            from gtb_cli.solids.solidity import folded_places
+            from gtb_cli.solids.thickening import thicken
             from gtb_cli.tessellation.remarks import offset_folds, thin_wall
 
             faults = folded_places(mesh)  # of the surface, which no other thickness mends
@@ -183,7 +183,7 @@ class Recipe:
         if self.radius is not None and folds:
             folds[-1] += f"; {self._smaller_radius(spec, surface, self.radius, tolerance, held)}"
         if self.require:
-            from gtb_cli.assembly.requirements import require
+            from gtb_cli.tessellation.requirements import require
 
             finer = self._fine(spec, surface) if "unfolded" in self.require else surface
             require(self.require, spec, mesh, finer, faults + folds, (stored, coarse))
@@ -192,7 +192,7 @@ class Recipe:
     def _fine(self, spec: Patch | Model, surface: Mesh) -> Mesh:
         """The mesh of a surface if it folds or is fine, else one of at most half a million faces that may fold."""
         from gtb_cli.knots.triangulation import cell_count
-        from gtb_cli.meshes.solidity import folded_places
+        from gtb_cli.solids.solidity import folded_places
         from gtb_cli.tessellation.tessellate import tessellate
 
         most_faces, segments = 500_000, RESOLUTION
@@ -205,12 +205,12 @@ class Recipe:
 
     def _remarks_on_surface(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
         """Remarks on corners, on the seams of a model, and on how its mesh is spread."""
-        from gtb_cli.tessellation.corners import doubtful_corners
+        from gtb_cli.tessellation.doubtful_corners import doubtful_corners
 
         remarks = doubtful_corners(spec)
         model = _model(spec)
         if model is not None:
-            from gtb_cli.assembly.openings import seam_remarks
+            from gtb_cli.models.openings import seam_remarks
 
             remarks += seam_remarks(model)
         if self.tolerance is None and (self.parametrization == "toric" or self.resolution <= 2):
@@ -222,8 +222,8 @@ class Recipe:
 
     def _tube(self, spec: Patch | Model, mesh: Mesh, radius: float, tolerance: float | None) -> tuple[Mesh, list[str]]:
         """The tube around the mesh of a curve, and where it folds."""
-        from gtb_cli.meshes.solidity import where
-        from gtb_cli.meshes.tube import folded_segments, tube
+        from gtb_cli.solids.solidity import where
+        from gtb_cli.solids.tube import folded_segments, tube
         from gtb_cli.tessellation.attributes import curve_tangents
         from gtb_cli.theory.patch import Patch
 
@@ -279,7 +279,7 @@ class Recipe:
 
         cells = sum(cell_count(patch.domain, self.resolution) for patch in spec.patches)
         if self.radius is not None:
-            from gtb_cli.meshes.tube import RING_SIDES
+            from gtb_cli.solids.tube import RING_SIDES
 
             return 2 * RING_SIDES * cells
         if self.thickness is not None:
@@ -301,14 +301,14 @@ def welded(spec: Patch | Model, weld: float | str | None) -> Patch | Model:
     model = _model(spec)
     if model is None or weld is None:
         return spec
-    from gtb_cli.theory.model import diagonal_of
+    from gtb_cli.models.model import diagonal_of
 
     return model.replace(weld=percentage(weld) / 100 * diagonal_of(model.patches) if isinstance(weld, str) else weld)
 
 
 def _crossings(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
     """Say where a mesh, as it is stored, passes through itself, and with a remark, if it does not before."""
-    from gtb_cli.meshes.solidity import crossing_remarks
+    from gtb_cli.solids.solidity import crossing_remarks
 
     crossings = crossing_remarks(stored)
     if crossings and stored is not mesh and not crossing_remarks(mesh):
@@ -319,7 +319,7 @@ def _crossings(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
 def _rimmed(solid: Mesh, thickness: float, rim: Rim) -> Mesh:
     if rim == "normal":
         return solid
-    from gtb_cli.meshes.rims import with_flat_rims
+    from gtb_cli.solids.rims import with_flat_rims
 
     return with_flat_rims(solid, thickness)
 
@@ -332,10 +332,10 @@ def _smaller_thickness(
     Each is judged as one that is asked for. A surface that passes through itself, which only a solid that `crosses`
     has, is a side of all: none is tried.
     """
-    from gtb_cli.assembly.requirements import require
-    from gtb_cli.meshes.crossings import CROSSING_DEPTH, crossing_pairs
-    from gtb_cli.meshes.solid import thicken
+    from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs
+    from gtb_cli.solids.thickening import thicken
     from gtb_cli.tessellation.remarks import offset_folds
+    from gtb_cli.tessellation.requirements import require
 
     def is_solid(thickness: float) -> bool:
         if offset_folds(spec, surface, thickness):
@@ -375,6 +375,6 @@ def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: 
 
 
 def _model(spec: Patch | Model) -> Model | None:
-    from gtb_cli.theory.model import Model
+    from gtb_cli.models.model import Model
 
     return spec if isinstance(spec, Model) else None

@@ -16,7 +16,7 @@ from gtb_cli.certificates.deadline import Deadline, Uncertified
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
-from gtb_cli.tessellation.complex import Complex
+from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.peaks import Peaks
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.sampling import (

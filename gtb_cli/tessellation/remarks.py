@@ -9,11 +9,11 @@ from gtb_cli.arrays import BoolArray, FloatArray, dot, point_text
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.solid import folded_faces, thinnest_wall
-from gtb_cli.meshes.solidity import where
+from gtb_cli.models.model import Model
+from gtb_cli.solids.solidity import where
+from gtb_cli.solids.thickening import folded_faces, thinnest_wall
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 

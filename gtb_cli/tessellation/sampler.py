@@ -11,7 +11,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.tessellation.complex import kinds_of
+from gtb_cli.tessellation.complexes import kinds_of
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.parametrization import LinearParametrization, blend_each, toric_locations
 from gtb_cli.theory.patch import Patch

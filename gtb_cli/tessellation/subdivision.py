@@ -9,7 +9,7 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray, column_dot, cross_of
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
-from gtb_cli.tessellation.complex import Complex, kinds_of
+from gtb_cli.tessellation.complexes import Complex, kinds_of
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.splitting import Cells, Edges, Vertices, divide, new_cells, unknown_edges
 from gtb_cli.theory.edges import edge_curves

@@ -14,20 +14,20 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.language.loading import load
+from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.meshes.topology import compacted, sides_of
-from gtb_cli.meshes.welding import merged
-from gtb_cli.tessellation.complex import Complex, farthest_move, joined_complex, welded_points
+from gtb_cli.models.model import Model, diagonal_of
+from gtb_cli.tessellation.complexes import Complex, farthest_move, joined_complex, welded_points
 from gtb_cli.tessellation.sampler import Sampler, evenly, torically, torically_inside
-from gtb_cli.theory.model import Model, diagonal_of
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
 if TYPE_CHECKING:
     from gtb_cli.certificates.deadline import Deadline
-    from gtb_cli.theory.joints import Joints
+    from gtb_cli.models.joints import Joints
 
 Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
 

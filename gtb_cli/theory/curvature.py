@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, FloatArray, cross_of_columns
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.differences import PARALLEL_SINE, cleared, coordinate_rounding
+from gtb_cli.knots.about_a_knot import PARALLEL_SINE, cleared, coordinate_rounding
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, neighbourhoods
 from gtb_cli.theory.parametrization import Blend, Parametrization

@@ -17,7 +17,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.differences import coordinate_rounding
+from gtb_cli.knots.about_a_knot import coordinate_rounding
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length

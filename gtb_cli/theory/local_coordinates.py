@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
-from gtb_cli.knots.differences import Differences
+from gtb_cli.knots.about_a_knot import Differences
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance

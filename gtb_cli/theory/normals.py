@@ -12,7 +12,7 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, cross_of_columns, groups
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.differences import PARALLEL_SINE, Differences, cleared, coordinate_rounding
+from gtb_cli.knots.about_a_knot import PARALLEL_SINE, Differences, cleared, coordinate_rounding
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.layers import LAYER_TOLERANCE, layers

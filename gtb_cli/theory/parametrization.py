@@ -191,7 +191,7 @@ class LinearParametrization:
         """
         if resolution < 48 or self.shape.dimension == 1:  # interpolation needs 12 nodes in a line
             return None
-        from gtb_cli.moment.lattices import vertex_lattices  # a coarse mesh does not need it
+        from gtb_cli.moment.coarse_to_fine import vertex_lattices  # a coarse mesh does not need it
 
         lattice, inner = vertex_lattices(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
         if not lattice.is_worth_it or lattice.counts.sum() != len(inner):

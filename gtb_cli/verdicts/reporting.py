@@ -59,7 +59,7 @@ def write_reports(paths: Sequence[str], found: Review, pictures: Mapping[str, st
     from urllib.parse import quote
 
     from gtb_cli.review.markdown import markdown
-    from gtb_cli.review.page import page
+    from gtb_cli.review.review_page import page
 
     pages = [path for path in paths if suffix_of(path) == "html"]
     for path in paths:

@@ -6,10 +6,10 @@ import numpy as np
 
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.tessellation.complex import Complex, joined_complex
+from gtb_cli.models.model import Model
+from gtb_cli.tessellation.complexes import Complex, joined_complex
 from gtb_cli.tessellation.sampler import Sampler, evenly, torically
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, paired, segments, sized

@@ -8,8 +8,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from gtb_cli.language.loading import load
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, coarser, missing, paired
 from tests.benchmarks.peers import by_open_cascade

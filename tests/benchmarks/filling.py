@@ -13,16 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from gtb_cli.design.fill import VISIBLE, Filling, fill_loop
-from gtb_cli.design.loops import read_loop
-from gtb_cli.design.sides import HoleSide, bernstein, side_normals, stations
-from gtb_cli.design.strips import strip_side
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.fairing.variation import Bending
+from gtb_cli.filling.loops import read_loop
+from gtb_cli.filling.one_patch import VISIBLE, Filling, fill_loop
+from gtb_cli.filling.sides import HoleSide, bernstein, side_normals, stations
+from gtb_cli.filling.strips import strip_side
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.meshes.solidity import folded_pairs
-from gtb_cli.theory.model import Model
+from gtb_cli.models.model import Model
+from gtb_cli.solids.solidity import folded_pairs
 from tests.benchmarks.gb import GeneralizedBezier, polygon
 from tests.benchmarks.jets import bending, normals
 from tests.benchmarks.open_cascade import Filled

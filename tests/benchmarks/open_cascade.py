@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.design.sides import HoleSide, bernstein, stations
+from gtb_cli.filling.sides import HoleSide, bernstein, stations
 from tests.benchmarks.gb import polygon
 from tests.benchmarks.jets import FACTORIALS, POWERS
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import NdBSpline
 
-from gtb_cli.theory.model import Model
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
 Evaluation = Callable[[], np.ndarray]
@@ -69,8 +69,8 @@ def by_open_cascade(model: Model, tolerance: float, folder: Path) -> Callable[[]
     from OCP.TopLoc import TopLoc_Location
     from OCP.TopoDS import TopoDS, TopoDS_Shape
 
+    from gtb_cli.formats.bspline_surfaces import spline_surfaces
     from gtb_cli.formats.cad import encode_cad
-    from gtb_cli.formats.splines import spline_surfaces
 
     path, shape = folder / "x.brep", TopoDS_Shape()
     path.write_bytes(encode_cad(spline_surfaces(model).surfaces, "brep").data)

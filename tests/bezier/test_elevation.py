@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtb_cli.bezier.elevation import MAX_ELEVATED_KNOTS, elevate, multiplier, product
-from gtb_cli.checks.check import check_patch
 from gtb_cli.checks.probe import points_at_torus
+from gtb_cli.checks.properties import check_patch
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long

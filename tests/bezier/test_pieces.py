@@ -9,8 +9,8 @@ import pytest
 from gtb_cli.bezier.pieces import bezier_degree, bezier_pieces, split_curve
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import lattice_of
+from gtb_cli.models.model import Model
 from gtb_cli.theory.basis import torus_coordinates
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.laws import size

@@ -7,8 +7,8 @@ import pytest
 
 from gtb_cli.certificates.curve import CurveCertificate
 from gtb_cli.certificates.deadline import Deadline
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.shell import gtb

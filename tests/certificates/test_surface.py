@@ -15,9 +15,9 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, cell_distances
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.shell import gtb

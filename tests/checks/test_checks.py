@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from gtb_cli.checks import ends
-from gtb_cli.checks.check import PROPERTIES, check, check_patch
 from gtb_cli.checks.probe import Probe
+from gtb_cli.checks.properties import PROPERTIES, check, check_patch
 from gtb_cli.checks.report import Finding
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.lattice import binomial_coefficients
-from gtb_cli.theory.degeneration import MAX_WEIGHT_LOG, degenerate, regular_control_surface
-from gtb_cli.theory.model import Model
+from gtb_cli.limits.degeneration import MAX_WEIGHT_LOG, degenerate, regular_control_surface
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 from tests.laws import size
@@ -316,7 +316,7 @@ def test_a_wrong_sign_in_the_weights_of_a_degeneration_is_seen(are_ordinary, nam
         return patch.replace(log_weights=2 * patch.log_weights - right.log_weights)
 
     assert finding(spec(name), "weights of the degeneration").status == "holds"
-    monkeypatch.setattr("gtb_cli.checks.degeneration.degenerate", wrong)
+    monkeypatch.setattr("gtb_cli.checks.limit_checks.degenerate", wrong)
     found = finding(spec(name), "weights of the degeneration")
     assert found.status == "fails"
     assert found.value > 0.01

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.checks.extents import extents
-from gtb_cli.theory.model import Model
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS, load
 from tests.surfaces import cylinder, octant, plane, quartic_octant

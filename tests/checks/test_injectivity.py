@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gtb_cli.checks import injectivity
-from gtb_cli.checks.check import check_patch
 from gtb_cli.checks.injectivity import for_all_weights, jacobian_sign, planar
 from gtb_cli.checks.probe import Probe
+from gtb_cli.checks.properties import check_patch
 from gtb_cli.checks.report import Finding
 from gtb_cli.theory.patch import Patch
 from tests.patches import integer_pentagon

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gtb_cli.language.loading import load
-from gtb_cli.tessellation.corners import doubtful_corners
+from gtb_cli.tessellation.doubtful_corners import doubtful_corners
 from gtb_cli.theory.patch import Patch
 from tests.shell import gtb
 from tests.specs import GOOD_SPECS

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from gtb_cli.checks import check as room
-from gtb_cli.checks.check import PROPERTIES
+from gtb_cli.checks import properties as room
+from gtb_cli.checks.properties import PROPERTIES
 from gtb_cli.checks.report import Finding
 from tests.shell import CURVE, PENTAGON, gtb
 

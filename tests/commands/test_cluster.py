@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.cluster import _check_workers
-from gtb_cli.shell.versions import versions
+from gtb_cli.process.cluster import _check_workers
+from gtb_cli.process.versions import versions
 from tests.marks import long
 from tests.shell import CURVE, PENTAGON, command, environment, gtb, process
 

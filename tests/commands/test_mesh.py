@@ -13,10 +13,10 @@ from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.shell import PENTAGON, SPECS, gtb

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.assembly.seams import joints
-from gtb_cli.checks.check import check
+from gtb_cli.checks.properties import check
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
 from gtb_cli.language.starter import template
+from gtb_cli.models.joints import find_joints
+from gtb_cli.models.model import Model
+from gtb_cli.models.seams import joints
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.joints import find_joints
-from gtb_cli.theory.model import Model
 from gtb_cli.vocabulary import SHELLS, TEMPLATES
 from tests.marks import mostly_long
 from tests.shell import gtb, process, shell

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.processes import in_processes
+from gtb_cli.process.processes import in_processes
 from gtb_cli.shell.workers import Workers
 
 
@@ -52,5 +52,5 @@ def own_number(task):
 @pytest.mark.parametrize(("limit", "alone"), [(None, False), (1 << 31, False), ((1 << 30) - 1, True)])
 def test_where_memory_is_scarce_this_process_does_the_work(limit, alone, monkeypatch):
     """A worker that could not allocate what it needs to send its result was waited for."""
-    monkeypatch.setattr("gtb_cli.shell.memory.limit_of_addresses", lambda: limit)
+    monkeypatch.setattr("gtb_cli.process.memory.limit_of_addresses", lambda: limit)
     assert (set(Workers(2).results(own_number, [0, 1, 2])) == {os.getpid()}) == alone

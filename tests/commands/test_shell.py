@@ -346,7 +346,7 @@ def test_a_killed_worker_is_an_error(start, tmp_path):
 
 CUT_OFF = """
 import os, struct, sys, time
-from gtb_cli.shell.processes import in_processes
+from gtb_cli.process.processes import in_processes
 
 def work(task):
     if task:  # the length of a result that never comes, as if it was killed while it writes that

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gtb_cli.shell.versions import versions
+from gtb_cli.process.versions import versions
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import BICUBIC, CURVE, PENTAGON, REPOSITORY, gtb, process
 

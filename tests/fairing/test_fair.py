@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy, energy_at, energy_samples
 from gtb_cli.fairing.fair import fair, kept_knots
 from gtb_cli.language.loading import parse
+from gtb_cli.models.model import Model
+from gtb_cli.models.seams import joints
 from gtb_cli.theory.curvature import curvature
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb

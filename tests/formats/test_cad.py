@@ -13,13 +13,13 @@ import pytest
 
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
+from gtb_cli.formats.bspline_surfaces import exact_surfaces, spline_surfaces
 from gtb_cli.formats.cad import KERNEL_UNITS, Wall, _as, encode_cad
-from gtb_cli.formats.splines import exact_surfaces, spline_surfaces
 from gtb_cli.formats.threemf import UNIT_NAMES
 from gtb_cli.language.writer import save as write
 from gtb_cli.meshes.measures import measure
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, UNITS
 from tests.marks import long, mostly_long

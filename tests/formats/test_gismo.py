@@ -7,9 +7,9 @@ import pytest
 from scipy.interpolate import BSpline
 
 from gtb_cli.errors import DomainError
+from gtb_cli.formats.bspline_surfaces import exact_surfaces
 from gtb_cli.formats.gismo import encode_gismo
-from gtb_cli.formats.splines import exact_surfaces
-from gtb_cli.theory.model import Model
+from gtb_cli.models.model import Model
 from tests.patches import bezier_triangle, bicubic, integer_pentagon, pentagon
 from tests.shell import SPECS
 from tests.specs import load

@@ -11,7 +11,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.solid import thicken
+from gtb_cli.solids.thickening import thicken
 from tests.tiny_meshes import encoded, model, surface
 
 CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
-from gtb_cli.imports.trp import edge_coefficients
+from gtb_cli.importers.trp import edge_coefficients
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.lattice import MAX_BINOMIAL_DEGREE, binomial_coefficients
 from gtb_cli.knots.layers import layers

@@ -12,10 +12,10 @@ from gtb_cli.errors import SpecError
 from gtb_cli.language.copies import reflected, rotation_matrix
 from gtb_cli.language.includes import sources
 from gtb_cli.language.loading import load, parse
-from gtb_cli.language.reader import MAX_PATCHES
+from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.language.writer import dump
-from gtb_cli.theory.joints import find_joints
-from gtb_cli.theory.model import Model
+from gtb_cli.models.joints import find_joints
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.patches import pentagon
 from tests.specs import SECONDS, TRIANGLE, arrays
@@ -308,7 +308,7 @@ def test_what_copies_of_files_cannot_be(tmp_path, table, fault):
 
 def test_copies_of_copied_files_are_bounded(tmp_path, monkeypatch):
     """A file that doubles another, a hundred times over, is refused at once."""
-    monkeypatch.setattr("gtb_cli.language.models.MAX_PATCHES", 500)
+    monkeypatch.setattr("gtb_cli.language.model_reader.MAX_PATCHES", 500)
     doubles = {f"f{i}": f'include = [{{file = "f{i + 1}.toml", repeat = 2}}]\n' for i in range(98)}
     twice = {f"f{i}": f'include = ["f{i + 1}.toml", {{file = "f{i + 1}.toml", name = "b"}}]\n' for i in range(98)}
     for files, words in ((doubles, "repeat: must be a whole number from 1 to 1,"), (twice, "at most 100 files")):

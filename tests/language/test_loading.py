@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import MAX_BYTES, Faults
+from gtb_cli.language.entries import MAX_SIZE
 from gtb_cli.language.loading import load, parse
-from gtb_cli.language.values import MAX_SIZE
 from gtb_cli.language.writer import dump
-from gtb_cli.theory.model import Model
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.specs import ARC, GOOD_SPECS, SPECS, TRIANGLE, arrays
 

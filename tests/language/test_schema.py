@@ -11,7 +11,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from gtb_cli.language.reader import COPY_KEYS, INCLUDE_KEYS, MODEL_KEYS, PATCH_KEYS, RIBBONS
+from gtb_cli.language.patch_reader import COPY_KEYS, INCLUDE_KEYS, MODEL_KEYS, PATCH_KEYS, RIBBONS
 from gtb_cli.language.schema import page, schema
 from gtb_cli.vocabulary import TEMPLATES
 from tests.shell import SPECS, gtb

@@ -12,8 +12,8 @@ import trimesh
 from gtb_cli import Mesh, Model, Patch, read_mesh, tessellate, write_mesh
 from gtb_cli.formats.export import warnings_for
 from gtb_cli.meshes.shading import facet_normals
-from gtb_cli.pages.content import content_of, content_of_mesh
 from gtb_cli.pages.page import page_data
+from gtb_cli.pages.page_scene import content_of, content_of_mesh
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import SPECS
 from tests.specs import load

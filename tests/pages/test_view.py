@@ -11,9 +11,9 @@ import gtb_cli
 from gtb_cli.knots.decomposition import control_net
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.pages.content import PAGE_TOLERANCE, content_of, content_of_mesh, joined, sides
 from gtb_cli.pages.page import page_data
-from gtb_cli.plots.shapes import with_normals
+from gtb_cli.pages.page_scene import PAGE_TOLERANCE, content_of, content_of_mesh, joined, sides
+from gtb_cli.plots.shape_figures import with_normals
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long

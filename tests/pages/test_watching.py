@@ -13,8 +13,8 @@ from http.server import ThreadingHTTPServer
 import pytest
 
 from gtb_cli.commands.view import content_of_paths
-from gtb_cli.pages.content import Content
-from gtb_cli.plots.sequences import Approach
+from gtb_cli.pages.page_scene import Content
+from gtb_cli.plots.panels import Approach
 from gtb_cli.shell.watching import HOST, Watch, handler
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import SPECS, gtb

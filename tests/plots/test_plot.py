@@ -8,7 +8,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import gtb_cli
-from gtb_cli.plots.colours import OPEN, TWO_SIDED, scale_of
+from gtb_cli.plots.palette import OPEN, TWO_SIDED, scale_of
 from gtb_cli.vocabulary import COLOUR_MAPS
 from tests.marks import long, mostly_long
 from tests.plots.images import near, pixels

@@ -9,7 +9,7 @@ import pytest
 import gtb_cli.review.changes as room
 from gtb_cli import Mesh, Recipe, diff, load
 from gtb_cli.review.changes import change, review
-from gtb_cli.review.page import page
+from gtb_cli.review.review_page import page
 from gtb_cli.review.simplification import simplified
 from tests.specs import SPECS
 

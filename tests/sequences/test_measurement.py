@@ -16,14 +16,14 @@ from gtb_cli import (
     regular_decomposition,
     tessellate,
 )
+from gtb_cli.limits.knot_limit import knot_limit
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.sequences.family import approaching
-from gtb_cli.sequences.film import film_mesh
 from gtb_cli.sequences.measurement import Accuracy
+from gtb_cli.sequences.membranes import film_mesh
 from gtb_cli.sequences.rates import measured_rate
 from gtb_cli.sequences.sequence import degeneration, knot_sequence
-from gtb_cli.theory.knot_limit import knot_limit
 from tests.marks import long, mostly_long
 
 SPECS = Path(__file__).parents[2] / "specs"

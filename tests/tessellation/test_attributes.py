@@ -9,10 +9,10 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.attributes import QUALITY_NAME, filled, with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
-from gtb_cli.theory.model import Model
 from gtb_cli.vocabulary import ATTRIBUTES
 from tests.marks import mostly_long
 from tests.specs import SPECS, load

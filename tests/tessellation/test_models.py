@@ -13,15 +13,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.tessellation.complex import joined_complex
+from gtb_cli.models.joints import Joint, find_joints
+from gtb_cli.models.model import Model
+from gtb_cli.models.seams import joints
+from gtb_cli.tessellation.complexes import joined_complex
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_points_at
-from gtb_cli.theory.joints import Joint, find_joints
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.specs import SPECS, load

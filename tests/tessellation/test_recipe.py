@@ -9,8 +9,8 @@ import pytest
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.language.writer import dump
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
 from tests.shell import PENTAGON, SPECS, gtb

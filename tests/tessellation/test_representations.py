@@ -5,18 +5,18 @@ from math import comb
 import numpy as np
 import pytest
 
-from gtb_cli.assembly.openings import seam_remarks
-from gtb_cli.assembly.seams import joints
 from gtb_cli.bezier.elevation import elevate
-from gtb_cli.checks.joints import joint_findings
+from gtb_cli.checks.joint_checks import joint_findings
 from gtb_cli.language.writer import save
-from gtb_cli.tessellation.complex import Complex, joined_complex
+from gtb_cli.models.curve_equality import equal, measured
+from gtb_cli.models.joints import find_joints
+from gtb_cli.models.model import Model
+from gtb_cli.models.openings import seam_remarks
+from gtb_cli.models.seams import joints
+from gtb_cli.tessellation.complexes import Complex, joined_complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.tessellate import refined, tessellate
 from gtb_cli.theory.edges import Curve, edge_curve, edge_points_at
-from gtb_cli.theory.joints import find_joints
-from gtb_cli.theory.matching import equal, measured
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
 from tests.shell import gtb

@@ -7,13 +7,13 @@ import pytest
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.shading import filled_normals
+from gtb_cli.models.joints import find_joints
+from gtb_cli.models.model import Model
 from gtb_cli.moment.moment_map import MomentMap
-from gtb_cli.tessellation.complex import joined_complex
+from gtb_cli.tessellation.complexes import joined_complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.joints import find_joints
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.patches import bicubic, collapsed_edge, pentagon

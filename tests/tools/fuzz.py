@@ -20,9 +20,9 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from gtb_cli.design.loops import SUFFIXES, loop_from_text
 from gtb_cli.errors import SpecError
-from gtb_cli.imports.readers import import_data
+from gtb_cli.filling.loops import SUFFIXES, loop_from_text
+from gtb_cli.importers.readers import import_data
 from gtb_cli.language.writer import dump
 from gtb_cli.vocabulary import SEQUENCE_RECORD
 from tests import foreign
@@ -97,7 +97,7 @@ def models(count: int, seed: int) -> str | None:
 
 def foreign_files() -> dict[str, bytes]:
     """A file of each format that is imported."""
-    loops = {name: (REPOSITORY / "tests/design" / name).read_bytes() for name in ("cagd86.gbp", "pocket3sided.lop")}
+    loops = {name: (REPOSITORY / "tests/filling" / name).read_bytes() for name in ("cagd86.gbp", "pocket3sided.lop")}
     return foreign.FILES | loops | {"objects.3dm": foreign.rhino()}
 
 

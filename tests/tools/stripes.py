@@ -14,13 +14,13 @@ import numpy as np
 from PIL import Image
 
 import gtb_cli
-from gtb_cli.design.filling import filled
-from gtb_cli.design.loops import read_loop
 from gtb_cli.errors import DomainError
+from gtb_cli.filling.fill import filled
+from gtb_cli.filling.loops import read_loop
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
+from gtb_cli.models.model import Model
 from gtb_cli.plots.raster import rasterised
-from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks.gb import GeneralizedBezier, polygon
 from tests.benchmarks.jets import normals
@@ -142,7 +142,7 @@ def draw(target: Path) -> None:
     others = Model(patch for patch in cube if patch.name != "corner")
     near = {"face", "face-1", "top", "post", "beam-1", "rail"}
     corner = camera(np.array([3.0, 2.0, 2.2]), np.array([0.0, 0.0, 1.0]))
-    cup = REPOSITORY / "tests" / "design" / "cagd86.gbp"
+    cup = REPOSITORY / "tests" / "filling" / "cagd86.gbp"
     row = []
     for kind in ("g1", "g2"):
         patches = (*gtb_cli.fill(others, continuity=kind).patches, *(patch for patch in others if patch.name in near))

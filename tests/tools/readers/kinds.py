@@ -16,10 +16,10 @@ from gtb_cli.formats.vtu import encode_vtu
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
 from gtb_cli.sequences.sequence import degeneration
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.theory.model import Model
 from tests.shell import SPECS
 from tests.tools.readers.libraries import SAMPLES
 

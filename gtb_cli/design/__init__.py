@@ -1,1 +1,0 @@
-"""Design: curves and surfaces through points, and filled holes."""

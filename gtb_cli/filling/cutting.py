@@ -1,0 +1,236 @@
+"""Holes with concave corners, cut into parts: one patch each, with exact tangent planes along the cuts.
+
+A cut is a cubic curve from a concave corner to another corner (or to a point of a side), which leaves both in their
+tangent planes. Along it there is one cubic field of directions, from which the planes of both parts are made: that
+nearest to the field that turns with the curve (its rotation-minimising frame), and evenly from one end's plane to the
+other's. So the parts have the same curve and planes there.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, point_text, unit
+from gtb_cli.errors import DomainError
+from gtb_cli.fairing.variation import Bending
+from gtb_cli.filling.hole_corners import Corner, across_at, corners
+from gtb_cli.filling.one_patch import SPIKE, Filling
+from gtb_cli.filling.sides import HoleSide, bernstein, points_and_tangents, stations
+from gtb_cli.models.model import Model
+from gtb_cli.values import frozen
+
+MAX_CUTS = 6
+
+Fill = Callable[[Sequence[HoleSide]], Filling]
+
+
+@frozen
+class Parts:
+    """Fillings of the parts of a hole, and remarks that say where it is cut."""
+
+    fillings: tuple[Filling, ...]
+    remarks: tuple[str, ...]
+
+
+@frozen
+class _Cut:
+    """Two loops, left and right of a curve between two corners, and how good it is: the less `cost`, the better."""
+
+    left: list[HoleSide]
+    right: list[HoleSide]
+    cost: float
+    remark: str
+
+
+class _Search:
+    """A search for cuts that leave only parts that are filled without a fault."""
+
+    def __init__(self, fill: Fill, cut_sides: bool) -> None:
+        self.fill = fill
+        self.cut_sides = cut_sides
+        self.trials = 12  # of fillings, in all
+
+    def parts(self, sides: Sequence[HoleSide], cuts: int) -> Parts | None:
+        """Fill a loop, or the parts into which at most `cuts` cuts divide it; None if all that is tried has a fault."""
+        straight, hopeless = 185.0, 200.0  # degrees at a corner: with more, one patch is not fair, or not tried
+        concave = [corner.angle for corner in corners(sides) if corner.concave]
+        widest = max(concave, default=0)
+        if widest < straight and (one := self._one(sides)):
+            return one
+        candidates = sorted(_cuts(sides, self.cut_sides, cuts), key=lambda cut: cut.cost) if concave and cuts else []
+        for cut in candidates[:3]:
+            left = self.parts(cut.left, cuts - 1)
+            right = left and self.parts(cut.right, cuts - len(left.fillings))
+            if left and right:
+                return Parts(left.fillings + right.fillings, (cut.remark, *left.remarks, *right.remarks))
+        return self._one(sides) if straight <= widest < hopeless else None
+
+    def _one(self, sides: Sequence[HoleSide]) -> Parts | None:
+        """Fill a loop with one patch, unless that has a fault or a spike, or too much has been tried."""
+        self.trials -= 1
+        if self.trials < 0:
+            return None
+        try:
+            filling = self.fill(sides)
+        except DomainError:  # too many sides, or planes that no field follows
+            return None
+        return None if filling.fault or filling.sharpness > SPIKE else Parts((filling,), ())
+
+
+def fill_parts(sides: Sequence[HoleSide], fill: Fill, cut_sides: bool) -> Filling | None:
+    """Fill a closed loop with one patch or, if it has concave corners, cut it into parts; None if that has faults.
+
+    `cut_sides` allows cuts that end inside a side, which is then cut in two.
+    """
+    extent = float(np.ptp([side.ends[0] for side in sides], axis=0).max())
+    if not 1e-100 < extent < 1e100:  # squares of lengths would not be numbers
+        return None
+    found = _Search(fill, cut_sides).parts(sides, MAX_CUTS)
+    return None if found is None else _together(found)
+
+
+def _together(found: Parts) -> Filling:
+    """Return one filling with the sides, and the measurements, of all parts."""
+    parts = found.fillings
+    if len(parts) == 1:
+        return parts[0]
+    bent = [part.bending for part in parts]
+    area = sum(each.area for each in bent)
+    variation = area * sum(each.variation / each.area for each in bent)
+    return Filling(
+        parts[0].patch,
+        tuple(side for part in parts for side in part.sides),
+        Bending(area, sum(each.energy for each in bent), variation, max(each.curvature for each in bent)),
+        tuple(contact for part in parts for contact in part.contacts),
+        np.concatenate([part.corner_angles for part in parts]),
+        tuple(times for part in parts for times in part.raises),
+        0,
+        sum(part.sharp_turns for part in parts),
+        (*found.remarks, *(f"part {k}: {remark}" for k, part in enumerate(parts) for remark in part.remarks)),
+        Model(part.patch for part in parts),
+        parts,
+    )
+
+
+def _cuts(sides: Sequence[HoleSide], cut_sides: bool, number: int) -> Iterator[_Cut]:
+    """Make the curves from concave corners to all other corners and, if sides may be cut, to points of sides."""
+    found = corners(sides)
+    count = len(sides)
+    name = f"cut {MAX_CUTS - number}"
+    places = np.array([corner.place for corner in found])
+    for i, start in enumerate(found):
+        if not start.concave:
+            continue
+        for j, end in enumerate(found):
+            if (j - i) % count not in (0, 1, count - 1) and not (end.concave and j < i):
+                yield from _cut(sides, i, j, start, end, name, f"to {point_text(end.place, places)}")
+        for j, side in enumerate(sides if cut_sides else ()):
+            if j in (i, (i - 1) % count):
+                continue
+            t = _opposite(start, side)
+            halves = _halves(side, t)
+            loop = [*sides[:j], *halves, *sides[j + 1 :]]
+            first = i if i <= j else i + 1
+            end = corners(loop)[j + 1]
+            text = f"to {point_text(end.place, places)}, which cuts {side.name} in two"
+            for cut in _cut(loop, first, j + 1, start, end, name, text):
+                yield replace(cut, cost=cut.cost + 1.0)
+
+
+def _opposite(corner: Corner, side: HoleSide) -> float:
+    """Return the parameter of the point of a side, not near its ends, that is nearest to a corner."""
+    t = np.linspace(0.2, 0.8, 61)
+    return float(t[np.linalg.norm(points_and_tangents(side.curve, t)[0] - corner.place, axis=1).argmin()])
+
+
+def _halves(side: HoleSide, t: float) -> list[HoleSide]:
+    """Cut a side in two, exactly (de Casteljau), with weights 1 at the ends of both."""
+    table, left, right = side.curve, [side.curve[0]], [side.curve[-1]]
+    while len(table) > 1:
+        table = (1 - t) * table[:-1] + t * table[1:]
+        left.append(table[0])
+        right.append(table[-1])
+    found = []
+    for k, curve in enumerate((np.array(left), np.array(right[::-1]))):
+        curve = curve / curve[0, 3]
+        factor = curve[-1, 3] ** (-1 / side.degree)  # as if u : 1 − u were multiplied by it
+        curve = curve * factor ** np.arange(len(curve))[:, None]
+        share = factor * stations() / (factor * stations() + 1 - stations())
+        across = None if side.across is None else across_at(side, t * share if k == 0 else t + (1 - t) * share)
+        found.append(HoleSide(f"{side.name} half {k}", curve, across))
+    return found
+
+
+def _cut(sides: Sequence[HoleSide], i: int, j: int, start: Corner, end: Corner, name: str, to: str) -> Iterator[_Cut]:
+    """Make the curve from corner i to corner j of a loop, unless it comes too near to the boundary."""
+    least_clearance = 0.1  # distance from the boundary, of the distance from the nearer end
+    least_angle, most_angle = 40.0, 175.0  # degrees at a corner: beyond them a part is worse to fill
+    chord = end.place - start.place
+    length = float(np.linalg.norm(chord))
+    leave, arrive = _direction(start, chord / length), -_direction(end, -chord / length)
+    handles = [2 * length / (3 * (1 + max(0.0, float(way @ chord) / length))) for way in (leave, arrive)]  # of an arc
+    curve = np.array([start.place, start.place + handles[0] * leave, end.place - handles[1] * arrive, end.place])
+    t = np.linspace(0, 1, 33)
+    boundary = np.concatenate([points_and_tangents(side.curve, t)[0] for side in sides])
+    inside = bernstein(3, t[1:-1]) @ curve
+    apart = np.linalg.norm(inside[:, None] - boundary, axis=2).min(axis=1)
+    near = np.minimum(*(np.linalg.norm(inside - place, axis=1) for place in (start.place, end.place)))
+    clearance = float((apart / near).min())
+    if clearance < least_clearance:
+        return
+    angles = []
+    for corner, way in ((start, leave), (end, -arrive)):
+        first = math.degrees(math.atan2(np.cross(corner.ahead, way) @ corner.normal, corner.ahead @ way)) % 360
+        angles += [first, corner.angle - first]
+    left_open = sum(max(0.0, angle - most_angle) for angle in angles) / 90
+    sharp = sum(max(0.0, least_angle - angle) for angle in angles) / least_angle
+    bend = sum(math.acos(min(1.0, float(way @ chord) / length)) for way in (leave, arrive))
+    size = float(np.ptp(boundary, axis=0).max())
+    cut = HoleSide(name, np.column_stack([curve, np.ones(4)]), _field(curve, start, end, leave, arrive))
+    assert cut.across is not None
+    back = replace(cut.reversed(), across=-cut.across[::-1])
+    around = [*sides, *sides]
+    places = np.array([side.ends[0] for side in sides])
+    yield _Cut(
+        [*around[i : j if j > i else j + len(sides)], back],
+        [*around[j : i if i > j else i + len(sides)], cut],
+        4 * left_open + sharp + bend + length / size + 0.1 / clearance,
+        f"the hole is cut from its concave corner {point_text(start.place, places)} {to}",
+    )
+
+
+def _direction(corner: Corner, towards: FloatArray) -> FloatArray:
+    """Return the direction in a corner's plane nearest to another that divides its angle well."""
+    least_share, most = 0.25, 160.0  # of the angle on either side, and degrees if they can be had
+    left = np.cross(corner.normal, corner.ahead)
+    angle = math.degrees(math.atan2(towards @ left, towards @ corner.ahead)) % 360
+    if angle > corner.angle:
+        angle = 0.0 if 360 - angle < angle - corner.angle else corner.angle
+    low = min(max(least_share * corner.angle, corner.angle - most), corner.angle / 2)
+    turn = math.radians(min(max(angle, low), corner.angle - low))
+    return np.asarray(math.cos(turn) * corner.ahead + math.sin(turn) * left)
+
+
+def _field(curve: FloatArray, start: Corner, end: Corner, leave: FloatArray, arrive: FloatArray) -> FloatArray:
+    """Return (96, 3) directions to the left of a cubic, polynomials of degree 3 with the planes of its ends."""
+    t = np.concatenate([[0.0], stations(), [1.0]])
+    points = bernstein(3, t) @ curve
+    tangents = unit(bernstein(2, t) @ np.diff(curve, axis=0))
+    frame = [np.cross(start.normal, leave)]
+    for k in range(len(t) - 1):  # by two reflections (W. Wang and others, 2008)
+        step = points[k + 1] - points[k]
+        side, ahead = (v - 2 * (step @ v) / (step @ step) * step for v in (frame[-1], tangents[k]))
+        step = tangents[k + 1] - ahead
+        square = float(step @ step)
+        frame.append(side - 2 * (step @ side) / square * step if square else side)
+    last, wanted = frame[-1], np.cross(end.normal, arrive)
+    twist = math.atan2(float(np.cross(last, wanted) @ tangents[-1]), float(last @ wanted))
+    sides = unit(np.array(frame))
+    turn = (twist * t)[:, None]
+    directions = np.cos(turn) * sides + np.sin(turn) * np.cross(tangents, sides)
+    values = bernstein(3, t)
+    rest = directions - values[:, :1] * directions[0] - values[:, 3:] * directions[-1]
+    inner = np.linalg.lstsq(values[:, 1:3], rest, rcond=None)[0]
+    return np.asarray(values[1:-1] @ np.vstack([directions[:1], inner, directions[-1:]]))

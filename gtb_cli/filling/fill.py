@@ -1,0 +1,185 @@
+"""`fill` for Python: a hole from a file, from curves, or in a model."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain, count, islice
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray, finite
+from gtb_cli.errors import DomainError
+from gtb_cli.files import read_file
+from gtb_cli.filling.cutting import fill_parts
+from gtb_cli.filling.hole_corners import corners
+from gtb_cli.filling.holes import ring_of, ring_sides
+from gtb_cli.filling.loops import read_loop
+from gtb_cli.filling.one_patch import Filling, closed, edge_of, fill_loop, met_with
+from gtb_cli.filling.sides import HoleSide
+from gtb_cli.filling.strips import curve_side
+from gtb_cli.language.document import MAX_BYTES
+from gtb_cli.models.model import Model
+from gtb_cli.models.seams import joints
+from gtb_cli.theory.edges import edge_name, patch_name
+from gtb_cli.theory.patch import Patch
+
+
+def fill(
+    loop: Model | str | os.PathLike[str],
+    ribbons: Sequence[ArrayLike | None] | None = None,
+    ribbons2: Sequence[ArrayLike | None] | None = None,
+    *,
+    hole: str | None = None,
+    continuity: str | Mapping[str, str] = "g1",
+    inner: str = "fair",
+    fullness: float = 1.0,
+    raises: int | None = None,
+    name: str | None = None,
+) -> Filling:
+    """Fill a hole with one patch.
+
+    Parameters
+    ----------
+    loop : Model or path
+        A model of curves, which are the sides in any order; a model of surfaces with an open ring of edges; or a file
+        with one of these or with a `.gbp` or `.lop` loop.
+    ribbons : sequence of (n, 3) float or None, optional
+        For each curve of a model of curves, the second row of control points: ribbon − curve is the cross field.
+    ribbons2 : sequence of (n, 3) float or None, optional
+        The third row. All three are those of a strip (1 − u)² curve + 2 u (1 − u) ribbon + u² ribbon2.
+    hole : str, optional
+        An edge of the ring in a model of surfaces, such as ``"wall-0 edge 2"``; not needed if there is one ring.
+    continuity : {"g1", "g0", "g2"} or mapping
+        With "g1" the patch touches the tangent planes that are given; with "g0" it only meets the curves, and is plane
+        where they lie in a plane; with "g2" it also has the neighbour's curvature along each side, which must be known.
+        A mapping has the names of sides that differ, and "" for all others.
+    inner : {"fair", "flat"}
+        Curvature varies little, or least Dirichlet energy.
+    fullness : float
+        Factor, up to 1000, of the distance for which the patch continues along the given planes; 1 is the fairest.
+    raises : int, optional
+        Smallest number of times that the degree of edges is raised. Default: 2 for a side with a ribbon and 1 for
+        others, or one less if the patch folds then, and 4 with "g2" if edges are not many; with 0, edges stay as they
+        are if an exact field is found.
+    name : str, optional
+        Name of the patch.
+
+    Returns
+    -------
+    Filling
+        The `patch`, the `model` with it if one was given, the measurements, and the `fault` if it folds.
+
+    Raises
+    ------
+    SpecError, DomainError
+        A file, loop or option is not valid.
+
+    References
+    ----------
+    Not in the paper; the rows of knots and the tangent planes that they give are in `gtb_cli.filling.one_patch`.
+    """
+    found: Sequence[HoleSide] | Model
+    if isinstance(loop, Model):
+        found = loop if loop.dimension == 2 else _sides(loop, ribbons, ribbons2)
+    else:
+        source = os.fspath(loop)
+        found = read_loop(read_file(source, MAX_BYTES + 1), source)
+    return filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness, raises=raises)
+
+
+def filled(
+    found: Sequence[HoleSide] | Model,
+    hole: str | None,
+    name: str | None,
+    *,
+    continuity: str | Mapping[str, str] = "g1",
+    inner: str = "fair",
+    fullness: float = 1.0,
+    raises: int | None = None,
+) -> Filling:
+    """Fill a loop of sides, or an open ring of a model, with a patch that meets its neighbours as `fill` says.
+
+    The `model` of the filling has the patch, under a name that no other has. Raises `DomainError` as `fill` does.
+    """
+    options: dict[str, Any] = {"continuity": continuity, "inner": inner, "fullness": fullness, "raises": raises}
+    if not isinstance(found, Model):
+        if hole is not None:
+            raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
+        filling = _in_parts(found, name, (), options)
+        return _beside((), filling) if filling.parts else filling
+    ring = ring_of(found, hole)
+    taken = [patch.name for patch in found]
+    filling = _in_parts(ring_sides(found, ring), next(_free(name or "hole", taken)), taken, options)
+    whole = found.replace(patches=(*found.patches, *filling.patches))
+    remarks = filling.remarks
+    if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] >= len(found)]:
+        remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
+    beside = [found.patches[k] for k in sorted({ref[0] for ref in ring})]
+    return replace(_beside(beside, filling), remarks=remarks, model=whole)
+
+
+def _in_parts(
+    sides: Sequence[HoleSide], name: str | None, taken: Sequence[str | None], options: dict[str, Any]
+) -> Filling:
+    """Fill a hole with one patch, or cut it if that has a fault; a loop beside no patches may be cut inside a side."""
+    ordered, remarks = closed(met_with(options["continuity"], sides))
+
+    def fill_part(part: Sequence[HoleSide]) -> Filling:
+        kinds = {side.name: "g1" if side.bend is None else "g2" for side in part}
+        return fill_loop(part, name, **{**options, "continuity": kinds})
+
+    found = None
+    if any(corner.concave for corner in corners(ordered)):
+        found = fill_parts(ordered, fill_part, cut_sides=not taken)
+    if found is None:
+        return fill_loop(sides, name, **options)
+    if not found.parts:
+        return replace(found, remarks=(*remarks, *found.remarks))
+    names = islice(_free(f"{name or 'hole'}-0", taken), len(found.parts))
+    patches = [part.patch.replace(name=unique) for part, unique in zip(found.parts, names, strict=True)]
+    parts = tuple(replace(part, patch=patch) for part, patch in zip(found.parts, patches, strict=True))
+    return replace(found, patch=patches[0], parts=parts, model=Model(patches, name), remarks=(*remarks, *found.remarks))
+
+
+def _free(name: str, taken: Sequence[str | None]) -> Iterator[str]:
+    """Name patches as none of a model's is: the name, or with numbers from 1 after it."""
+    stem = name.removesuffix("-0")
+    return (each for each in chain([name], (f"{stem}-{k}" for k in count(1))) if each not in taken)
+
+
+def _beside(neighbours: Sequence[Patch], filling: Filling) -> Filling:
+    """Measure the differences of curvature across the edges that a filling shares with neighbours, and its cuts."""
+    model = Model((*neighbours, *filling.patches))
+    seams = {ref: seam for seam in joints(model) for ref in (seam.first, seam.second)}
+    edges = [
+        seams.get((len(neighbours) + p, edge_of(part.patch, k)))
+        for p, part in enumerate(filling.parts or (filling,))
+        for k in range(len(part.sides))
+    ]
+    contacts = tuple(
+        contact if seam is None else replace(contact, bend=seam.bend, bend_place=seam.bend_place)
+        for contact, seam in zip(filling.contacts, edges, strict=True)
+    )
+    return replace(filling, contacts=contacts)
+
+
+def _sides(
+    loop: Model, ribbons: Sequence[ArrayLike | None] | None, ribbons2: Sequence[ArrayLike | None] | None
+) -> list[HoleSide]:
+    found: list[list[FloatArray]] = [[] for _ in loop]
+    for number, (key, given) in enumerate((("ribbons", ribbons), ("ribbons2", ribbons2))):
+        given = [None] * len(loop) if given is None else given
+        if len(given) != len(loop):
+            raise DomainError(f"{key}: expected {len(loop)}, one for each curve or None, got {len(given)}")
+        for index, (curve, row, rows) in enumerate(zip(loop, given, found, strict=True)):
+            if row is None:
+                continue
+            points = finite(f"{key}[{index}]", row)
+            if points.shape != curve.control_points.shape:
+                raise DomainError(f"{key}[{index}]: expected shape {curve.control_points.shape}, got {points.shape}")
+            if len(rows) < number:
+                raise DomainError(f"{key}[{index}]: is the row after a ribbon, and there is none")
+            rows.append(points)
+    names = [patch_name(curve, index) for index, curve in enumerate(loop)]
+    return [curve_side(*side) for side in zip(loop, found, names, strict=True)]

@@ -1,0 +1,97 @@
+"""Corners of a hole: its angle there, in the tangent planes of its sides."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, point_text, unit
+from gtb_cli.filling.sides import HoleSide, points_and_tangents, stations
+from gtb_cli.values import frozen
+
+
+@frozen
+class Corner:
+    """The corner of a hole at which a side begins, with (3,) unit vectors.
+
+    `normal` is that of the tangent plane, `ahead` the direction of the side in it, and `angle` the degrees from there,
+    through the hole, back to the side before.
+    """
+
+    place: FloatArray
+    normal: FloatArray
+    ahead: FloatArray
+    angle: float
+
+    @property
+    def concave(self) -> bool:
+        """Whether the hole takes up more than half a turn, by a degree at least: a straight corner is not concave."""
+        return 181 < self.angle < 359
+
+
+def corners(sides: Sequence[HoleSide]) -> list[Corner]:
+    """Return the corners of a closed loop, in order.
+
+    A side without a field across has the plane of both sides at its corner or, if they are nearly parallel there, that
+    of the loop's vector area. A corner is concave if it is so in the planes of both sides.
+    """
+    parallel_sine = 0.05  # the plane of two directions is a matter of rounding and noise below this
+    points = np.concatenate([side.curve[:-1, :3] / side.curve[:-1, 3:] for side in sides])
+    points = (points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)
+    area = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+    ends = np.array([0.0, 1.0])
+    found = []
+    for before, side in zip([sides[-1], *sides[:-1]], sides, strict=True):
+        ahead = points_and_tangents(side.curve, ends)[1][0]
+        back = -points_and_tangents(before.curve, ends)[1][1]
+        ahead, back = unit(np.stack([ahead, back]))
+        plane = np.cross(ahead, back)
+        plane = math.copysign(1, plane @ area) * plane if np.linalg.norm(plane) > parallel_sine else area
+        planes = [
+            plane if each.across is None else np.cross(tangent, across_at(each, ends[[k]])[0])
+            for each, k, tangent in ((before, 1, -back), (side, 0, ahead))
+        ]
+        normals = unit(np.stack(planes))
+        sine = max(float(np.cross(ahead, back) @ normal) for normal in normals)
+        normal = unit(normals.sum(axis=0)[None])[0]
+        in_plane = unit((ahead - (ahead @ normal) * normal)[None])[0]
+        angle = math.degrees(math.atan2(sine, float(ahead @ back))) % 360
+        found.append(Corner(side.ends[0], normal, in_plane, angle))
+    return found
+
+
+def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
+    """Name the corners of a closed loop, in order, at which the hole takes up more than half a turn."""
+    places = np.array([side.ends[0] for side in sides])
+    return [
+        f"{before.name} and {side.name} at {point_text(side.ends[0], places)}"
+        for before, side, corner in zip([sides[-1], *sides[:-1]], sides, corners(sides), strict=True)
+        if corner.concave
+    ]
+
+
+def across_at(side: HoleSide, t: FloatArray) -> FloatArray:
+    """Return (m, 3) directions across a side at (m,) parameters, by barycentric interpolation between its stations.
+
+    Stations are Chebyshev's, so that no accuracy is lost at the ends.
+    """
+    assert side.across is not None
+    nodes = stations()
+    weights = np.sin(np.pi * (np.arange(len(nodes)) + 0.5) / len(nodes)) * (-1.0) ** np.arange(len(nodes))
+    distance = t[:, None] - nodes
+    shares = weights / np.where(distance == 0, np.finfo(float).tiny ** 0.5, distance)
+    return np.asarray(shares @ side.across / shares.sum(axis=1, keepdims=True))
+
+
+def plane_angles(normals: Sequence[FloatArray | None]) -> FloatArray:
+    """Return the angles in degrees between the planes of sides k − 1 and k at corner k, NaN without planes."""
+    t = stations()[:6]
+    ends = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])  # extrapolate from stations to a corner
+    angles = []
+    for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True):
+        if before is None or after is None:
+            angles.append(math.nan)
+        else:
+            end, start = ends @ before[:-7:-1], ends @ after[:6]
+            angles.append(math.degrees(math.atan2(float(np.linalg.norm(np.cross(end, start))), float(end @ start))))
+    return np.array(angles)

@@ -1,0 +1,100 @@
+"""Loops of curves from files: specs of curves with ribbons, `.gbp` and `.lop`."""
+
+import os
+
+import numpy as np
+
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.filling.sides import MAX_DEGREE, HoleSide
+from gtb_cli.filling.strips import curve_side, strip_side
+from gtb_cli.importers.nurbs import span_matrices
+from gtb_cli.importers.words import Words
+from gtb_cli.language.document import spec_format_of
+from gtb_cli.language.loading import parse_loop
+from gtb_cli.language.scanner import Format
+from gtb_cli.models.model import Model
+from gtb_cli.theory.edges import patch_name
+from gtb_cli.theory.patch import Patch
+
+SUFFIXES = (".gbp", ".lop")
+MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
+
+
+def read_loop(data: bytes, source: str, format: Format | None = None) -> list[HoleSide] | Model:
+    """Read a `.gbp` or `.lop` file, by its suffix, or a spec: curves are the sides of a loop, surfaces are a model.
+
+    Raises `SpecError`, with file and line: the file is too large, has words that are not numbers, or too few or too
+    many numbers; of specs see `gtb_cli.load`; or a ribbon is not valid.
+    """
+    if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
+        return loop_from_text(data, source)
+    spec, rows = parse_loop(data, source, format or spec_format_of(source))
+    if isinstance(spec, Patch):
+        what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
+        raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")
+    if spec.dimension == 2:
+        return spec
+    names = [patch_name(patch, index) for index, patch in enumerate(spec.patches)]
+    try:
+        return [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
+    except DomainError as error:
+        raise SpecError(f"{source}: {error}") from None
+
+
+def loop_from_text(data: bytes, source: str) -> list[HoleSide]:
+    """Read a `.gbp` or `.lop` file, as `read_loop` does."""
+    max_bytes = 1_000_000  # a loop of 24 sides of degree 20 needs a tenth of it
+    if len(data) > max_bytes:
+        raise SpecError(f"{source}: is too large, a loop has at most {max_bytes // 10**6} MB")
+    words = Words(data, source)
+    sides = _gbp(words) if source.lower().endswith(".gbp") else _lop(words)
+    words.end()
+    return sides
+
+
+def _gbp(words: Words) -> list[HoleSide]:
+    """Read sides, ribbons and curvatures of a generalized Bézier patch: its outer layers; skip the centre and others.
+
+    Layer l has d − 2 l points for each side: those of row l that do not belong to the next side. From degree 5 there is
+    a third layer.
+    """
+    n = words.whole("the number of sides", 3, MAX_CURVES)
+    degree = words.whole("the degree", 3, MAX_DEGREE)
+    words.rows(1, 3, "the centre")
+    first = words.rows(n * degree, 3, "the boundary").reshape(n, degree, 3)
+    layers = [first, words.rows(n * (degree - 2), 3, "the second layer").reshape(n, degree - 2, 3)]
+    for layer in range(2, (degree + 1) // 2):
+        layers.append(words.rows(n * (degree - 2 * layer), 3, f"layer {layer}").reshape(n, degree - 2 * layer, 3))
+    sides = []
+    for k in range(n):
+        following = (k + 1) % n
+        rows = []
+        for number, own in enumerate(layers[:3]):
+            before = [layers[i][k - 1, i - number] for i in range(number)]
+            after = [layers[i][following, number - i] for i in range(number, -1, -1)]
+            rows.append(np.column_stack([np.array([*before, *own[k], *after]), np.ones(degree + 1)]))
+        sides.append(strip_side(f"side {k}", rows, degree))
+    return sides
+
+
+def _lop(words: Words) -> list[HoleSide]:
+    """Read the sides of a loop of B-spline curves; each polynomial piece of a curve becomes a side for now."""
+    sides: list[HoleSide] = []
+    for k in range(words.whole("the number of curves", 1, MAX_CURVES)):
+        line = words.line
+        degree = words.whole(f"the degree of curve {k}", 1, MAX_DEGREE)
+        count = words.whole(f"the number of knots of curve {k}", 2 * degree + 2, 1000)
+        knots = words.rows(count, 1, f"the knots of curve {k}")[:, 0]
+        size = words.whole(f"the number of points of curve {k}", count - degree - 1, count - degree - 1)
+        points = words.rows(size, 3, f"the points of curve {k}")
+        try:
+            spans = span_matrices(degree, knots, size)
+        except DomainError as error:
+            words.fail(f"curve {k}: {error}", line)
+        if len(sides) + len(spans) > MAX_CURVES:
+            words.fail(f"the curves have more than {MAX_CURVES} polynomial pieces", line)
+        for i, (first, matrix) in enumerate(spans):
+            name = f"side {k}" if len(spans) == 1 else f"side {k} piece {i}"
+            piece = matrix @ points[first : first + degree + 1]
+            sides.append(HoleSide(name, np.column_stack([piece, np.ones(len(piece))]), spline=f"side {k}"))
+    return sides

@@ -1,0 +1,368 @@
+"""A hole with three or more sides, filled with one patch that touches the given planes exactly along its edges.
+
+Inside each edge, with Bézier points q_0 … q_m, there is a row of m knots shifted by half a step, with control points
+``(q_j + q_{j+1})/2 + v_j``: the first part lies on the tangent line, and v is a polynomial field in the given tangent
+planes. So the edge's tangent and the direction to the row span these planes. All such fields form a linear space, the
+null space of ``v ↦ <normal, v>``. Linear least-squares problems choose a field and the inner control points for the
+least variation of curvature: in the metric of the domain, then in that of the surface.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field, replace
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.fairing.descent import BENDING_POWER
+from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
+from gtb_cli.fairing.folds import folds as count_folds
+from gtb_cli.fairing.folds import sharp_turns
+from gtb_cli.fairing.variation import Bending, bendings, variation_matrices
+from gtb_cli.filling.hole_corners import concave_corners, plane_angles
+from gtb_cli.filling.net import net
+from gtb_cli.filling.osculation import SecondRow, bend_inside, corner_bends, patch_bend, polar
+from gtb_cli.filling.planes import Field, nearest_fields, row_fields
+from gtb_cli.filling.rows import Rows
+from gtb_cli.filling.sides import (
+    HoleSide,
+    binomials,
+    edge_normals,
+    loop,
+    points_and_tangents,
+    side_normals,
+    stations,
+)
+from gtb_cli.filling.spline_sides import single_curves
+from gtb_cli.knots.domain import domain
+from gtb_cli.models.model import Model
+from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+from gtb_cli.vocabulary import CONTINUITIES
+
+VISIBLE = 0.01
+"""Of the way to the middle: what is nearer to the boundary is not seen, and there curvature may grow without bounds."""
+
+_AWAY = (stations() > 0.02) & (stations() < 0.98)  # places nearer to the ends of a side belong to its corners
+
+SPIKE = 30.0
+"""Largest curvature, relative to that of a sphere with the same area, of a patch that does not turn sharply."""
+
+
+@frozen
+class Contact:
+    """The largest differences between a patch and what it meets along one side of its hole.
+
+    Attributes
+    ----------
+    angle : float
+        In degrees, between its normals and the given ones, away from the ends of the side; NaN without planes.
+    place : (3,) float
+        The point with this angle; NaN without planes.
+    bend : float
+        Between its normal curvature across the side and its neighbour's, in units of 1 / length; NaN where that is not
+        known or not finite.
+    bend_place : (3,) float
+        The point with this difference, or NaN.
+    bend_inside : float
+        Where curvature is met: twice the largest difference of mean curvatures at the side and at a hundredth of its
+        length from it, without a twentieth at each end; NaN elsewhere.
+    """
+
+    angle: float
+    place: FloatArray
+    bend: float = math.nan
+    bend_place: FloatArray = field(default_factory=lambda: np.full(3, math.nan))
+    bend_inside: float = math.nan
+
+
+@frozen
+class Filling:
+    """A patch that fills a hole. Made by `gtb_cli.fill`.
+
+    Attributes
+    ----------
+    patch : Patch
+    sides : tuple of HoleSide
+        In the order of the patch's edges.
+    bending : Bending
+        Integrals of curvature and of its variation over the patch without the outermost hundredth.
+    contacts : tuple of Contact
+        What was measured along each side.
+    corner_angles : (r,) float
+        Angle in degrees between the planes of sides k − 1 and k at corner k; NaN if a side has no planes.
+    raises : tuple of int
+        Number of times that the degree of each side was raised.
+    folds : int
+        Number of places, among some thousand, at which the patch turns back.
+    sharp_turns : int
+        Number of sides in a mesh of some thousand triangles at which a patch without folds turns by more than a right
+        angle.
+    remarks : tuple of str
+    model : Model or None
+        The model with its hole filled, or the patches of a loop that is cut.
+    parts : tuple of Filling
+        Of a hole that is cut at its concave corners, its parts: `patch` is the first one's, and the other attributes
+        list or add up those of all. Empty if one patch fills the hole.
+    """
+
+    patch: Patch
+    sides: tuple[HoleSide, ...]
+    bending: Bending
+    contacts: tuple[Contact, ...]
+    corner_angles: FloatArray
+    raises: tuple[int, ...]
+    folds: int
+    sharp_turns: int
+    remarks: tuple[str, ...]
+    model: Model | None = None
+    parts: tuple["Filling", ...] = ()
+
+    @property
+    def patches(self) -> tuple[Patch, ...]:
+        """The patch, or those of all parts."""
+        return tuple(part.patch for part in self.parts) or (self.patch,)
+
+    @property
+    def angle(self) -> float:
+        """Largest angle in degrees between the patch's normals and the given ones, away from corners; NaN if none."""
+        return max((each.angle for each in self.contacts if not math.isnan(each.angle)), default=math.nan)
+
+    @property
+    def sharpness(self) -> float:
+        """Largest curvature, relative to that of a sphere with the same area."""
+        return self.bending.curvature * math.sqrt(self.bending.area / (4 * math.pi))
+
+    @property
+    def fault(self) -> str | None:
+        """The sentence that says why the patch does not fill the hole, and what to try; None if it is one."""
+        if self.angle > 45:  # where fields follow the planes at all, it is below a degree
+            far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
+            what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
+        elif self.folds:
+            what = f"folds at {self.folds} of some thousand places"
+            way_out = "try a fullness nearer to 1, other ribbons, or curves that cut the hole into smaller ones"
+        elif self.sharpness > 2000 or (concave_corners(self.sides) and (self.sharp_turns or self.sharpness > SPIKE)):
+            what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
+            way_out = "raise degrees more, or try other ribbons, or curves that cut the hole into smaller ones"
+        else:
+            return None
+        corners = concave_corners(self.sides)
+        if 0 < len(corners) < len(self.sides) - 2:  # with fewer others, the ribbons point out of the hole
+            places = "; ".join(corners)
+            way_out = f"cut the hole with curves from its concave corners (gtb fill tries at most six): {places}"
+        return f"the patch {what}: {way_out}"
+
+    def __repr__(self) -> str:
+        return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
+
+
+_Attempt: TypeAlias = tuple[tuple[int, bool], Patch, Bending, list[int], int, int]
+
+
+def fill_loop(
+    sides: Sequence[HoleSide],
+    name: str | None = None,
+    *,
+    continuity: str | Mapping[str, str] = "g1",
+    inner: str = "fair",
+    fullness: float = 1.0,
+    raises: int | None = None,
+) -> Filling:
+    """Fill a hole whose sides are given in any order, with ends that meet; see `gtb_cli.fill` for the options.
+
+    Raises `DomainError`: an option has no such value, or the sides do not close, are too few or too many, or have no
+    tangent planes or curvatures.
+    """
+    sides = met_with(continuity, sides)
+    if inner not in ("fair", "flat"):
+        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
+    if not 0 < fullness <= 1000:
+        raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
+    if fullness != 1 and all(side.across is None for side in sides):
+        raise DomainError("fullness: continues along tangent planes, and no side has any")
+    if raises is not None and (isinstance(raises, bool) or raises < 0):
+        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
+    max_sides = 24  # with more, there are too few inner knots for the corners
+    ordered, remarks = closed(sides)
+    if len(ordered) > max_sides:
+        raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
+    points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in ordered])
+    middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, float(np.ptp(points, axis=0).max())
+    unit = []  # the sides in units of the loop's size, from its middle
+    for side in ordered:
+        weights = side.curve[:, 3:]
+        curve = np.hstack([(side.curve[:, :3] - weights * middle) / size, weights])
+        bend = None if side.bend is None else side.bend * size
+        strip = None if side.strip is None else (side.strip[0] / size, side.strip[1] / size)
+        unit.append(replace(side, curve=curve, bend=bend, strip=strip))
+    normals = [None if side.across is None else side_normals(side) for side in unit]
+
+    def attempt(least: int, fewer: bool) -> _Attempt:
+        """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
+
+        First are the number of faults, and whether fairer patches have some.
+        """
+        edges, fields, seconds, times = row_fields(unit, normals, least)
+        if fewer:
+            fields, seconds = nearest_fields(unit, normals, fields, seconds)
+        found: list[_Attempt] = []
+        for patch, bent in _solved(edges, fields, seconds, inner, fullness):
+            turned = sum(_angles(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
+            turns, folds = sharp_turns(patch), count_folds(patch)
+            faults = turns + 1000 * (folds + turned)
+            found.append(((faults, bool(found)), patch, bent, times, turns, folds))
+            if not faults:
+                break
+        return min(found, key=lambda each: each[0])
+
+    least = raises
+    if least is None:
+        least = 2 if any(n is not None for n in normals) else 1
+        most_knots = 45  # of all edges together: with more, inner knots would be too few
+        if any(side.bend is not None for side in unit) and sum(side.degree + 4 for side in unit) <= most_knots:
+            least = 4
+    plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
+    if raises is None:
+        # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
+        plans.insert(0 if len(unit) > 12 else 1, (least - 1, False))
+    best = attempt(*plans[0])
+    for plan in plans[1:]:
+        if not any(best[0]):
+            break
+        best = min(best, attempt(*plan), key=lambda found: found[0])
+    _, patch, bent, times, turns, folds = best
+    points = patch.control_points * size + middle
+    points[: len(ordered)] = [side.ends[0] for side in ordered]
+    patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
+    bends = corner_bends(unit, normals)
+    largest = max((np.abs(side.bend).max() for side in unit if side.bend is not None), default=0.0)
+    for k in np.flatnonzero(bends > 1e-6 * largest):  # rounding of what is extrapolated
+        remarks.append(
+            f"{ordered[k - 1].name} and {ordered[k].name}: mean curvatures of their neighbours differ by "
+            f"{bends[k] / size:.2g} at their corner"
+        )
+    if any(times):
+        remarks.append(f"degrees of the sides are raised by {', '.join(map(str, times))}")
+    for side, n in zip(ordered, normals, strict=True):
+        turn = 0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min()))
+        if turns and turn > 90:  # a patch that follows such planes faces the other way, and then back
+            remarks.append(
+                f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply "
+                "there"
+            )
+    return Filling(
+        patch,
+        ordered,
+        Bending(bent.area * size**2, bent.energy, bent.variation, bent.curvature / size),
+        tuple(_contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True))),
+        plane_angles(normals),
+        tuple(times),
+        folds,
+        0 if folds else turns,
+        tuple(remarks),
+    )
+
+
+def met_with(continuity: str | Mapping[str, str], sides: Sequence[HoleSide]) -> list[HoleSide]:
+    """Return sides with what is to be met along each."""
+    kinds = {"": continuity} if isinstance(continuity, str) else continuity
+    names = [side.name for side in sides]
+    for name, kind in kinds.items():
+        if kind not in CONTINUITIES:
+            raise DomainError(
+                f"continuity: expected {', '.join(CONTINUITIES[:-1])} or {CONTINUITIES[-1]}, got {kind!r}"
+            )
+        if name and name not in names:
+            raise DomainError(f"continuity: no side is called {name!r}: they are {', '.join(names)}")
+    return [side.met_with(kinds.get(side.name, kinds.get("", CONTINUITIES[0]))) for side in sides]
+
+
+def closed(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
+    """Return the sides of a hole in order, each B-spline in one, and remarks, as `single_curves` and `loop` do."""
+    whole, remarks = single_curves(sides)
+    ordered, said = loop(whole)
+    return ordered, remarks + said
+
+
+def _solved(
+    edges: Sequence[FloatArray],
+    fields: Sequence[Field],
+    seconds: Sequence[SecondRow | None],
+    inner: str,
+    fullness: float,
+) -> Iterator[tuple[Patch, Bending]]:
+    """Yield patches in units of the loop's size, and their bending: the fairest, and others if that folds."""
+    polars = [polar(edge) for edge in edges]
+    shape = net(
+        np.array([_length(edge) for edge in edges]),
+        [binomials(len(edge) - 1) * edge[:, 3] for edge in edges],
+        [binomials(len(row) - 1) * row[:, 3] for row in polars],
+        [None if second is None else second.weights for second in seconds],
+    )
+    # Variation is right to some hundredths with 24; with 4 samples for each knot, no control point is left free.
+    samples = max(24**2 * min(len(edges), 8), 4 * len(shape.knots))
+    resolution = math.ceil(math.sqrt(samples / len(edges)))
+    region = domain(shape.knots, "unit")
+    p, areas = energy_samples(region, resolution, VISIBLE)
+    places = MomentMap(shape.knots, shape.log_weights).inverse
+    s = places(p, 1e-6)
+    rows = Rows(shape, edges, fields, seconds)
+    least = partial(rows.fairest, fullness=fullness)
+    measured = partial(bendings, shape.knots, shape.log_weights, s, areas)
+    if inner == "fair":
+        # The search begins in the metric of the domain.
+        flat = np.column_stack([shape.knots, np.zeros(len(shape.knots))])
+        second, third = variation_matrices(shape.knots, shape.log_weights, s, areas, flat)
+        found = [least(third + 30 / areas.sum() * second)]
+        # The less weight bending has, the less curvature varies, and the more some patches bend.
+        second, third = variation_matrices(shape.knots, shape.log_weights, s, areas, found[0])
+        area = measured(found)[0].area
+        found += [least(third + factor / area * second) for factor in (0, 100, 400)]
+        bent = measured(found)
+        # Where curvature is given along edges, less bending is had by leaving it just inside them.
+        power = 0 if any(seconds) else BENDING_POWER
+        best = min(range(len(bent)), key=lambda k: bent[k].energy ** power * bent[k].variation)
+        for k in dict.fromkeys((best, 0)):
+            yield Patch(shape.knots, found[k], log_weights=shape.log_weights), bent[k]
+    # A thin plate overshoots least; a membrane is what was asked for.
+    p, all_areas = energy_samples(region, resolution)
+    kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
+    points = least(energy_at(shape.knots, shape.log_weights, places(p, 1e-6, s), all_areas, kind))
+    yield Patch(shape.knots, points, log_weights=shape.log_weights), measured([points])[0]
+
+
+def _length(curve: FloatArray) -> float:
+    points, _ = points_and_tangents(curve, np.linspace(0, 1, 33))
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def edge_of(patch: Patch, side: int) -> int:
+    """Return the edge of a filling that is a side: each begins at the knot of its number."""
+    return int(np.abs(patch.domain.vertices - patch.knots[side]).sum(axis=1).argmin())
+
+
+def _contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None) -> Contact:
+    if normals is None:
+        return Contact(math.nan, np.full(3, math.nan))
+    angles = _angles(patch, side, normals)
+    k = int(angles.argmax())
+    points = points_and_tangents(given.curve, stations())[0]
+    contact = Contact(float(angles[k]), points[_AWAY][k])
+    if given.bend is None:
+        return contact
+    bend = np.abs(patch_bend(patch, edge_of(patch, side), given.curve, normals) - given.bend)
+    k = int(np.where(_AWAY, bend, -1.0).argmax())
+    inside = bend_inside(patch, edge_of(patch, side), given.curve)
+    return replace(contact, bend=float(bend[k]), bend_place=points[k], bend_inside=inside)
+
+
+def _angles(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
+    """Return the angles in degrees between the patch's and the given normals along a side, without its ends."""
+    found = edge_normals(patch, edge_of(patch, side), stations()[_AWAY])
+    sine = np.linalg.norm(np.cross(found, normals[_AWAY]), axis=1)
+    return np.asarray(np.degrees(np.arctan2(sine, (found * normals[_AWAY]).sum(axis=1))))

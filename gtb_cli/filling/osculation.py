@@ -1,0 +1,275 @@
+"""A second row of knots inside an edge, which gives the patch its neighbour's curvature across the edge.
+
+Row 1 has weights w₁ C(m − 1, j) at height ε over the edge, row 2 has w₂ C(m − 2, j) at 2 ε, both times the Bézier
+weights of polars of the edge, and all else is at 3 ε or more. If V is the share of row 1 beside that of the edge, and
+κ V² that of row 2, the patch is ``P + V (R₁ − P) + V² (κ (R₂ − P) − (R₁ − P)) + O(V³)``. R₁ − P lies in the tangent
+plane. So the second fundamental form II is the neighbour's if and only if ``2 κ ⟨N, R₂ − P⟩ = II(R₁ − P, R₁ − P)``,
+which is linear in row 2. All of II follows from the normal curvature across the edge, by ``II(P', v) = ⟨N, v'⟩`` for
+fields v in the planes.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.filling.sides import HoleSide, bernstein, binomials, edge_places, points_and_tangents, raised, stations
+from gtb_cli.theory.curvature import curvatures_at
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+
+NULL = 1e-13  # relative size of singular values that are rounding: a field with one of them is in the planes
+
+
+def polar(points: FloatArray) -> FloatArray:
+    """Return the middles of neighbouring Bézier points: the polar of a curve at 1/2, which is in its tangent lines."""
+    return np.asarray((points[:-1] + points[1:]) / 2)
+
+
+def weight_ratio(degree: int) -> float:
+    """Return w₂ / w₁² for an edge of a degree: that of Bézier triangles, for which polynomial rows exist."""
+    return (degree - 1) / (2 * degree)
+
+
+@frozen
+class Rim:
+    """A curve of (m + 1, 4) homogeneous Bézier points at the `stations`.
+
+    There are (96, 3) points P, derivatives P', unit normals N and unit directions across, N × P'; (96,) weights; and
+    ⟨N, P''⟩.
+    """
+
+    degree: int
+    points: FloatArray
+    rates: FloatArray
+    normals: FloatArray
+    across: FloatArray
+    weights: FloatArray
+    bend: FloatArray
+
+    @classmethod
+    def of(cls, curve: FloatArray, normals: FloatArray) -> "Rim":
+        """Sample a curve whose normals are known at the stations."""
+        t, degree = stations(), len(curve) - 1
+        weights = bernstein(degree, t) @ curve[:, 3]
+        points, tangents = points_and_tangents(curve, t)
+        rates = tangents * (degree / weights[:, None])
+        across = np.cross(normals, rates / np.linalg.norm(rates, axis=1, keepdims=True))
+        rim = cls(degree, points, rates, normals, across, weights, np.zeros(len(t)))
+        if degree == 1:
+            return rim
+        second = degree * (degree - 1) * bernstein(degree - 2, t) @ np.diff(curve, n=2, axis=0)
+        return replace(rim, bend=heights(second, rim) / weights)
+
+    def polar_way(self) -> FloatArray:
+        """Return (96, 3) ways from the points to the polar of the curve, times its weights."""
+        return np.asarray(((0.5 - stations()) * self.weights / self.degree)[:, None] * self.rates)
+
+    def parts(self, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (…, 96) components a and g of (…, 96, 3) tangent vectors a P' + g across."""
+        along = (fields * self.rates).sum(axis=-1) / (self.rates**2).sum(axis=1)
+        return np.asarray(along), np.asarray((fields * self.across).sum(axis=-1))
+
+
+def heights(vectors: FloatArray, rim: Rim) -> FloatArray:
+    """Return (96,) ⟨N, X − ω P⟩ of (96, 4) homogeneous vectors (X, ω)."""
+    return np.asarray(((vectors[:, :3] - rim.points * vectors[:, 3:]) * rim.normals).sum(axis=1))
+
+
+def patch_bend(patch: Patch, edge: int, curve: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return (96,) normal curvatures across an edge of a patch, as limits at it; NaN where they are not finite.
+
+    The curve is that of the edge, and the (96, 3) normals are the patch's, or opposite to them.
+    """
+    place, count = edge_places(patch, edge, stations()), len(normals)
+    rim = Rim.of(curve, normals)
+    signs = np.sign((patch.normals_at([place], count) * normals).sum(axis=1))
+    mean = curvatures_at([patch], [place], count).mean[0]  # positive where the patch bends away from its normal
+    return np.asarray(-2 * signs * mean - rim.bend / (rim.rates**2).sum(axis=1))
+
+
+def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:
+    """Return twice the largest difference of mean curvatures at an edge and a hundredth of its length inside.
+
+    This is that of the curvatures across, if nothing else changes. Places near the ends are left out, a twentieth of
+    the edge at each, as they are no farther from other edges.
+    """
+    distance, tries = 0.01, 4  # of its length; the distance is nearly linear in the place
+    shape = patch.domain
+    start, end = shape.vertices[edge], shape.vertices[(edge + 1) % len(shape.vertices)]
+    on_edge = start + np.linspace(0.05, 0.95, 31)[:, None] * (end - start)
+    inward = np.array([start[1] - end[1], end[0] - start[0]])
+    points, _ = points_and_tangents(curve, np.linspace(0, 1, 101))
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    depth, given = np.full((len(on_edge), 1), distance), patch.evaluate(on_edge, "linear")
+    along = np.gradient(given, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    for _ in range(tries):
+        way = patch.evaluate(on_edge + depth * inward, "linear") - given
+        way -= (way * along).sum(axis=1, keepdims=True) * along
+        depth = np.minimum(depth * distance * length / np.linalg.norm(way, axis=1, keepdims=True), 3 * distance)
+    inside, there = (patch.curvature(place, "linear").mean for place in (on_edge + depth * inward, on_edge))
+    return float(2 * np.abs(inside - there).max())
+
+
+def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:
+    """Return (r,) differences of mean curvatures that sides k − 1 and k give at corner k; NaN if one has none."""
+    t = stations()[:6]
+    ends = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])  # extrapolate from stations to a corner
+    means = []
+    for side, n in zip(sides, normals, strict=True):
+        mean = np.full(len(stations()), math.nan)
+        if side.bend is not None and n is not None:
+            rim = Rim.of(side.curve, n)
+            mean = (side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2
+        means.append((ends @ mean[:6], ends @ mean[:-7:-1]))
+    return np.array([abs(means[k - 1][1] - means[k][0]) for k in range(len(sides))])
+
+
+class SecondRow:
+    """Row 2 of an edge as a quadratic function of row 1, up to fields in the tangent planes.
+
+    Row 1 is the polar of the curve plus a sum of fields, (m, 3) Bézier points of weight 0, times factors.
+
+    Attributes
+    ----------
+    weights : (m − 1,) float
+        Products c ω of its knots, times the square of the factor of row 1.
+    tangential : list of (m − 1, 3) float
+        Shifts of row 2 that leave II as it is.
+    """
+
+    def __init__(self, rim: Rim, curve: FloatArray, fields: list[FloatArray], bend: FloatArray) -> None:
+        near_null = 1e-9  # of rows with data rounded in files: multiples of these would be large
+        self.curve, self.fields, self._rim, self._bend = curve, fields, rim, bend
+        t = stations()
+        values, rates = bernstein(rim.degree - 1, t), (rim.degree - 1) * bernstein(rim.degree - 2, t)
+        along, self._across = rim.parts(np.stack([rim.polar_way(), *(values @ field for field in fields)]))
+        mixed = [((rates @ np.diff(field, axis=0)) * rim.normals).sum(axis=1) for field in fields]
+        self._along, self._mixed = along, np.stack([along[0] * rim.bend, *mixed])
+        polars = polar(polar(curve))
+        self.weights = weight_ratio(rim.degree) * binomials(rim.degree - 2) * polars[:, 3]
+        values = bernstein(rim.degree - 2, t)
+        self._own = heights(values @ polars, rim)
+        self._factor = 1 / (2 * weight_ratio(rim.degree) * rim.weights)
+        self._matrix = (values[:, :, None] * rim.normals[:, None]).reshape(len(values), -1)
+        left, singular, right = np.linalg.svd(self._matrix)
+        rank = int((singular > near_null * singular[0]).sum())
+        self._inverse = right[:rank].T / singular[:rank] @ left[:, :rank].T
+        self.tangential = [row.reshape(-1, 3) for row in right[int((singular > NULL * singular[0]).sum()) :]]
+
+    def chosen(self, sums: FloatArray) -> "SecondRow":
+        """Return that of (k, f) sums of the fields."""
+        fields = list(np.einsum("kf,fij->kij", sums, np.array(self.fields)))
+        return SecondRow(self._rim, self.curve, fields, self._bend)
+
+    def shifts(self, factors: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """Return the (m − 1, 3) shift of row 2 from the polar of the polar, and its derivatives by the (f,) factors.
+
+        The last is the error of II, relative to its largest terms: above rounding, this shift is only nearest to it.
+        """
+        f = np.concatenate([[1.0], factors])
+        a, g, h = f @ self._along, f @ self._across, f @ self._mixed
+        terms = self._along * h + a * self._mixed - self._along * a * self._rim.bend + self._across * g * self._bend
+        wanted = (f @ terms) * self._factor - self._own
+        shift = self._inverse @ wanted
+        largest = np.abs(f[:, None] * terms * self._factor).max() + np.abs(self._own).max()
+        error = np.abs(self._matrix @ shift - wanted).max() / (largest or 1.0)
+        rates = 2 * terms[1:] * self._factor @ self._inverse.T
+        return shift.reshape(-1, 3), rates.reshape(len(factors), -1, 3), float(error)
+
+    def crosses(self) -> bool:
+        """Tell whether a sum of fields, about 1 long on average, crosses the edge everywhere."""
+        least = 1e-3
+        across = self._across[1:]
+        factors = np.linalg.lstsq(across.T, np.ones(across.shape[1]), rcond=least**2)[0]
+        return bool((factors @ across).min() > least)
+
+
+class StripRow(SecondRow):
+    """Row 2 of a polynomial edge whose neighbour is a polynomial strip, P + u D₁ + u²/2 D₂ + …: there is one always.
+
+    Fields are A P' + b D₁ with polynomials A and b, and 2 κ (R₂ − P) is A² P'' + 2 A b D₁' + b² D₂.
+    """
+
+    def __init__(
+        self, rim: Rim, side: HoleSide, curve: FloatArray, degree: int, sums: FloatArray | None = None
+    ) -> None:
+        assert side.strip is not None
+        assert side.bend is not None
+        t, d, m = stations(), side.degree, rim.degree
+        points = side.curve[:, :3]
+        self._side, self._degree = side, degree
+        along, across = bernstein(degree - d + 1, t).T, bernstein(degree - d, t).T
+        none = np.zeros_like
+        parts = np.concatenate([along, none(across)]), np.concatenate([none(along), across])
+        if sums is not None:
+            parts = sums @ parts[0], sums @ parts[1]
+        first = bernstein(d, t) @ side.strip[0]
+        fields = parts[0][:, :, None] * rim.rates + parts[1][:, :, None] * first
+        inverse = np.linalg.pinv(bernstein(m - 1, t))
+        super().__init__(rim, curve, list(inverse @ fields), side.bend)
+        self._parts = np.vstack([self._along[:1], parts[0]]), np.vstack([none(t)[None], parts[1]])
+        self._rates = (
+            d * (d - 1) * bernstein(max(d - 2, 0), t) @ np.diff(points, n=2, axis=0) if d > 1 else none(first),
+            d * bernstein(d - 1, t) @ np.diff(side.strip[0], axis=0),
+            bernstein(d, t) @ side.strip[1],
+        )
+        self._coefficients = np.linalg.pinv(bernstein(m - 2, t))
+        self._sums = np.eye(len(fields)) if sums is None else sums
+
+    def chosen(self, sums: FloatArray) -> "StripRow":
+        """Return that of (k, f) sums of the fields."""
+        return StripRow(self._rim, self._side, self.curve, self._degree, sums @ self._sums)
+
+    def shifts(self, factors: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """Return the shift of row 2, its derivatives, and its relative error, which is rounding."""
+        f = np.concatenate([[1.0], factors])
+        (along, across), (second, mixed, first) = self._parts, self._rates
+        a, b = f @ along, f @ across
+        terms = along[:, :, None] * (a[:, None] * second + b[:, None] * mixed)
+        terms = (terms + across[:, :, None] * (a[:, None] * mixed + b[:, None] * first)) * self._factor[:, None]
+        own = polar(polar(self.curve))[:, :3]
+        wanted = np.einsum("f,fij->ij", f, terms) + self._rim.points
+        shift = self._coefficients @ wanted
+        error = np.abs(bernstein(len(own) - 1, stations()) @ shift - wanted).max() / (np.abs(wanted).max() or 1.0)
+        return shift - own, 2 * self._coefficients @ terms[1:], float(error)
+
+
+def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
+    """Return fields in the planes, and the row 2 that all of their sums have exactly, for the fewest raises.
+
+    A field of degree e has a row 2 for some degrees m > e: of polynomial strips for m ≥ 2 e + 2 less the degree of the
+    side. Raises `DomainError` if there is none for any of these counts.
+    """
+    exact = 1e-11  # of the terms of II, which are 100 times larger than their sum where sides are long and narrow
+    assert side.bend is not None
+    t, step = stations(), len(side.multiplier) - 1
+    trial = np.random.default_rng(0)
+    for count in counts:
+        curve = raised(side.curve, count, side.multiplier)
+        rim, most = Rim.of(curve, normals), len(curve) - 2
+        if side.strip is not None:
+            degree = (most + side.degree) // 2
+            if degree >= side.degree and (strip := StripRow(rim, side, curve, degree)).crosses():
+                return strip
+            continue
+        powers = range(count + 1) if step > 1 else range(1)
+        for degree, power in ((e, p) for e in range(most, -1, -1) for p in powers if p * step <= e):
+            # Fields of a lower degree, times a power of the side's weights, which divides those of the raised curve
+            values = bernstein(degree - power * step, t)
+            _, singular, basis = np.linalg.svd((values[:, :, None] * normals[:, None]).reshape(len(t), -1))
+            null = np.concatenate([singular, np.zeros(len(basis) - len(singular))]) <= NULL * singular[0]
+            found = [raised(row.reshape(-1, 3), power, side.multiplier) for row in basis[null]]
+            if not found:
+                continue
+            second = SecondRow(rim, curve, [raised(field, most - degree) for field in found], side.bend)
+            if second.crosses() and second.shifts(trial.normal(size=len(found)))[2] <= exact:
+                return second
+    raise DomainError(
+        f"{side.name}: no row of knots of degree up to {most} has its neighbour's curvature exactly, as there mostly "
+        "is beside Bézier patches of degree 4 or less: take continuity g1"
+    )

@@ -1,0 +1,54 @@
+"""Surfaces instead of triangles: CAD formats, what is exact in them, and what they lack."""
+
+from gtb_cli.errors import RequirementError
+from gtb_cli.formats.bspline_surfaces import spline_surfaces
+from gtb_cli.formats.cad import Wall, encode_cad
+from gtb_cli.models.model import Model
+from gtb_cli.theory.patch import Patch
+
+
+def encode_surfaces(
+    spec: Patch | Model,
+    kind: str,
+    unit: str,
+    tolerance: float | None,
+    *,
+    closed: bool,
+    wall: Wall | None = None,
+) -> tuple[bytes, str, list[str]]:
+    """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
+
+    Patches without exact pieces are fitted within the tolerance (without one, see `spline_surfaces`). `closed` asks for
+    solids: a `RequirementError` says that there are open shells. See `encode_cad` for a wall.
+    """
+    found = spline_surfaces(spec, tolerance)
+    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", wall)
+    if closed and body.shells:
+        raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
+    warnings = []
+    if found.reasons:
+        name, reason = found.reasons[0]
+        others = f" (one of {len(found.reasons)} such patches)" if len(found.reasons) > 1 else ""
+        who = f"{name}{others}: " if isinstance(spec, Model) else ""
+        bend = f"inner seams bend by up to {found.bend:.3g} degrees"
+        warnings.append(f"fitted within {found.error:.2g}, not exact, {bend}: {who}{shortened(reason)}")
+    counts = {"exact": len(found.surfaces) - found.fitted, "fitted": found.fitted}
+    faces = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
+    faces += " face" if len(found.surfaces) == 1 else " faces"
+    bodies = {"solid": body.solids, "open shell": body.shells}
+    parts = [f"{count} {name}{'s' if count > 1 else ''}" for name, count in bodies.items() if count]
+    return body.data, ", ".join([faces, *(["the offset and rims"] if wall else []), *parts]), warnings
+
+
+def with_y_up(spec: Patch | Model) -> Patch | Model:
+    """Turn surfaces as `Mesh.with_y_up` turns meshes: the point (x, y, z) becomes (x, z, −y)."""
+    turned = [
+        patch.replace(control_points=patch.control_points[:, [0, 2, 1]] * [1, 1, -1] + 0.0)  # without -0
+        for patch in spec.patches
+    ]
+    return spec.replace(patches=tuple(turned)) if isinstance(spec, Model) else turned[0]
+
+
+def shortened(reason: str) -> str:
+    """Shorten the reason why there are no exact pieces by the advice to use other commands."""
+    return reason.partition(". A mesh")[0].replace(" (`max_degree`)", "")

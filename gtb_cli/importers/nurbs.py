@@ -1,0 +1,82 @@
+"""B-spline and NURBS curves and surfaces as exact Bézier patches, span by span.
+
+Knots are inserted until their multiplicity is the degree. This gives the Bézier points of a span [t_k, t_{k+1}]: the
+values of its polar form at (t_k, …, t_k, t_{k+1}, …, t_{k+1}), which de Boor's algorithm finds by averages alone.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.importers.classical_nets import MAX_DEGREE, curve, dehomogenized, rectangle
+from gtb_cli.language.patch_reader import MAX_PATCHES
+from gtb_cli.theory.patch import Patch
+
+MAX_CONTROL_POINTS = 100_000  # largest number of control points of a curve or surface
+
+
+def spans(degrees: Sequence[int], knots: Sequence[FloatArray], net: FloatArray, name: str | None = None) -> list[Patch]:
+    """Return the Bézier curves of a NURBS curve, one for each span, or the Bézier rectangles of a surface.
+
+    Knots are one or two ascending rows, clamped or not; the net has (m, 4) or (m, n, 4) homogeneous control points x w,
+    y w, z w, w. If there are several spans, their numbers follow the name. A `DomainError` says that knots do not fit
+    or do not ascend, that a weight is not positive, or that there are too many spans.
+    """
+    parts = [span_matrices(*row) for row in zip(degrees, knots, net.shape, strict=False)]
+    total = math.prod(map(len, parts))
+    if total > MAX_PATCHES:
+        raise DomainError(f"has {total} spans, a model has at most {MAX_PATCHES} patches")
+    patches: list[Patch] = []
+    for pieces in itertools.product(*parts):
+        rows = net[tuple(slice(first, first + len(matrix)) for first, matrix in pieces)]
+        for axis, (_, matrix) in enumerate(pieces):
+            rows = np.moveaxis(np.tensordot(matrix, rows, (1, axis)), 0, axis)
+        points, weights = dehomogenized(rows.reshape(-1, 4))
+        make, shape = (curve if rows.ndim == 2 else rectangle), rows.shape[:-1]
+        label = name if total == 1 or name is None else f"{name}-{len(patches)}"
+        patches.append(make(points.reshape(*shape, 3), weights.reshape(shape)).replace(name=label))
+    return patches
+
+
+def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int, FloatArray]]:
+    """Return, for each span of a B-spline basis of `count` functions, its first control point and a matrix.
+
+    The (degree + 1, degree + 1) matrix gives the span's Bézier points. Its rows are nonnegative and add up to 1: no
+    accuracy is lost, and positive weights stay positive.
+    """
+    min_span = 1e-12  # spans shorter than this fraction of all are ignored: their knots were meant to be equal
+    if not 1 <= degree <= MAX_DEGREE:
+        raise DomainError(f"degree: expected 1 to {MAX_DEGREE}, got {degree}")
+    if not degree < count <= MAX_CONTROL_POINTS:
+        raise DomainError(f"control points: expected {degree + 1} to {MAX_CONTROL_POINTS} for degree {degree}")
+    if len(knots) != count + degree + 1:
+        raise DomainError(f"knots: expected {count + degree + 1}, control points plus order, got {len(knots)}")
+    steps = np.diff(knots)
+    if not (steps >= 0).all():
+        k = int(np.argmin(steps >= 0))
+        raise DomainError(f"knots: must ascend, got {knots[k]:g} before {knots[k + 1]:g}")
+    found = degree + np.flatnonzero(steps[degree:count] > min_span * (knots[count] - knots[degree]))
+    if not len(found):
+        raise DomainError("knots: all spans are empty")
+    if len(found) > MAX_PATCHES:
+        raise DomainError(f"has {len(found)} spans, a model has at most {MAX_PATCHES} patches")
+    return [(k - degree, _bezier_points(degree, knots, k)) for k in found.tolist()]
+
+
+def _bezier_points(degree: int, knots: FloatArray, k: int) -> FloatArray:
+    """Apply de Boor's algorithm to unit control points, with degree − j times the span's start and j times its end."""
+    start, end = knots[k], knots[k + 1]
+    rows = []
+    for j in range(degree + 1):
+        table = np.eye(degree + 1)
+        for step, place in enumerate([start] * (degree - j) + [end] * j, 1):
+            for i in range(degree, step - 1, -1):
+                low, high = knots[k - degree + i], knots[k + 1 + i - step]
+                share = (place - low) / (high - low)
+                table[i] = (1 - share) * table[i - 1] + share * table[i]
+        rows.append(table[degree])
+    return np.array(rows)

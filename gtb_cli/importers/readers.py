@@ -1,0 +1,121 @@
+"""Files of other programs as patches: their formats, and how to tell them apart."""
+
+import os
+from importlib import import_module
+from typing import NamedTuple
+
+from gtb_cli.errors import Fault, SpecError
+from gtb_cli.files import read_file
+from gtb_cli.language.document import MAX_BYTES, kind_of
+from gtb_cli.language.loading import stem_of
+from gtb_cli.language.patch_reader import MAX_PATCHES
+from gtb_cli.models.model import Model
+from gtb_cli.theory.patch import Patch
+
+
+class Imported(NamedTuple):
+    """The content of a file, and what it has that a patch cannot hold, such as units and trimming."""
+
+    shape: Patch | Model
+    remarks: tuple[str, ...]
+
+
+# Formats and the modules of their readers, imported when they are needed: each gives patches and remarks on what is
+# left out; its `SpecError` says what a file has wrong, and where
+READERS = {
+    "trp": "trp",
+    "bv": "bezierview",
+    "bpt": "bezierview",
+    "bzr": "bezierview",
+    "iges": "iges",
+    "3dm": "rhino",
+    "geomdl": "geomdl_json",
+}
+
+SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": name for name in READERS}
+
+# Formats that hold little but numbers: a file has the one whose reader gets to its end
+NUMBER_FORMATS = ("trp", "bv", "bpt", "bzr")
+
+
+def import_file(path: str | os.PathLike[str], format: str | None = None) -> Imported:
+    """Read a file of another program as a patch or a model.
+
+    Parameters
+    ----------
+    path : path
+    format : {"trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl"}, optional
+        By default it is found from the content or the suffix.
+
+    Returns
+    -------
+    Imported
+        ``found.shape``, and ``found.remarks`` on what the file has that a patch cannot hold, such as trimming.
+
+    Raises
+    ------
+    SpecError
+        The file cannot be read: file, line and what was found.
+    """
+    if format is not None and format not in READERS:
+        raise SpecError(f"format: expected one of {', '.join(READERS)}, got {format!r}")
+    source = os.fspath(path)
+    return import_data(source, read_file(source, MAX_BYTES + 1), format)
+
+
+def import_data(path: str, data: bytes, format: str | None = None) -> Imported:
+    """Read the content of a file of another program, as `import_file` does.
+
+    Curves and surfaces cannot be mixed in a model: if a file has both, only the surfaces are read. A `SpecError` names
+    the file, the line and what was found.
+    """
+    if len(data) > MAX_BYTES:
+        raise SpecError(f"{path}: is too large, at most {MAX_BYTES // 10**6} MB are read")
+    patches, remarks = _read(path, data, format)
+    surfaces = [patch for patch in patches if patch.dimension == 2]
+    if surfaces and len(surfaces) < len(patches):
+        remarks.append(f"{len(patches) - len(surfaces)} curves beside the surfaces are left out")
+        patches = surfaces
+    if not patches:
+        raise SpecError(*(Fault(line, path) for line in ["has no patches", *remarks]))
+    if len(patches) > MAX_PATCHES:
+        raise SpecError(f"{path}: has {len(patches)} patches, a model has at most {MAX_PATCHES}")
+    name = stem_of(path)
+    named = patches[0].replace(name=patches[0].name or name)
+    return Imported(named if len(patches) == 1 else Model(tuple(patches), name), tuple(remarks))
+
+
+def _read(path: str, data: bytes, format: str | None) -> tuple[list[Patch], list[str]]:
+    format = format or _by_content(data) or SUFFIXES.get(os.path.splitext(path)[1].lower())
+    if format is not None:
+        return _with(format, data, path)
+    takers = []
+    for name in NUMBER_FORMATS:
+        try:
+            takers.append((name, _with(name, data, path)))
+        except SpecError:
+            continue
+    if len(takers) == 1:
+        return takers[0][1]
+    if not takers and (kind := kind_of(data)):
+        why = ": triangles cannot become patches" if kind.endswith("mesh") else ""
+        raise SpecError(f"{path}: is {kind}, and holds no patches{why}")
+    reason = f"may be {' or '.join(name for name, _ in takers)}" if takers else "is in no format that is read"
+    raise SpecError(f"{path}: {reason}; name one of {', '.join(READERS)} as its format")
+
+
+def _with(format: str, data: bytes, path: str) -> tuple[list[Patch], list[str]]:
+    found: tuple[list[Patch], list[str]]
+    found = getattr(import_module(f"gtb_cli.importers.{READERS[format]}"), f"read_{format}")(data, path)
+    return found
+
+
+def _by_content(data: bytes) -> str | None:
+    if data.startswith(b"3D Geometry File Format"):
+        return "3dm"
+    if data.lstrip()[:1] == b"{":
+        return "geomdl"
+    first = data[:82].replace(b"\r", b"\n").partition(b"\n")[0]
+    if len(first) >= 80 and first[72:73] == b"S" and first[73:80].strip() == b"1":
+        return "iges"
+    return None

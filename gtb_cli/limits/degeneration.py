@@ -1,0 +1,105 @@
+"""Toric degeneration: weights x^λ ω, and the regular control curve or surface to which patches tend as x grows."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray, finite, one_for_each
+from gtb_cli.errors import DomainError
+from gtb_cli.knots.decomposition import RegularDecomposition, lifting_of_knot, regular_decomposition
+from gtb_cli.models.model import Model
+from gtb_cli.spec_paths import of_patch
+from gtb_cli.theory.patch import Patch
+
+MAX_WEIGHT_LOG = 700.0  # exp(±700), and its products with knots and points, are ordinary floats
+
+
+@of_patch
+def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patch:
+    """Give a patch the weights ``ω_i(x) = x^{λ_i} ω_i`` of its toric degeneration.
+
+    Parameters
+    ----------
+    patch : Patch
+    x : float
+        Finite and positive. The patch tends to the `regular_control_surface` of λ for x → ∞, and to that of −λ for x →
+        0; x = 1 returns the patch itself.
+    lifting : (n,) float, optional
+        λ_i; default the patch's own.
+
+    Returns
+    -------
+    Patch
+        A copy with new weights, given as logarithms if some are beyond the range of floats.
+
+    Raises
+    ------
+    DomainError
+        x is not finite and positive, or there is no lifting.
+
+    References
+    ----------
+    Eq. (304), eq. (403).
+    """
+    if not (math.isfinite(x) and x > 0):
+        raise DomainError(f"x: must be finite and positive, got {x!r}")
+    with np.errstate(over="ignore"):
+        exponents = lifting_of(patch, lifting) * math.log(x)
+    if not np.isfinite(exponents).all():
+        raise DomainError("lifting: λ log x is beyond the largest float")
+    logs = exponents + patch.log_weights
+    if max(np.abs(array).max() for array in (exponents, patch.log_weights, logs)) <= MAX_WEIGHT_LOG:
+        # Powers, because 5³ is 125, but exp(3 log 5) is not exactly.
+        return patch.replace(weights=patch.weights * np.power(float(x), lifting_of(patch, lifting)))
+    return patch.replace(log_weights=logs)
+
+
+@of_patch
+def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> Model:
+    """Return the limit of a patch under toric degeneration: a patch for each cell of the regular decomposition.
+
+    Parameters
+    ----------
+    patch : Patch
+        The limit of a curve is its regular control curve.
+    lifting : (n,) float, optional
+        λ_i; the default is the patch's own. The limit for x → 0 is that of −λ.
+
+    Returns
+    -------
+    Model
+        A patch for each cell, in the order of the cells; `cells_of` takes a known decomposition.
+
+    Raises
+    ------
+    DomainError
+        There is no lifting, or it does not fit.
+
+    References
+    ----------
+    Thm 3.2, Thm 4.2.
+    """
+    return cells_of(patch, regular_decomposition(patch.knots, lifting_of(patch, lifting)))
+
+
+def cells_of(patch: Patch, decomposition: RegularDecomposition) -> Model:
+    """Return a patch for each cell, with its knots, weights, coefficients and control points, in the cell's order."""
+    name = patch.name or "patch"
+    cells = [patch.part(np.array(cell), name=f"{name}-cell{i}") for i, cell in enumerate(decomposition.cells)]
+    return Model(tuple(cells), name=patch.name)
+
+
+def heights_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
+    """(n,) a lifting as in `lifting_of`, where an index stands for that of the knot whose weight alone grows."""
+    if isinstance(lifting, int | np.integer):
+        return lifting_of_knot(len(patch.knots), int(lifting))
+    return lifting_of(patch, lifting)
+
+
+def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
+    """(n,) the given lifting or, by default, the patch's own; refuses a missing lifting, and one of wrong length."""
+    values = patch.lifting if lifting is None else finite("lifting", lifting)
+    if values is None:
+        raise DomainError("has no lifting: write one into the spec, or give `lifting`")
+    return one_for_each("lifting", values, len(patch.knots), "knot")

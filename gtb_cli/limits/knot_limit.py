@@ -1,0 +1,259 @@
+"""Knots that move to the places of others: the merged patch, which is the limit inside Δ, and the films that the limit
+gains where knots reach the boundary."""
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, read_only
+from gtb_cli.errors import DomainError
+from gtb_cli.knots.face import Face
+from gtb_cli.spec_paths import of_patch
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+
+MIN_NORMAL_WEIGHT = float(np.finfo(np.float64).tiny)  # smallest weight that is a float with full precision
+
+
+@of_patch
+def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
+    """Merge knots into others: the limit of the patch, inside Δ, as knot k moves to the place of knot q.
+
+    ``c̃_q = c_q``, ``ω̃_q = Σ c_i ω_i / c_q`` and ``b̃_q = Σ c_i ω_i b_i / Σ c_i ω_i``, summed over q and all k that
+    merge into it.
+
+    Parameters
+    ----------
+    patch : Patch
+    moves : mapping of int to int
+        {k: q} by index. Chains are followed: {1: 2, 2: 3} merges knots 1 and 2 into knot 3.
+
+    Returns
+    -------
+    Patch
+        The patch without the knots k. The other knots keep their order; q keeps its place, coefficient and lifting
+        value.
+
+    Raises
+    ------
+    DomainError
+        An index is out of range, moves form a cycle, or a move would change the hull.
+
+    Notes
+    -----
+    On the boundary of Δ the convergence may fail: see `gtb_cli.limits.knot_limit.knot_limit`.
+
+    References
+    ----------
+    Thm 3.1, Cor. 3.1, Thm 4.1 (there with all c_i = 1).
+    """
+    targets = ends_of_moves(patch, moves)
+    stays = targets == np.arange(len(targets))
+    with np.errstate(over="ignore", under="ignore"):
+        products = patch.coefficients * patch.weights
+        ordinary = bool(np.isfinite(np.bincount(targets, products)).all() and products.min() >= MIN_NORMAL_WEIGHT)
+    points, weights, logarithms = (np.array(x) for x in (patch.control_points, patch.weights, patch.log_weights))
+    for q in np.unique(targets[~stays]).tolist():
+        members = np.flatnonzero(targets == q)
+        largest = patch.log_products[members].max()
+        terms = products[members] if ordinary else np.exp(patch.log_products[members] - largest)
+        total = terms.sum()
+        points[q] = terms @ points[members] / total
+        weights[q] = total / patch.coefficients[q]
+        logarithms[q] = largest + math.log(total) - math.log(patch.coefficients[q])
+    return patch.replace(
+        control_points=points, **{"weights": weights} if ordinary else {"log_weights": logarithms}
+    ).part(np.flatnonzero(stays), edge_normals=patch.edge_normals, edge_scale=patch.edge_scale)
+
+
+@of_patch
+def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
+    """Move knots part of the way to others: ``a_k + step (a_q − a_k)``, all at once.
+
+    Parameters
+    ----------
+    patch : Patch
+    moves : mapping of int to int
+        {k: q} by index. In a chain {1: 2, 2: 3} both knots move to the place of knot 3.
+    step : float
+        From 0, the patch itself, to 1, where the knots coincide.
+
+    Raises
+    ------
+    DomainError
+        An error of `merge_knots`, or a step outside [0, 1].
+
+    References
+    ----------
+    Thm 4.1, Ex. 4.2.
+    """
+    if not 0 <= step <= 1:
+        raise DomainError(f"step: expected a number from 0 to 1, got {step!r}")
+    targets = ends_of_moves(patch, moves)
+    knots = patch.knots + step * (patch.knots[targets] - patch.knots)
+    if step == 1:
+        knots = patch.knots[targets]
+    return patch.replace(knots=knots)
+
+
+def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
+    """(n,) the knot at whose place each knot ends: itself, or the end of its chain; errors as in `merge_knots`."""
+    n = len(patch.knots)
+    if not moves:
+        raise DomainError("merging: expected at least one knot to move")
+    for index in (*moves, *moves.values()):
+        if isinstance(index, bool) or not isinstance(index, int | np.integer) or not 0 <= index < n:
+            raise DomainError(f"merging: expected knot indices from 0 to {n - 1}, got {index!r}")
+    targets = np.arange(n)
+    for k in moves:
+        way = [k]
+        while way[-1] in moves:
+            way.append(moves[way[-1]])
+            if way[-1] == k:
+                raise DomainError(f"merging {' -> '.join(map(str, way))} is a cycle, nothing is left to merge into")
+            if len(way) > n:
+                break  # enters a cycle without k, which is reported for the knots of the cycle
+        targets[k] = way[-1]
+    _refuse_hull_change(patch, targets)
+    return targets
+
+
+def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
+    """Refuse moves that leave a corner without a knot; all paths lie inside Δ, so that other moves keep the hull."""
+    shape = patch.domain
+    stays = (targets == np.arange(len(targets))) | (patch.knots == patch.knots[targets]).all(axis=1)
+    corners = shape.faces.knots[shape.faces.corners]
+    for corner, members in zip(shape.vertices, corners, strict=True):
+        if not (members & stays).any():
+            k = int(np.flatnonzero(members)[0])
+            place = ", ".join(f"{x:g}" for x in corner)
+            what = "end" if shape.dimension == 1 else "corner"
+            raise DomainError(
+                f"merging knot {k} -> {targets[k]} changes the hull: no other knot stays at its {what} ({place})"
+            )
+
+
+@frozen
+class Film:
+    """The surface or curve that moving knots leave between the patch's fixed boundary and that of the merged patch.
+
+    Let F be a facet or corner of Δ, and let η_ij be the speed at which knot i, which ends on F, approaches facet j
+    through F (0 for a knot already there). At a distance ε from the end of the motion, the points of the patch at torus
+    coordinates s + τ/ε outwards tend to those of the knots on F with the weights ``c_i ω_i ∏_j z_j^{η_ij}``. Here z_j =
+    e^{−τ_j} runs from 1, the merged patch's boundary, to 0, the fixed boundary.
+
+    F is `face`, and `members` are the (k,) knots that end on it. `speeds` are (k, g), η for the g facets that meet in
+    F, in units of the smallest positive speed of each. `along` are (k,) coordinates along the edge of the ends of the
+    paths, or None if F is a corner, or an end of a curve.
+    """
+
+    face: Face
+    members: IntArray
+    speeds: FloatArray
+    along: FloatArray | None
+    log_products: FloatArray
+    control_points: FloatArray
+
+    def section(self, z: float) -> Patch:
+        """The curve at level z of the film of an edge."""
+        assert self.along is not None, "the film of a corner has no sections"
+        log_weights = self.log_weights(np.array([[z]]))[0]
+        here = np.isfinite(log_weights)
+        return Patch(self.along[here], self.control_points[here], log_weights=log_weights[here])
+
+    def points(self, z: ArrayLike) -> FloatArray:
+        """(m, 3) points at (m, g) levels z of the film of a corner or end."""
+        logs = self.log_weights(np.asarray(z, dtype=np.float64))
+        weights = np.exp(logs - logs.max(axis=1, keepdims=True))
+        return np.asarray(weights @ self.control_points / weights.sum(axis=1, keepdims=True))
+
+    def log_weights(self, z: FloatArray) -> FloatArray:
+        """(m, k) logarithms of the weights at (m, g) levels z, −inf for weights 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            powers = self.speeds[None] * np.log(z)[:, None, :]
+        return np.asarray(self.log_products + np.where(self.speeds[None] > 0, powers, 0.0).sum(axis=2))
+
+
+@frozen
+class KnotLimit:
+    """The limit of patches whose knots move to others, each to the place of its one of (n,) `targets`."""
+
+    patch: Patch
+    moves: Mapping[int, int]
+    targets: IntArray
+
+    @cached_property
+    def merged(self) -> Patch:
+        """The merged patch: the limit at every point inside Δ."""
+        return merge_knots(self.patch, self.moves)
+
+    @cached_property
+    def films(self) -> tuple[Film, ...]:
+        """The parts of the limit set outside the merged patch; empty if the convergence is uniform."""
+        return tuple(_films(self.patch, self.targets))
+
+    @cached_property
+    def arrivals(self) -> Mapping[int, int]:
+        """The number of the end, corner or edge that each knot from outside it reaches."""
+        faces = self.patch.domain.faces
+        arriving = np.flatnonzero(self._comes.any(axis=1)).tolist()
+        return {k: faces.smallest(self.targets[k]).number for k in arriving}
+
+    def nearness(self, step: float) -> float:
+        """The smallest distance, at a step, of a knot from a facet that it reaches, as a fraction of Δ's size."""
+        shape = self.patch.domain
+        least = (shape.heights / shape.normal_lengths).min(where=self._comes, initial=np.inf)
+        return float(least) * (1 - step) / shape.size
+
+    @cached_property
+    def _comes(self) -> BoolArray:
+        """(n, r) whether each knot moves to a facet on which it does not lie at first."""
+        incidence = self.patch.domain.incidence
+        return np.asarray(incidence[self.targets] & ~incidence)
+
+
+@of_patch
+def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
+    """Find the limit of a patch as knots move to the places of others, along lines and all at once; see `merge_knots`.
+
+    A knot that moves to the boundary from inside does not count there until it arrives: the boundary stays the same,
+    while the patches tend, inside, to a patch with another boundary. The Hausdorff limit is the merged patch together
+    with a film between the two boundaries: a segment at the end of a curve (a curve if several knots arrive there), a
+    membrane at an edge. Thm 3.1 and Thm 4.1 state only the merged patch as the limit; Ex. 4.2.
+    """
+    return KnotLimit(patch, dict(moves), ends_of_moves(patch, moves))
+
+
+def _films(patch: Patch, targets: IntArray) -> list[Film]:
+    parallel_ratio = 1e-9  # of the singular values of speeds: knots typed on one line
+    shape = patch.domain
+    moved = targets != np.arange(len(targets))
+    films = []
+    for face in shape.faces:
+        members = np.flatnonzero(face.knots[targets])
+        speeds = np.where(moved[members, None], shape.heights[members][:, face.facets], 0.0)
+        if face.is_interior or not speeds.any():
+            continue
+        along = None
+        if not face.is_corner:
+            along = shape.along(face.index, patch.knots[targets[members]])
+        elif shape.dimension == 2:
+            # If all arrive along one line, the film of the corner is a border of its edges' films.
+            values = np.linalg.svd(speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT), compute_uv=False)
+            if len(values) < 2 or values[1] <= parallel_ratio * values[0]:
+                continue
+        units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
+        films.append(
+            Film(
+                face,
+                members,
+                read_only(speeds / np.array(units)),
+                along,
+                patch.log_products[members],
+                patch.control_points[members],
+            )
+        )
+    return films

@@ -1,0 +1,259 @@
+"""Which vertices and faces of two meshes belong together, and what differs where all are in the same place."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, paired
+from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.frame import Frame
+from gtb_cli.meshes.measures import Measures
+from gtb_cli.meshes.mesh import KnownMesh, Mesh
+from gtb_cli.meshes.nearest import NearestCells, middles
+from gtb_cli.meshes.topology import are_used, component_count, components_of, sides_of
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Vertices (m,) of two meshes with the same cells that belong together, and (m,) their distances."""
+
+    vertices: IntArray
+    others: IntArray
+    distances: FloatArray
+    turned: int  # faces that are turned over
+    remarks: tuple[str, ...]  # how else the cells differ: in the vertices that they share
+
+
+def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
+    """Match vertices so that all cells are the same, in any order, and vertices within the tolerance if that can be.
+
+    Vertices are matched by their numbers; by the order in which cells use their places, as in STL files, where the
+    places may also be those in 32-bit numbers; or by nearness. The first of these ways that leaves none farther apart
+    than the tolerance is taken; otherwise the first that finds the same cells, whatever the distances.
+    """
+    if a.mesh.cells.shape != b.mesh.cells.shape:
+        return None
+    first = None
+    for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance):
+        found = _matched(a, b, cells, other_cells)
+        if found is None:
+            continue
+        if found.distances.max() <= tolerance:
+            return found
+        first = first or (found if is_certain else None)
+        if is_certain and not _may_be_near(a.mesh, b.mesh, tolerance):
+            break
+    return first
+
+
+def _may_be_near(a: Mesh, b: Mesh, tolerance: float) -> bool:
+    """Tell whether each vertex may be within the tolerance of its own one of the other mesh, by sorted coordinates."""
+    here, there = a.used, b.used
+    if len(here) != len(there):
+        return True
+    return all(np.abs(np.sort(x) - np.sort(y)).max() <= tolerance for x, y in zip(here.T, there.T, strict=True))
+
+
+def _numberings(a: Mesh, b: Mesh, tolerance: float) -> Iterator[tuple[IntArray, IntArray, bool]]:
+    """Yield the cells of both meshes in common numbers of places, and whether distance is no reason for doubt."""
+    if len(a.vertices) == len(b.vertices):
+        yield a.cells, b.cells, True
+    for kind in (np.float64, np.float32):  # 32-bit numbers of one file may coincide, those of the other not
+        with np.errstate(over="ignore", under="ignore"):
+            (_, cells), (_, others) = (_places(mesh, kind) for mesh in (a, b))
+        if np.array_equal(cells, others):
+            yield cells, others, kind is np.float64
+    cells, others, are_all = _by_nearness(a, b, tolerance)
+    if are_all:
+        yield cells, others, False
+
+
+def _places(mesh: Mesh, kind: type = np.float64) -> tuple[IntArray, IntArray]:
+    """The index of one vertex at each place in use, in the order of cells, and the cells as numbers of these places."""
+    corners = mesh.cells.ravel()
+    first, labels = weld(mesh.vertices.astype(kind).astype(np.float64)[corners])
+    return corners[first], labels.reshape(mesh.cells.shape)
+
+
+def _by_nearness(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray, bool]:
+    """Cells in numbers of the places of `a`, and further ones for places of `b`; and whether there are no further ones.
+
+    These are those that are near none within the tolerance, or beside which another place is nearer to the same one.
+    """
+    from scipy.spatial import cKDTree
+
+    (first, cells), (second, others) = _places(a), _places(b)
+    frame = Frame.around(a.vertices[first])
+    points, targets = frame.inside(a.vertices[first]), frame.inside(b.vertices[second])
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+    apart, place = map(np.asarray, tree.query(targets, distance_upper_bound=float(frame.length(tolerance, -1))))
+    order = np.lexsort((apart, place))
+    order = order[(np.diff(place[order], prepend=-1) != 0) & (place[order] < len(first))]
+    numbers = len(first) + np.arange(len(place))
+    numbers[order] = place[order]
+    return cells, numbers[others], len(order) == len(first) == len(second)
+
+
+@dataclass(frozen=True)
+class _Faces:
+    """Faces of two meshes in common numbers: (k,) numbers, and (f,) how often each occurs in either.
+
+    The corners of odd (k,) faces run against those of other faces with their number.
+    """
+
+    face: IntArray
+    other: IntArray
+    odd: BoolArray
+    other_odd: BoolArray
+    here: IntArray
+    there: IntArray
+
+    @property
+    def turned(self) -> int:
+        """How many of the faces that both have equally often are turned over."""
+        odd, other = (
+            np.bincount(face, weights, len(self.here))
+            for face, weights in ((self.face, self.odd), (self.other, self.other_odd))
+        )
+        return int(np.abs(odd - other)[self.here == self.there].sum())
+
+
+def _faces(cells: IntArray, others: IntArray) -> _Faces:
+    count = len(cells)
+    rows = np.concatenate([cells, others]).astype(np.int64)
+    order = np.argsort(rows, axis=1, kind="stable")
+    rows = np.take_along_axis(rows, order, axis=1)
+    odd = np.zeros(len(rows), dtype=bool)  # segments, and faces with a corner twice, look nowhere
+    if rows.shape[1] == 3:
+        odd = ((order[:, 1] - order[:, 0]) % 3 == 2) & (rows[:, 0] < rows[:, 1]) & (rows[:, 1] < rows[:, 2])
+    else:
+        rows = np.pad(rows, ((0, 0), (0, 1)))
+    _, labels = weld(rows.astype(np.float64))
+    here, there = (np.bincount(part, minlength=int(labels.max()) + 1) for part in (labels[:count], labels[count:]))
+    return _Faces(labels[:count], labels[count:], odd[:count], odd[count:], here, there)
+
+
+def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> Matching | None:
+    """Match the vertices of the same faces, if there are no others."""
+    corners, other_corners = a.mesh.cells, b.mesh.cells
+    turned = 0
+    if not np.array_equal(cells, others):
+        faces = _faces(cells, others)
+        if not np.array_equal(faces.here, faces.there):
+            return None
+        turned = faces.turned
+        corners, other_corners = (
+            np.take_along_axis(mesh.cells, np.argsort(places, axis=1, kind="stable"), axis=1)[_order(mesh, face, odd)]
+            for mesh, places, face, odd in (
+                (a.mesh, cells, faces.face, faces.odd),
+                (b.mesh, others, faces.other, faces.other_odd),
+            )
+        )
+    used, others_used = (_used_count(each.mesh) for each in (a, b))
+    if np.array_equal(corners, other_corners):
+        vertices = there = np.flatnonzero(are_used(corners, len(a.mesh.vertices)))
+    else:
+        count = len(b.mesh.vertices)
+        vertices, there = np.divmod(np.unique(paired(corners, other_corners, count)), count)
+    remarks: tuple[str, ...] = ()
+    if a.has_indices and b.has_indices and not used == others_used == len(vertices):
+        remarks = (f"faces share vertices in another way: {used} against {others_used} vertices",)
+    apart = a.mesh.vertices[vertices] - b.mesh.vertices[there]
+    return Matching(vertices, there, np.asarray(reduce(np.hypot, apart.T)), turned, remarks)
+
+
+def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
+    """(k,) the order of faces by their numbers, and of equal ones by the parts of the mesh to which they belong.
+
+    Parts with the same faces follow each other, those that are turned alike first of all.
+    """
+    if len(face) == int(face.max()) + 1:  # none is there twice
+        return np.argsort(face, kind="stable")
+    _, part = np.unique(components_of(mesh.cells, len(mesh.vertices))[mesh.cells[:, 0]], return_inverse=True)
+    marks = np.random.default_rng(0).integers(1 << 30, size=(int(face.max()) + 1, 2))  # sums of 8 million are exact
+    sums = [np.bincount(part, marks[face, 0]), np.bincount(part, marks[face, 1] * odd)]
+    rank = np.empty(len(sums[0]), dtype=np.int64)
+    rank[np.lexsort(sums[::-1])] = np.arange(len(rank))
+    return np.lexsort((rank[part], face))
+
+
+def _used_count(mesh: Mesh) -> int:
+    return int(are_used(mesh.cells, len(mesh.vertices)).sum())
+
+
+def unlike(
+    a: KnownMesh, b: KnownMesh, first: Measures, second: Measures, tolerance: float, close: float
+) -> tuple[int, tuple[str, ...]]:
+    """Tell in what two surfaces, or curves, in the same place differ; common faces have corners that are `close`.
+
+    Returns the number of faces of one that look to the other side than those of the other there, and remarks on other
+    parts, holes, and faces that are missing, there twice or without area.
+    """
+    rows = [("parts", first.components, second.components)]
+    rows.append(("for vertices − edges + faces", first.euler_characteristic, second.euler_characteristic))
+    if a.has_indices and b.has_indices:
+        one, other = (component_count(each.mesh.cells, len(each.mesh.vertices)) for each in (a, b))
+        rows.append(("parts that share no vertex", one, other))
+        one, other = (_used_count(each.mesh) - len(_places(each.mesh)[0]) for each in (a, b))
+        if bool(one) != bool(other):
+            rows.append(("further vertices at the places of others", one, other))
+    what = ("ends", "segments at a vertex") if first.is_curve else ("edges with one face", "faces at an edge")
+    if first.is_closed != second.is_closed:
+        rows.append((f"open {what[0]}", first.open_edges, second.open_edges))
+    if bool(first.crowded_edges) != bool(second.crowded_edges):
+        rows.append((f"places with more than two {what[1]}", first.crowded_edges, second.crowded_edges))
+    thin, others_thin = (_without_extent(each.mesh) for each in (a, b))
+    if bool(thin.sum()) != bool(others_thin.sum()):
+        rows.append(("cells without extent", int(thin.sum()), int(others_thin.sum())))
+    told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
+    cells, others, _ = _by_nearness(a.mesh, b.mesh, close)
+    faces = _faces(cells, others)
+    only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0
+    if only.any() != others_only.any():
+        told.append(f"{int(only.sum())} against {int(others_only.sum())} faces that the other has not")
+    sides = sides_of(np.concatenate([cells, others])).edge
+    here, there = (np.bincount(part.ravel(), minlength=int(sides.max()) + 1) for part in np.split(sides, [len(cells)]))
+    other = int((here != there)[np.unique(sides[: len(cells)][~only])].sum())
+    if other:
+        told.append(f"{other} edges of common faces have further faces in one of them only")
+    turned, rest, others_rest = faces.turned, ~thin & only, ~others_thin & others_only
+    if not first.is_curve:
+        away = _looking_away(a.mesh, rest, b.mesh, ~others_thin, tolerance)
+        turned += max(away, _looking_away(b.mesh, others_rest, a.mesh, ~thin, tolerance))
+    return turned, (f"in the same place, but {', '.join(told)}",) if told else ()
+
+
+def _without_extent(mesh: Mesh) -> BoolArray:
+    """(k,) true for segments without length and triangles without area, to rounding."""
+    least = 1e-14  # area, as a fraction of the square of the longest side
+    corners = Frame.around(mesh.bounds).inside(mesh.vertices)[mesh.cells]
+    sides = corners - np.roll(corners, 1, axis=1)
+    squares = np.einsum("kcx,kcx->kc", sides, sides).max(axis=1)
+    if mesh.is_curve:
+        return np.asarray(squares == 0)
+    normals = cross(sides[:, 1], sides[:, 2])
+    return np.asarray(dot(normals, normals) <= (least * squares) ** 2)
+
+
+def _looking_away(mesh: Mesh, chosen: BoolArray, other: Mesh, solid: BoolArray, tolerance: float) -> int:
+    """How many of the chosen triangles have none that looks to the same side within the tolerance of their middle."""
+    from scipy.spatial import cKDTree
+
+    candidates = 16  # triangles of the other mesh with the nearest centres, besides the nearest triangle
+    if not chosen.any() or not solid.any():
+        return 0
+    frame = Frame.around(other.bounds)
+    here, there = (frame.inside(each.vertices)[each.cells[kept]] for each, kept in ((mesh, chosen), (other, solid)))
+    normals, others = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, there))
+    tree, points = NearestCells(there), middles(here)
+    distances, nearest = tree.nearest(points)
+    away = np.flatnonzero(dot(normals, others[nearest]) < 0)
+    within = np.maximum(distances[away], float(frame.length(tolerance, -1))) * (1 + 1e-9)
+    number = min(candidates, len(there))
+    choice = np.asarray(cKDTree(middles(there)).query(points[away], k=[*range(1, number + 1)])[1]).T
+    good = np.zeros(len(away), dtype=bool)
+    for cells in choice:
+        good |= (dot(normals[away], others[cells]) > 0) & (tree.distances(points[away], cells) <= within)
+    return int((~good).sum())

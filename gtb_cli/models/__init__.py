@@ -1,0 +1,1 @@
+"""Models: several patches, which of their edges are joined, how smoothly, and what is open."""

@@ -1,0 +1,98 @@
+"""`Model`: several patches that belong together, and how their edges are joined."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gtb_cli.display import frame, plot
+from gtb_cli.errors import DomainError
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import by_value, frozen
+
+if TYPE_CHECKING:
+    from gtb_cli.models.joints import Joints
+
+
+@by_value
+@frozen
+class Model:
+    """Several patches that belong together, such as a closed body or a regular control surface.
+
+    A value, like `Patch`; ``len``, ``model[0]`` and iteration refer to its patches.
+
+    Parameters
+    ----------
+    patches : sequence of Patch
+        All curves or all surfaces.
+    name : str, optional
+    weld : float, optional
+        Edges within this distance of each other, in model units, are joined; None joins only edges with the same curve.
+
+    Raises
+    ------
+    DomainError
+        There are no patches, one of them is not a patch, or curves and surfaces are mixed.
+    """
+
+    patches: tuple[Patch, ...]
+    name: str | None = None
+    weld: float | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(self, patches: Iterable[Patch], name: str | None = None, weld: float | None = None) -> None: ...
+
+    def __post_init__(self) -> None:
+        if isinstance(self.patches, Patch):
+            raise DomainError("patches: expected several patches, got one: [patch]")
+        object.__setattr__(self, "patches", tuple(self.patches))
+        for index, patch in enumerate(self.patches):
+            if not isinstance(patch, Patch):
+                raise DomainError(f"patches[{index}]: expected a Patch, got {type(patch).__name__}")
+        if not self.patches:
+            raise DomainError("patches: a model needs at least one")
+        if len({patch.dimension for patch in self.patches}) > 1:
+            raise DomainError("patches: curves and surfaces cannot be mixed in one model")
+
+    def __len__(self) -> int:
+        return len(self.patches)
+
+    def __getitem__(self, index: int) -> Patch:
+        return self.patches[index]
+
+    def __repr__(self) -> str:
+        kind = "curves" if self.dimension == 1 else "surfaces"
+        return f"<Model {self.name or 'without a name'}: {len(self)} {kind}>"
+
+    def replace(self, **changes: Any) -> Model:
+        """Return a copy with other values in some fields."""
+        return dataclasses.replace(self, **changes)
+
+    def __iter__(self) -> Iterator[Patch]:
+        return iter(self.patches)
+
+    @property
+    def dimension(self) -> int:
+        """1 for curves, 2 for surfaces."""
+        return self.patches[0].dimension
+
+    @cached_property
+    def joints(self) -> Joints:
+        """The joints between the edges of the patches."""
+        from gtb_cli.models.joints import find_joints  # not needed to read a model
+
+        return find_joints(self.patches, self.weld)
+
+    plot = plot
+    _repr_html_ = frame
+
+
+def diagonal_of(patches: Sequence[Patch]) -> float:
+    """Diagonal of the bounding box of all control points, in model units."""
+    points = np.concatenate([patch.control_points for patch in patches])
+    return float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -1,0 +1,145 @@
+"""Reasons why a model is open, and seams that were welded."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.models.joints import SORTING_DIRECTION, Joints, touching, within
+from gtb_cli.models.model import Model, diagonal_of
+from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
+from gtb_cli.theory.patch import Patch
+
+MAX_SHOWN = 8  # numbers of an edge, edges of a ring, or nearly closed seams that a message shows
+
+
+def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
+    """Say what keeps a model from being closed, one line for each pair of edges or open ring; empty if closed."""
+    lines, told = [], set()
+    for first, second, reason in near_misses(joints, patches):
+        lines.append(f"{edge_name(patches, first)} is open: {reason.format(edge_name(patches, second))}")
+        told |= {first, second}
+    lines += _rings([ref for ref in joints.open if ref not in told], patches)
+    for refs in joints.crowded:
+        lines.append(f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve: more than two meet there")
+    for joint in joints.one_sided:
+        ends = " and ".join(edge_name(patches, ref) for ref in (joint.first, joint.second))
+        lines.append(f"{ends} cannot be given the same orientation")
+    return lines
+
+
+def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef, EdgeRef, str]]:
+    """Find pairs of open edges probably meant to be one, and say how they differ; {} is the name of the second."""
+    if patches[0].dimension == 1:
+        return []
+    tolerance = CURVE_TOLERANCE * diagonal_of(patches)
+    curves = dict(zip(joints.open, edge_curves(patches, joints.open), strict=True))
+    found: list[tuple[EdgeRef, EdgeRef, str]] = []
+    told = set()
+    for first, second, distance in sorted(joints.almost, key=lambda pair: pair[2]):
+        found.append((first, second, str(_difference(curves[first], curves[second], tolerance, distance))))
+        told |= {first, second}
+    left = [ref for ref in joints.open if ref not in told]
+    for one, other in touching([curves[ref] for ref in left], np.full(len(left), tolerance))[0].tolist():
+        first, second = left[one], left[other]
+        if first in told or second in told:
+            continue
+        difference = _difference(curves[first], curves[second], tolerance, None)
+        if difference is not None:
+            found.append((first, second, difference))
+            told |= {first, second}
+    return sorted(found)
+
+
+def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:
+    """Say how two near curves differ or, without a distance, two with the same ends; return None if all differs."""
+    turned = min((other, other.reversed()), key=lambda curve: float(np.abs(one.ends - curve.ends).max()))
+    if not np.abs(one.ends - turned.ends).max() <= tolerance:
+        return f"{distance or 0.0:.3g} from {{}}, `weld` {_above(distance or 0.0)} joins them"
+    count = len(one.points)
+    if count == len(turned.points):
+        if np.abs(one.points - turned.points).max() <= tolerance:
+            same = "same ends and control points as {}, but "
+            if np.abs(one.knots - turned.knots).max() > CURVE_TOLERANCE:
+                return f"{same}knots at {_row(one.knots)} against {_row(turned.knots)} of the edge"
+            if np.abs(one.log_weights - turned.log_weights[::-1]).max() <= CURVE_TOLERANCE:
+                return f"{same}weights × coefficients in reversed order"
+            weights = " against ".join(_row(np.exp(curve.log_weights)) for curve in (one, turned))
+            return f"{same}weights × coefficients {weights}"
+        if np.abs(one.points[1:-1] - turned.points[-2:0:-1]).max(initial=0) <= tolerance:
+            return "same ends as {}, but the control points between them in reversed order"
+    if distance is None:  # such as the two halves of a round opening
+        return None
+    counts = "" if count == len(turned.points) else f" ({count} control points against {len(turned.points)})"
+    return f"same ends as {{}}, but curves{counts} up to {distance:.3g} apart, `weld` {_above(distance)} joins them"
+
+
+def _above(distance: float) -> str:
+    """Write a round number above a distance."""
+    exponent = np.floor(np.log10(distance)) if distance > 0 else -9
+    digit = np.ceil(1.05 * distance / 10.0**exponent)
+    return f"{digit * 10.0**exponent:.1g}"
+
+
+def _row(values: FloatArray) -> str:
+    shown = [f"{value:.4g}" for value in values[:MAX_SHOWN]]
+    return " ".join(shown) + " ..." * (len(values) > MAX_SHOWN)
+
+
+def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
+    """Write one line for each connected component of the open edges."""
+    max_rings = 1000  # that have a line each
+    near = meeting(edge_curves(patches, refs), CURVE_TOLERANCE * diagonal_of(patches))
+    seen, lines = [False] * len(refs), []
+    for first in range(len(refs)):
+        if seen[first]:
+            continue
+        ring, seen[first] = [first], True
+        for row in ring:
+            new = [other for other in near[row] if not seen[other]]
+            ring += new
+            for other in new:
+                seen[other] = True
+        names = [edge_name(patches, refs[row]) for row in ring[:MAX_SHOWN]]
+        rest = f" and {len(ring) - MAX_SHOWN} more" if len(ring) > MAX_SHOWN else ""
+        lines.append(f"{names[0]} is open" + (f", in a ring with {', '.join(names[1:])}{rest}" if names[1:] else ""))
+    if len(lines) > max_rings:
+        lines[max_rings:] = [f"{len(lines) - max_rings} more rings of edges are open"]
+    return lines
+
+
+def meeting(curves: Sequence[Curve], reach: float) -> list[list[int]]:
+    """Find, for each curve, those, ascending, with an end within a distance of one of its ends along each axis."""
+    places = np.array([curve.ends for curve in curves]).reshape(-1, 3)
+    pairs: list[set[int]] = [set() for _ in curves]
+    for row, others in within((places - places[:1]) @ SORTING_DIRECTION, np.full(len(places), reach)):
+        for other in (others[np.abs(places[others] - places[row]).max(axis=1) <= reach] // 2).tolist():
+            pairs[row // 2].add(other)
+            pairs[other].add(row // 2)
+    return [sorted(others - {row}) for row, others in enumerate(pairs)]
+
+
+def seam_remarks(model: Model) -> list[str]:
+    """Say how many seams of a model were welded, how far apart these were, and which seams nearly close."""
+    joints, patches, lines = model.joints, model.patches, []
+    far_weld = 0.01  # of an edge's size: welding over a larger distance is worth a remark
+    welded = [joint for joint in joints.shared if joint.distance]
+    if welded:
+        worst = max(welded, key=lambda joint: joint.distance)
+        names = " and ".join(edge_name(patches, ref) for ref in (worst.first, worst.second))
+        lines.append(f"{len(welded)} seams were welded, which were up to {worst.distance:.3g} apart ({names})")
+        sizes = [min(edge_curve(patches[p], e).size for p, e in (joint.first, joint.second)) for joint in welded]
+        far = sum(joint.distance > far_weld * size for joint, size in zip(welded, sizes, strict=True))
+        if far:
+            lines.append(f"{far} of them were farther apart than {far_weld:.0%} of their edges")
+    points = CURVE_TOLERANCE * diagonal_of(patches)
+    shrunk = [(size, ref) for ref in joints.collapsed if (size := edge_curve(patches[ref[0]], ref[1]).size) > points]
+    if shrunk:
+        size, ref = max(shrunk)
+        lines.append(f"{len(shrunk)} edges were welded into points, up to {size:.3g} long ({edge_name(patches, ref)})")
+    near = near_misses(joints, patches)
+    for first, second, reason in near[:MAX_SHOWN]:
+        lines.append(f"{edge_name(patches, first)} is not joined: {reason.format(edge_name(patches, second))}")
+    if len(near) > MAX_SHOWN:
+        lines.append(f"{len(near) - MAX_SHOWN} more seams nearly close: gtb info lists them")
+    return lines

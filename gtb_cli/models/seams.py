@@ -1,0 +1,188 @@
+"""Seams of a model: how smoothly patches meet along the edges that they share."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, cross
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import Face
+from gtb_cli.models.model import Model
+from gtb_cli.moment.torus import block_length
+from gtb_cli.spec_paths import SpecPath, loaded
+from gtb_cli.theory.basis import Location
+from gtb_cli.theory.curvature import curvatures_at
+from gtb_cli.theory.edges import EdgeRef, edge_name
+from gtb_cli.theory.normals import NormalField, on_edge
+from gtb_cli.theory.parametrization import LinearParametrization, RationalBasis
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+
+SEAM_PLACES = 49  # along each seam, denser near its ends, which are left out: corners have normals of their own
+CORNERS = 0.02  # part of a seam at each end where curvatures are not compared: at a corner they may be infinite
+MAX_CREASE_DEGREES = 1.0  # angle up to which curvatures across a seam are compared; beyond it the seam is a crease
+
+
+class _Rim(NamedTuple):
+    """The rim of one of two patches at places along a seam, with −1 as sign of a flipped patch."""
+
+    patch: Patch
+    sign: float
+    place: Location
+
+
+@frozen
+class Seam:
+    """An edge that two patches share.
+
+    Attributes
+    ----------
+    first, second : EdgeRef
+    angle : float
+        Largest angle between the normals of the two patches, in degrees; NaN if one patch has no normals.
+    """
+
+    first: EdgeRef
+    second: EdgeRef
+    angle: float
+    _worst: int = field(repr=False)
+    _smooth: BoolArray = field(repr=False)
+    _rims: tuple[_Rim, _Rim] = field(repr=False)
+
+    @cached_property
+    def place(self) -> FloatArray:
+        """(3,) point with the largest angle."""
+        return self._point(self._worst)
+
+    @property
+    def is_crease(self) -> bool:
+        """True if the patches meet at more than `MAX_CREASE_DEGREES` everywhere, and are not folded onto each other."""
+        return not self._smooth.any() and MAX_CREASE_DEGREES < self.angle < 180 - MAX_CREASE_DEGREES
+
+    def _point(self, k: int) -> FloatArray:
+        rim = self._rims[0]
+        at = rim.place._replace(rows=slice(0, 1), s=rim.place.s[:, [k]])
+        return np.asarray(rim.patch.points_at([at], 1)[0])
+
+    @cached_property
+    def bend(self) -> float:
+        """Largest difference of the normal curvatures across the seam, in units of 1 / length.
+
+        It is taken over places away from corners (`CORNERS`) where both are finite and the angle is at most
+        `MAX_CREASE_DEGREES`; NaN if there is no such place. It is computed when asked for: longer than the angle.
+        """
+        return self._most_bent[0]
+
+    @cached_property
+    def bend_place(self) -> FloatArray:
+        """(3,) point with the largest difference `bend`, or NaN."""
+        bend, k = self._most_bent
+        return np.full(3, math.nan) if math.isnan(bend) else self._point(k)
+
+    @cached_property
+    def _most_bent(self) -> tuple[float, int]:
+        return _bends([self])[0]
+
+    def name(self, model: Model) -> str:
+        """Return the names of both edges, for messages."""
+        return " and ".join(edge_name(model.patches, ref) for ref in (self.first, self.second))
+
+
+def joints(model: Model | SpecPath) -> tuple[Seam, ...]:
+    """Measure each joint of a model of surfaces; a model of curves has none.
+
+    Raises
+    ------
+    DomainError
+        The argument is not a model.
+
+    Notes
+    -----
+    The angle is computed by formula, not by differences: if the tangent planes agree, it is rounding. In this case the
+    normal curvatures along the seam agree as well; by Euler's theorem the normal curvatures across it then differ by
+    twice the difference of the mean curvatures.
+    """
+    found: Model = loaded(model, "Model")
+    if found.dimension == 1:
+        return ()
+    t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
+    shared, is_away = found.joints.shared, np.abs(t - 0.5) <= 0.5 - CORNERS
+    uses = [use for joint in shared for use in ((joint.first, t), (joint.second, joint.across(found.patches, t)))]
+    rims, normals = _rims(found, uses)
+    ours, theirs = normals[::2], normals[1::2]
+    sines = np.linalg.norm(cross(ours.reshape(-1, 3), theirs.reshape(-1, 3)), axis=1).reshape(ours.shape[:2])
+    angles = np.degrees(np.arctan2(sines, (ours * theirs).sum(axis=2)))
+    worst = np.where(np.isfinite(angles), angles, -1.0).argmax(axis=1)
+    return tuple(
+        Seam(
+            joint.first,
+            joint.second,
+            float(row[k]),
+            int(k),
+            (row <= MAX_CREASE_DEGREES) & is_away,
+            (rims[2 * i], rims[2 * i + 1]),
+        )
+        for i, (joint, row, k) in enumerate(zip(shared, angles, worst, strict=True))
+    )
+
+
+def bends(seams: Sequence[Seam]) -> list[float]:
+    """Measure `Seam.bend` of each seam; rims at the same places of one basis are measured together."""
+    return [bend for bend, _ in _bends(seams)]
+
+
+def _bends(seams: Sequence[Seam]) -> list[tuple[float, int]]:
+    """Return the bend of each seam, and the number of the place that has it."""
+    alike: dict[tuple[RationalBasis, Face, bytes], list[_Rim]] = {}
+    for rim in (rim for seam in seams if seam._smooth.any() for rim in seam._rims):
+        alike.setdefault((rim.patch.rational_basis, rim.place.face, rim.place.s.tobytes()), []).append(rim)
+    mean: dict[int, FloatArray] = {}
+    for rims in alike.values():
+        step = max(1, block_length(len(rims[0].patch.knots)) // SEAM_PLACES)
+        for begin in range(0, len(rims), step):
+            part = rims[begin : begin + step]
+            found = curvatures_at([rim.patch for rim in part], [part[0].place], SEAM_PLACES).mean
+            mean |= {id(rim): rim.sign * values for rim, values in zip(part, found, strict=True)}
+
+    def bend(seam: Seam) -> tuple[float, int]:
+        if not seam._smooth.any():
+            return math.nan, 0
+        ours, theirs = (mean[id(rim)] for rim in seam._rims)
+        across = np.where(seam._smooth, 2 * np.abs(ours - theirs), math.nan)
+        if not np.isfinite(across).any():
+            return math.nan, 0
+        k = int(np.where(np.isfinite(across), across, -1.0).argmax())
+        return float(across[k]), k
+
+    return [bend(seam) for seam in seams]
+
+
+def _rims(model: Model, uses: Sequence[tuple[EdgeRef, FloatArray]]) -> tuple[dict[int, _Rim], FloatArray]:
+    """Return rims at fractions of edges, and (q, m, 3) unit normals there, those on one edge of a domain together."""
+    alike: dict[tuple[Domain, int], list[int]] = {}
+    for number, ((index, edge), _) in enumerate(uses):
+        alike.setdefault((model.patches[index].domain, edge), []).append(number)
+    rims, normals = {}, np.empty((len(uses), SEAM_PLACES, 3))
+    for (shape, edge), numbers in alike.items():
+        face, first, last = shape.faces.edge(edge), shape.vertices[edge], shape.vertices[edge + 1 - len(shape.vertices)]
+        step = max(1, block_length(len(shape.knots)) // SEAM_PLACES)
+        for begin in range(0, len(numbers), step):
+            some = numbers[begin : begin + step]
+            indices = [uses[number][0][0] for number in some]
+            part = [model.patches[index] for index in indices]
+            t = np.concatenate([uses[number][1] for number in some])[:, None]
+            linear = LinearParametrization(shape, np.array([patch.log_products for patch in part]))
+            which = np.repeat(np.arange(len(part)), SEAM_PLACES)
+            (whole,) = linear.locations(first + t * (last - first), np.full(len(t), face.number), numbers=which)
+            s = whole.s.reshape(len(part), SEAM_PLACES)
+            fields = [NormalField(shape, patch.log_products, patch.control_points) for patch in part]
+            signs = np.array([-1.0 if model.joints.flipped[index] else 1.0 for index in indices])
+            normals[some] = signs[:, None, None] * on_edge(fields, edge, s)
+            for number, patch, sign, row in zip(some, part, signs.tolist(), s, strict=True):
+                place = Location(slice(0, SEAM_PLACES), face, whole.knots, row[None])
+                rims[number] = _Rim(patch, sign, place)
+    return rims, normals

@@ -1,0 +1,86 @@
+"""Control nets, boundaries and parameter lines of patches: the lines drawn with a surface."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.bezier.isocurve import span
+from gtb_cli.knots.decomposition import RegularDecomposition, control_net, regular_decomposition
+from gtb_cli.knots.domain import Domain
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.theory.edges import edge_points_at
+from gtb_cli.theory.patch import Patch
+
+LINE_SEGMENTS = 96  # segments of a line along a surface
+
+
+def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, int]]:
+    """Return the pairs of knots whose control points are joined by a line: by an (n,) lifting, or the patch's own.
+
+    Without either, by a `bowl`, so that the lattices of Bézier triangles and tensor products have their usual nets.
+    """
+    if lifting is None:
+        lifting = patch.lifting if patch.lifting is not None else bowl(patch.domain)
+    return control_net(regular_decomposition(patch.knots, lifting))
+
+
+def mesh_of_nets(
+    patches: Sequence[Patch], decompositions: Sequence[RegularDecomposition], name: str | None = None
+) -> Mesh:
+    """Return the control points of patches and the lines of their nets, with a group for each of several patches."""
+    first = np.cumsum([0] + [len(patch.knots) for patch in patches])
+    lines = [np.array(control_net(part)) + start for part, start in zip(decompositions, first, strict=False)]
+    ends = np.cumsum([0] + [len(part) for part in lines]).tolist()
+    names = [patch.name or f"patch{index}" for index, patch in enumerate(patches)]
+    groups = tuple(zip(names, ends, ends[1:], strict=False)) if len(patches) > 1 else ()
+    points = np.concatenate([patch.control_points for patch in patches])
+    return Mesh(points, np.concatenate(lines), groups=groups, name=name or "net")
+
+
+def bowl(domain: Domain) -> FloatArray:
+    """Return the (n,) lifting whose regular decomposition is that of Delaunay, where shapes of Bézier patches are even.
+
+    A triangle counts as equilateral, and a parallelogram as a square.
+    """
+    centred = (domain.knots - domain.center) / domain.size
+    corners = domain.vertices - domain.vertices[0]
+    if domain.dimension == 2 and len(corners) == 3:
+        centred = centred @ np.linalg.solve(corners[1:], [[1.0, 0.0], [0.5, np.sqrt(0.75)]]) * domain.size
+    elif domain.dimension == 2 and len(corners) == 4:
+        centred = centred @ np.linalg.solve(corners[[1, 3]], np.eye(2)) * domain.size
+    return np.asarray(-(centred**2).sum(axis=1))
+
+
+def edge_path(patch: Patch, edge: int) -> FloatArray:
+    """Return (m, 3) points along an edge, at the vertices of a mesh: evenly spread in the linear parametrisation."""
+    return edge_points_at(patch, edge, np.linspace(0, 1, LINE_SEGMENTS + 1))
+
+
+def curve_path(curve: Patch) -> FloatArray:
+    """Return (m, 3) points along a curve: evenly spread in its own parameter, and denser towards the ends."""
+    low, high = curve.domain.vertices[:, 0].tolist()
+    # A curve leaves its ends like t^h, where h, the distance of the next knot, may be small.
+    segments, end_points, end_distance = 240, 48, 1e-15
+    even = np.linspace(0, 1, segments + 1)[1:-1]
+    near = np.geomspace(end_distance, 1 / segments, end_points)[:-1]
+    share = np.concatenate([[0], near, even, 1 - near[::-1], [1]])
+    return curve.evaluate((low * (1 - share) + high * share).clip(low, high))
+
+
+def isoparametric_paths(patch: Patch, count: int) -> list[FloatArray]:
+    """Return (m, 3) points along `count` lines of constant u, and as many of constant v, evenly spaced inside Δ."""
+    share = (1 - np.cos(np.linspace(0, np.pi, LINE_SEGMENTS + 1)[1:-1, None])) / 2  # a patch may bend at its boundary
+    paths = []
+    for axis, coordinates in enumerate(patch.domain.vertices.T):
+        for value in np.linspace(coordinates.min(), coordinates.max(), count + 2)[1:-1].tolist():
+            start, end = span(patch, axis, value)
+            paths.append(patch.evaluate(start + share * (end - start)))
+    return paths
+
+
+def is_flat(clouds: Sequence[FloatArray]) -> bool:
+    """Tell whether all points have the same height, so that they are drawn from above."""
+    heights = np.concatenate([cloud[:, 2] for cloud in clouds])
+    return bool(np.ptp(heights) == 0)

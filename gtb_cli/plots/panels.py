@@ -1,0 +1,269 @@
+"""Pictures of sequences: panels with one camera and one scale, and distances from the limit."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray, shifted
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.files import read_file
+from gtb_cli.limits.degeneration import heights_of
+from gtb_cli.limits.knot_limit import knot_limit
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.plots.look import Look, empty_figure, panels, settings, with_numbers
+from gtb_cli.plots.net_lines import is_flat, net_of
+from gtb_cli.plots.palette import LINE_COLOURS, NET
+from gtb_cli.plots.scene import HIDDEN_STRENGTH, Surface, plain, plane_view, space_views
+from gtb_cli.plots.shape_figures import surface_of, with_normals
+from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+from gtb_cli.vocabulary import SEQUENCE_RECORD
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@frozen
+class Frames:
+    """Meshes of a sequence, the limit last, for values of the parameter `key`, "x" or "step".
+
+    Their distances from the limit, and from it with its film, are empty or None where they are not known. `net` are
+    pairs of the (n, 3) control points of the limit's net, and `own_net` the net of the patch before any knot moves, as
+    paths. `film` is the part of the limit that its last mesh lacks.
+    """
+
+    key: str
+    values: tuple[float, ...]
+    meshes: tuple[Mesh, ...]
+    distances: tuple[float, ...] = ()
+    film_distances: tuple[float, ...] | None = None
+    net_points: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    net: tuple[tuple[int, int], ...] = ()
+    film: Mesh | None = None
+    own_net: tuple[FloatArray, ...] = ()
+
+    @property
+    def titles(self) -> list[str]:
+        """The title of each panel."""
+        return [*(f"{self.key} = {value:.6g}" for value in self.values[:-1]), "limit"]
+
+
+def frames_of(sequence: MeshSequence, patch: Patch, net: Sequence[tuple[int, int]]) -> Frames:
+    """Return the meshes of a sequence, with a net: pairs of indices of a patch's control points."""
+    used = sorted({i for pair in net for i in pair})
+    place = {i: k for k, i in enumerate(used)}
+    return Frames(
+        sequence.key,
+        sequence.values,
+        sequence.meshes,
+        sequence.distances,
+        sequence.film_distances,
+        patch.control_points[used],
+        tuple((place[a], place[b]) for a, b in net),
+        sequence.film,
+    )
+
+
+def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
+    """Draw the meshes of a "sequence" side by side, all with one camera and one scale; or their "distance"."""
+    if what == "distance":
+        return _figure_of_distances(frames, look)
+    max_panels = 24  # panels of one figure
+    if len(frames.meshes) > max_panels:
+        raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
+    return _figure_of_members(frames, range(len(frames.meshes)), look)
+
+
+def film_of_frames(frames: Frames, look: Look) -> Iterator[Figure]:
+    """Draw the meshes one by one, all with one camera and one scale."""
+    for member in range(len(frames.meshes)):
+        yield _figure_of_members(frames, [member], look)
+
+
+def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
+    """Draw some meshes of a sequence side by side, with a scale that suits all."""
+    clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points, *frames.own_net]
+    limit, film = frames.meshes[-1], frames.film
+    flat = limit.is_curve and is_flat(clouds)
+    with settings():
+        figure = empty_figure(look)
+        axes = panels(figure, [frames.titles[member] for member in members], plane=flat)
+        meshes = [frames.meshes[member] for member in members]
+        if flat:
+            views = [plane_view(ax, np.concatenate(clouds)) for ax in axes]
+        else:
+            smooth = [with_normals(mesh, smooth=True) for mesh in meshes]
+            surfaces = [None if mesh.is_curve else surface_of(mesh) for mesh in smooth]
+            if film is not None and surfaces[-1] is not None and meshes[-1] is limit:
+                surfaces[-1] = _with_film(surfaces[-1], with_normals(film, smooth=True))
+            views = space_views(axes, look.camera, surfaces, clouds)
+        for member, view, mesh in zip(members, views, meshes, strict=True):
+            if look.net is not False:
+                is_own = frames.own_net and mesh is not limit and frames.values[member] == 0
+                net = frames.own_net if is_own else [frames.net_points[list(pair)] for pair in frames.net]
+                spots = np.unique(np.concatenate(net), axis=0) if is_own else frames.net_points
+                view.lines(net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
+                view.points(spots, edge=NET, size=3.6 if mesh.is_curve else 2.6)
+            if mesh.is_curve:
+                beside = limit if mesh is not limit else film
+                if beside is not None:
+                    view.lines(_paths(beside), colour=LINE_COLOURS[1], width=1.4, dashes="--", order=4)
+                view.lines(_paths(mesh), colour=LINE_COLOURS[0], width=1.8, order=4)
+            else:
+                view.lines(list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
+        views[0].triad()
+        return figure
+
+
+def _paths(curve: Mesh) -> list[FloatArray]:
+    """Return (m, 3) points along each piece of a curve, so that dashes run on from segment to segment."""
+    breaks = np.flatnonzero(curve.cells[1:, 0] != curve.cells[:-1, 1]) + 1
+    return [curve.vertices[[*run[:, 0], run[-1, 1]]] for run in np.split(curve.cells, breaks)]
+
+
+def _with_film(surface: Surface, film: Mesh) -> Surface:
+    """Return a surface with its film, in another colour."""
+    assert surface.normals is not None
+    assert film.normals is not None
+    return Surface(
+        np.concatenate([surface.vertices, film.vertices]),
+        np.concatenate([surface.faces, shifted(film.faces, len(surface.vertices))]),
+        np.concatenate([surface.normals, film.normals]),
+        np.concatenate([surface.colours, plain(len(film.faces), "#E8894A")]),
+    )
+
+
+def read_frames(path: str) -> Frames:
+    """Read the meshes that a `sequence.json`, or that of a folder, lists: it may only name files in its own folder."""
+    from gtb_cli.formats.meshfiles import read_mesh
+
+    max_record_bytes = 10_000_000  # a record in bytes
+    record = os.path.join(path, SEQUENCE_RECORD) if os.path.isdir(path) else path
+    _refuse_pipe(record)
+    data = read_file(record, max_record_bytes + 1)
+    try:
+        entries = json.loads(data if len(data) <= max_record_bytes else b"")["meshes"]
+        key = next(key for key in ("x", "step") if key in entries[0])
+        values = tuple(float(entry[key]) for entry in entries)
+        measured = [entry["distance_to_limit"] for entry in entries]
+        distances = () if None in measured else tuple(float(value) for value in measured)
+        filmed = [entry.get("distance_to_limit_with_film") for entry in entries]
+        names = [os.fspath(entry["file"]) for entry in entries]
+    except (ValueError, KeyError, TypeError, IndexError, StopIteration, AttributeError, RecursionError):
+        raise SpecError(f"{record}: is not a list of meshes as gtb degenerate and gtb knot-limit write it") from None
+    for name in names:
+        if os.path.basename(name) != name:
+            raise SpecError(f"{record}: {name!r} is not the name of a file in its folder")
+        _refuse_pipe(os.path.join(os.path.dirname(record), name))
+    folder = os.path.dirname(record)
+    meshes = tuple(read_mesh(os.path.join(folder, name)) for name in names)
+    if len({mesh.is_curve for mesh in meshes}) > 1:
+        raise SpecError(f"{record}: curves and surfaces are mixed")
+    films = None if None in filmed else tuple(float(value) for value in filmed)
+    return Frames(key, values, meshes, distances, films)
+
+
+def _refuse_pipe(path: str) -> None:
+    """Refuse what is neither file nor folder: reading a pipe would wait for its writer."""
+    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+        raise SpecError(f"{path}: is not a file")
+
+
+def default_values(what: str) -> tuple[list[float], list[float]]:
+    """Return the x of a degeneration, and the steps of a knot limit, of a "sequence", a "film" or a "distance"."""
+    if what == "distance":
+        return [10 ** (k / 2) for k in range(9)], [1 - 10 ** (-k / 2) for k in range(7)]
+    if what == "film":
+        return [10 ** (k / 8) for k in range(25)], [1 - 10 ** (-k / 8) for k in range(25)]
+    return [1.0, 10.0, 100.0], [0.0, 0.4, 0.8]
+
+
+def default_resolution(dimension: int) -> int:
+    """Return the segments of each edge of a cell in pictures of sequences."""
+    return 128 if dimension == 1 else 24
+
+
+@dataclass(frozen=True)
+class Approach:
+    """The degeneration (x, lifting) or knot limit (merge, steps) that a sequence shows; empty or None is what suits.
+
+    The lifting is (n,) values, or the index of the knot whose weight alone grows; None is that of the patch. `merge`
+    leads from knots to the knots at whose places they arrive, and `steps` are fractions of the way.
+    """
+
+    x: Sequence[float] = ()
+    lifting: ArrayLike | None = None
+    merge: Mapping[int, int] = field(default_factory=dict)
+    steps: Sequence[float] | None = None
+
+    @property
+    def given(self) -> list[str]:
+        """The names of what is given."""
+        named = {"x": len(self.x) > 0, "lifting": self.lifting is not None}
+        named |= {"merge": bool(self.merge), "steps": self.steps is not None}
+        return [name for name, is_given in named.items() if is_given]
+
+    def frames(
+        self, patch: Patch, resolution: int, *, x: Sequence[float], steps: Sequence[float], distances: bool
+    ) -> Frames:
+        """Return meshes on the way to the limit, and its net; `x` and `steps` are the defaults.
+
+        Raises a `DomainError` if the patch has no lifting, a move is not possible, or the two limits are mixed.
+        """
+        if self.merge and (len(self.x) or self.lifting is not None):
+            raise DomainError("`merge` is a knot limit, and `x` and `lifting` are for degenerations")
+        if self.steps is not None and not self.merge:
+            raise DomainError("`steps` is for a knot limit, with `merge`")
+        if self.merge:
+            limit = knot_limit(patch, self.merge).merged
+            values = steps if self.steps is None else self.steps
+            found = knot_sequence(patch, self.merge, values, resolution, distances=distances)
+            own = tuple(patch.control_points[list(pair)] for pair in net_of(patch))
+            return replace(frames_of(found, limit, net_of(limit)), own_net=own)
+        heights = heights_of(patch, self.lifting)
+        found = degeneration(patch, self.x if len(self.x) else x, heights, resolution, distances=distances)
+        return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
+
+
+def _figure_of_distances(frames: Frames, look: Look) -> Figure:
+    """Draw the distances from the limit, both axes logarithmic: against x, or against what is left of the way."""
+    if not frames.distances:
+        raise DomainError("its distances were not measured: make it again without `distances=False`")
+    with settings():
+        figure = empty_figure(look)
+        ax = with_numbers(figure)
+        values = np.array(frames.values[:-1])
+        steps = frames.key == "step"
+        across = 1 - values if steps else values
+        drawn = False
+        for label, distances, colour, dashes in (
+            ("from the limit", frames.distances, LINE_COLOURS[0], "o-"),
+            ("from the limit with its film", frames.film_distances, LINE_COLOURS[1], "s--"),
+        ):
+            if not distances:
+                continue
+            up = np.array(distances[:-1])
+            shown = (across > 0) & (up > 0)
+            drawn |= bool(shown.any())
+            ax.plot(across[shown], up[shown], dashes, color=colour, lw=1.5, ms=4.5, mec="white", mew=0.6, label=label)
+        if not drawn:
+            raise DomainError("no distance is other than 0: a figure needs some x, or steps, before the limit")
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        if steps:
+            ax.invert_xaxis()
+        ax.set_xlabel("1 − step" if steps else "x")
+        ax.set_ylabel("distance, in model units")
+        ax.grid(True, which="major", color="#DDDDDD", lw=0.6)
+        ax.grid(True, which="minor", color="#F0F0F0", lw=0.4)
+        if frames.film_distances:
+            ax.legend(frameon=False, fontsize=8)
+        return figure

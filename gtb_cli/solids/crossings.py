@@ -1,0 +1,234 @@
+"""Crossings of a mesh with itself: pairs of triangles that pass through each other or lie upon each other."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, bounds_of, cross, dot, unit
+from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.nearest import spatial_order
+from gtb_cli.meshes.topology import are_proper, sides_of
+
+CROSSING_DEPTH = 1e-9  # relative to the largest extent: nearer triangles touch, as coplanar ones do after rounding
+# pairs of triangles compared, in half a minute: a smooth mesh has about 20 per triangle; if all
+# triangles overlapped, the comparison would never end
+MAX_COMPARED_PAIRS = 50_000_000
+
+
+def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
+    """(p, 2) triangles of a mesh that pass through each other, or lie in one plane and overlap; each pair once.
+
+    Triangles that touch along a segment, in which an edge of one lies, cross if the surface passes through there: the
+    neighbour across the edge is on the other side of the surface that the edge touches. Other triangles that only touch
+    do not cross, and neighbours do not cross in what they share. Vertices at exactly the same place are one, and
+    triangles with two corners at one place are left out. The second value is false if more than `MAX_COMPARED_PAIRS`
+    are near each other, so that not all were compared.
+
+    Boxes around the triangles are compared in a tree, level by level: about k log k, unless most of them overlap. A
+    million triangles take about ten seconds.
+    """
+    found = [np.empty((0, 2), dtype=np.int64)]
+    places = weld(vertices)[1]
+    proper = np.flatnonzero(are_proper(places[cells]))
+    cells = cells[proper]
+    corners = vertices[cells]
+    if len(corners) < 2:
+        return found[0], True
+    depth = CROSSING_DEPTH * float(np.ptp(bounds_of(corners.reshape(-1, 3)), axis=0).max())
+    normals = _normals(corners)
+    across = np.maximum(_across(cells), _across(places[cells]))
+    compared = 0
+    for pairs in _near_pairs(corners, depth):
+        compared += len(pairs)
+        if compared > MAX_COMPARED_PAIRS:
+            break
+        found.append(pairs[_cross(corners, normals, across, pairs, depth)])
+    return proper[np.sort(np.concatenate(found), axis=1)], compared <= MAX_COMPARED_PAIRS
+
+
+def _normals(corners: FloatArray) -> FloatArray:
+    """(k, 3) unit normals of (k, 3, 3) triangles; 0 for those that are lines."""
+    a, b, c = corners.transpose(1, 0, 2)
+    normals = cross(b - a, c - a)
+    longest = np.maximum(dot(b - a, b - a), dot(c - a, c - a))
+    normals[np.sqrt(dot(normals, normals)) <= 64 * EPS * longest] = 0.0
+    return unit(normals)
+
+
+def _across(cells: IntArray) -> IntArray:
+    """(k, 3) corners beyond each side, as 3 · triangle + corner; −1 where there is no neighbour, or several."""
+    sides = sides_of(cells)
+    edge = sides.edge.ravel()
+    shared = np.flatnonzero(sides.uses[edge] == 2)
+    pairs = shared[np.argsort(edge[shared], kind="stable")].reshape(-1, 2)
+    result = np.full(len(edge), -1)
+    for k in (0, 1):
+        triangle, side = np.divmod(pairs[:, 1 - k], 3)
+        result[pairs[:, k]] = 3 * triangle + (side + 2) % 3
+    return result.reshape(-1, 3)
+
+
+def _near_pairs(corners: FloatArray, depth: float) -> Iterator[IntArray]:
+    """Blocks of (p, 2) pairs of triangles whose boxes are at most `depth` apart."""
+    pair_batch = 1 << 18  # pairs of boxes held at a time, in about 100 MB with those inside them
+    low, high = (bound(bound(corners[:, 0], corners[:, 1]), corners[:, 2]) for bound in (np.minimum, np.maximum))
+    order = spatial_order((low + high) / 2)
+    high += depth
+    levels = [(low[order].T.copy(), high[order].T.copy())]
+    while levels[-1][0].shape[1] > 1:
+        levels.append(_parents(*levels[-1]))
+    stack = [(len(levels) - 1, np.zeros((2, 1), dtype=np.int64))]
+    while stack:
+        level, pairs = stack.pop()
+        if level == 0:
+            yield order[pairs.T]
+            continue
+        if pairs.shape[1] > pair_batch:
+            half = pairs.shape[1] // 2
+            stack += [(level, pairs[:, half:]), (level, pairs[:, :half])]
+            continue
+        low, high = levels[level - 1]
+        a, b = (2 * pairs[:, None] + np.array([[[0], [0], [1], [1]], [[0], [1], [0], [1]]])).reshape(2, -1)
+        left = np.flatnonzero(((a < b) if level == 1 else (a <= b)) & (b < low.shape[1]))
+        a, b = a[left], b[left]
+        for least, most in zip(low, high, strict=True):
+            left = np.flatnonzero((least[a] <= most[b]) & (least[b] <= most[a]))
+            a, b = a[left], b[left]
+        stack.append((level - 1, np.stack([a, b])))
+
+
+def _parents(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Boxes around pairs of (3, k) boxes; a single last box stays as it is."""
+    first = np.arange(0, low.shape[1], 2)
+    return np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)
+
+
+def _cross(corners: FloatArray, normals: FloatArray, across: IntArray, pairs: IntArray, depth: float) -> BoolArray:
+    """(p,) true where the two of each pair of triangles pass through each other, or overlap in one plane.
+
+    Triangles that reach through each other's planes meet these in two segments of one line. They cross if the segments
+    have a length in common. Triangles with an edge in common cannot reach so.
+    """
+    result = np.zeros(len(pairs), dtype=bool)
+    rows, one, other = np.arange(len(pairs)), *pairs.T
+    heights, reaching, flat, standing = _heights(corners, normals, one, other, depth)
+    left = reaching | flat | standing
+    rows, one, other = rows[left], one[left], other[left]
+    heights, reaching, flat, standing = heights[left], reaching[left], flat[left], standing[left]
+    back, back_reaching, back_flat, back_standing = _heights(corners, normals, other, one, depth)
+    near, flat = np.flatnonzero(reaching & back_reaching), flat & back_flat
+    segments = [_section(corners[other[near]], heights[near]), _section(corners[one[near]], back[near])]
+    along = np.stack([segment[:, 1] - segment[:, 0] for segment in segments])
+    longer = np.stack([dot(direction, direction) for direction in along]).argmax(axis=0)
+    direction = unit(along[longer, np.arange(len(longer))])
+    origin = segments[0][:, :1]
+    low, high = (
+        np.stack([bound(np.einsum("pij,pj->pi", segment - origin, direction), axis=1) for segment in segments])
+        for bound in (np.min, np.max)
+    )
+    result[rows[near]] = high.min(axis=0) - low.max(axis=0) > depth
+    result[rows[flat]] = _overlap(corners[one[flat]], corners[other[flat]], normals[one[flat]], depth)
+    for base, upon, over, is_upon in ((one, other, heights, standing), (other, one, back, back_standing)):
+        k = np.flatnonzero(is_upon)
+        result[rows[k]] |= _passes(corners, normals, across, base[k], upon[k], over[k], depth)
+    return result
+
+
+def _heights(
+    corners: FloatArray, normals: FloatArray, one: IntArray, other: IntArray, depth: float
+) -> tuple[FloatArray, BoolArray, BoolArray, BoolArray]:
+    """(p, 3) heights of triangles over the planes of others; where they reach through, lie in, and stand on these."""
+    base, normal = corners[one, 0], normals[one]
+    heights = np.stack([dot(corners[other, k] - base, normal) for k in range(3)])
+    low, high = (bound(bound(heights[0], heights[1]), heights[2]) for bound in (np.minimum, np.maximum))
+    touching = (np.abs(heights) <= depth).sum(axis=0)
+    has_plane = dot(normal, normal) > 0
+    return heights.T, (low < -depth) & (high > depth), (touching == 3) & has_plane, touching == 2
+
+
+def _passes(
+    corners: FloatArray,
+    normals: FloatArray,
+    across: IntArray,
+    one: IntArray,
+    other: IntArray,
+    heights: FloatArray,
+    depth: float,
+) -> BoolArray:
+    """(p,) true where an edge of `other` lies on `one`, and the surfaces to which they belong pass through there.
+
+    The edge is inside `one`, and the triangles beside it are on two sides of its plane; or it runs along an edge of
+    `one`, and of the triangles around the line every second belongs to the same surface.
+    """
+    result = np.zeros(len(one), dtype=bool)
+    apex = np.abs(heights).argmax(axis=1)
+    beyond = across[other, (apex + 1) % 3]
+    rows = np.flatnonzero((beyond >= 0) & (beyond // 3 != one))
+    one, other, apex, beyond = one[rows], other[rows], apex[rows], beyond[rows]
+    normal, points = normals[one], corners.reshape(-1, 3)
+    start, end = corners[other, (apex + 1) % 3], corners[other, (apex + 2) % 3]
+    length = np.sqrt(dot(end - start, end - start))
+    offsets = [corners[other, apex] - start, points[beyond] - start]
+    sides = []  # of `one`: unit vectors inwards, distances of the edge's ends, and where on the edge it is passed
+    for k in range(3):
+        inwards = unit(cross(normal, corners[one, (k + 1) % 3] - corners[one, k]))
+        ends = np.stack([dot(x - corners[one, k], inwards) - depth for x in (start, end)])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            place = ends[0] / (ends[0] - ends[1])
+        low = np.where(ends[0] > 0, 0.0, np.where(ends[1] > 0, place, np.inf))
+        high = np.where(ends[1] > 0, 1.0, np.where(ends[0] > 0, place, -np.inf))
+        sides.append((inwards, np.abs(ends + depth).max(axis=0) <= depth, low, high))
+    lows, highs = (np.stack([side[column] for side in sides]) for column in (2, 3))
+    up = [dot(x, normal) for x in offsets]
+    is_inside = (highs.min(axis=0) - lows.max(axis=0)) * length > depth
+    result[rows] = is_inside & (np.abs(up[1]) > depth) & (up[0] * up[1] < 0)
+    for k, (inwards, is_along, _, _) in enumerate(sides):
+        others = [k - 1, k - 2]
+        far = across[one, k]
+        is_along = is_along & (far >= 0) & ((highs[others].min(axis=0) - lows[others].max(axis=0)) * length > depth)
+        chosen = np.flatnonzero(is_along)
+        frame = np.stack([inwards[chosen], normal[chosen]])
+        ours = points[far[chosen]] - start[chosen]
+        turned = [np.einsum("api,pi->ap", frame, x) for x in (ours, *(x[chosen] for x in offsets))]
+        angles = [np.arctan2(y, x) % (2 * np.pi) for x, y in turned]
+        is_apart = np.ones(len(chosen), dtype=bool)
+        for x, y in turned[1:]:
+            far_x, far_y = turned[0]
+            is_apart &= (np.abs(y) > depth) | (x < 0)
+            is_apart &= np.abs(x * far_y - y * far_x) > depth * np.hypot(far_x, far_y)
+        result[rows[chosen]] |= is_apart & ((angles[1] < angles[0]) != (angles[2] < angles[0]))
+    return result
+
+
+def _section(triangle: FloatArray, heights: FloatArray) -> FloatArray:
+    """(p, 2, 3) ends of the segments in which (p, 3, 3) triangles meet the plane over which their corners are."""
+    rows = np.arange(len(triangle))
+    below = heights < 0
+    # The corner that is alone on its side of the plane, and the sides from there
+    top = np.where(below.sum(axis=1) == 1, below.argmax(axis=1), below.argmin(axis=1))
+    height = heights[rows, top]
+    ends = []
+    for k in (1, 2):
+        next = (top + k) % 3
+        share = height / (height - heights[rows, next])
+        ends.append(triangle[rows, top] + share[:, None] * (triangle[rows, next] - triangle[rows, top]))
+    return np.stack(ends, axis=1)
+
+
+def _overlap(one: FloatArray, other: FloatArray, normal: FloatArray, depth: float) -> BoolArray:
+    """(p,) true where triangles in one plane have an area in common: no line along a side of one separates them."""
+    left = np.arange(len(one))
+    for k in range(6):
+        ours, theirs = (one[left], other[left]) if k < 3 else (other[left], one[left])
+        start = ours[:, k % 3]
+        edge = start - ours[:, k % 3 - 1]
+        inwards = cross(normal[left], edge) / np.sqrt(dot(edge, edge))[:, None]
+        inside, beside, *others = (dot(x - start, inwards) for x in (ours[:, k % 3 - 2], *theirs.swapaxes(0, 1)))
+        low, high = beside, beside
+        for x in others:
+            low, high = np.minimum(low, x), np.maximum(high, x)
+        reach = np.minimum(np.maximum(inside, 0), high) - np.maximum(np.minimum(inside, 0), low)
+        left = left[reach > depth]
+    result = np.zeros(len(one), dtype=bool)
+    result[left] = True
+    return result

@@ -1,0 +1,190 @@
+"""Flat rims: the offset of a solid trimmed and extended to the planes in which the rims of its surface lie."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, distinct, paired, point_text
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.coincident import merged
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
+from gtb_cli.meshes.topology import sides_of
+
+PLANE = 1e-6  # of the size of a rim: its largest distance from its plane, a tenth of a micron in a decimetre
+STEEPEST = 0.2  # least sine of the angle between the wall and the plane of its rim, which is then five times as wide
+
+
+def with_flat_rims(solid: Mesh, thickness: float) -> Mesh:
+    """Move the offset's part of each rim of a solid made by `thicken` into the plane of the surface's part.
+
+    Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, it ends in the
+    plane: vertices next to the plane move there along edges, and those beyond are projected onto it, as parts of the
+    rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers.
+
+    Raises `DomainError` if a rim does not lie in a plane, if the surface leaves this plane to both sides or at too
+    small an angle, or if the wall reaches another rim.
+    """
+    count = len(solid.vertices) // 2
+    vertices = solid.vertices.copy()
+    surface, offset = vertices[:count], vertices[count:]
+    is_offset = solid.cells >= count
+    is_side = is_offset.any(axis=1) & ~is_offset.all(axis=1)
+    cells = solid.cells[~is_offset.any(axis=1)]
+    sides = sides_of(cells)
+    edges = sides.edges
+    label = merged(count, sides.directed[sides.alone])
+    is_rim = np.zeros(count, dtype=bool)
+    is_rim[sides.directed[sides.alone]] = True
+    is_mitred = np.linalg.norm(offset - surface, axis=1) > (1 + 1e-6) * abs(thickness)
+    for number in distinct(label[is_rim]).tolist():
+        rim = label == number
+        centre, normal, nearly = _plane_of(surface, rim, cells)
+        near = f"near {point_text(surface[rim.argmax()], surface)}"
+        height = (offset - centre) @ normal
+        short = np.flatnonzero(rim & (height < 0))
+        offset[rim] += _continuation(solid, rim, normal, np.minimum(height[rim], 0.0))
+        height[short] = 0.0
+        beyond = _reached(rim, height > nearly, edges)
+        if (beyond & ((surface - centre) @ normal > nearly)).any():
+            raise DomainError(f"rim: the surface goes to both sides of the plane of its rim {near}")
+        if (beyond & is_rim & ~rim).any():
+            raise DomainError(f"rim: the wall at the rim {near} reaches another rim")
+        moved, places = _landings(offset, height, edges, beyond, is_mitred, nearly)
+        offset[moved], height[moved], beyond[moved] = places, 0.0, False
+        offset[beyond] -= height[beyond, None] * normal
+        height[beyond] = 0.0
+        in_plane = np.concatenate([rim, height == 0])[solid.cells].all(axis=1)
+        along = np.zeros(count, dtype=bool)
+        along[short] = ~is_mitred[short]
+        vertices[:] = _evened(vertices, beyond, along, rim, solid.cells[in_plane], normal)
+        is_side |= in_plane
+    own, rows = solid.normals, solid.normal_of.astype(np.int64)
+    around = facet_normals(vertices, solid.cells[is_side])
+    assert own is not None
+    assert around.corners is not None
+    rows[is_side] = len(own) + around.corners
+
+    def normals() -> Normals:
+        """The facets' in the planes of rims, and the surface's elsewhere."""
+        return normals_of_corners(solid.cells, len(vertices), np.concatenate([own, around.vectors]), rows)
+
+    return replace(solid, vertices=vertices, normals=normals, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
+
+
+def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return a point and the (3,) normal, away from the surface, of a rim's plane, and what counts as no distance."""
+    points = surface[rim]
+    centre = points.mean(axis=0)
+    size = float(np.ptp(points, axis=0).max())
+    nearly = PLANE * size + 64 * EPS * float(np.abs(points).max())
+    _, _, axes = np.linalg.svd(points - centre, full_matrices=False)
+    normal = axes[2]
+    height = (surface - centre) @ normal
+    apart = np.abs(height[rim])
+    if apart.max() > nearly:
+        near = f"near {point_text(points[apart.argmax()], points)}"
+        raise DomainError(
+            f"rim: a rim leaves its plane by {apart.max():.3g} {near}, and can be flat only "
+            'within it: `rim="normal"` makes the solid'
+        )
+    beside = cells[rim[cells].any(axis=1)]
+    farthest = float(height[beside.ravel()[np.abs(height[beside]).argmax()]])
+    return centre, -np.copysign(1.0, farthest) * normal, nearly
+
+
+def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray, height: FloatArray) -> FloatArray:
+    """(k, 3) ways from the offset's vertices of a rim to its plane, in the tangent planes of all patches there.
+
+    The way is e − h m, with the plane's normal m, the height h, and e in the plane with ⟨n, e⟩ = h ⟨n, m⟩ for the
+    normals n of the patches, by least squares.
+    """
+    alike = 0.01  # squared sine of the angle, six degrees, within which normals of patches count as one
+    assert solid.normals is not None
+    count, place = len(rim), np.cumsum(rim) - 1
+    inside = np.flatnonzero((solid.cells >= count).all(axis=1))
+    corner, normal_of = solid.cells[inside] - count, solid.normal_of[inside]
+    keys = distinct(paired(place[corner[rim[corner]]], normal_of[rim[corner]], len(solid.normals)))
+    vertex, row = np.divmod(keys, len(solid.normals))
+    along = solid.normals[row] @ normal
+    flat = solid.normals[row] - along[:, None] * normal
+    if float(np.linalg.norm(flat, axis=1).min()) < STEEPEST:
+        where = np.flatnonzero(rim)[vertex[np.linalg.norm(flat, axis=1).argmin()]]
+        near = f"near {point_text(solid.vertices[where], solid.bounds)}"
+        raise DomainError(
+            f"rim: the surface lies almost in its rim's plane {near}, as a patch does "
+            'at a corner between two edges of a plane rim: let patches meet there, or take `rim="normal"`'
+        )
+    first = np.flatnonzero(np.diff(vertex, prepend=-1))
+    squares = np.add.reduceat(flat[:, :, None] * flat[:, None, :], first)
+    right = np.add.reduceat(flat * along[:, None], first)
+    inverse = np.linalg.pinv(squares, rcond=alike, hermitian=True)
+    return np.asarray(height[:, None] * (np.einsum("kij,kj->ki", inverse, right) - normal))
+
+
+def _reached(rim: BoolArray, beyond: BoolArray, edges: IntArray) -> BoolArray:
+    """(m,) vertices beyond the plane that such vertices connect to those of the rim."""
+    label = merged(len(rim), edges[beyond[edges].all(axis=1)])
+    starts = np.zeros(len(rim), dtype=bool)
+    starts[label[rim & beyond]] = True
+    return np.asarray(beyond & starts[label])
+
+
+def _landings(
+    offset: FloatArray, height: FloatArray, edges: IntArray, beyond: BoolArray, is_mitred: BoolArray, nearly: float
+) -> tuple[IntArray, FloatArray]:
+    """Vertices that move along an edge into the plane, and their (k, 3) places there, so that no edge crosses it.
+
+    Of edges that cross the plane the nearest ends move first. Where patches meet at an angle, they move along the seam.
+    """
+    crossing = edges[beyond[edges].sum(axis=1) == 1]
+    above, below = np.where(beyond[crossing[:, :1]], crossing, crossing[:, ::-1]).T
+    strictly = height[below] < -nearly
+    above, below = above[strictly], below[strictly]
+    part = height[above] / (height[above] - height[below])
+    places = offset[above] + part[:, None] * (offset[below] - offset[above])
+    is_lower = np.where(is_mitred[above] == is_mitred[below], part > 0.5, is_mitred[above])
+    vertex, other = np.where(is_lower, [below, above], [above, below])
+    way = np.linalg.norm(places - offset[vertex], axis=1)
+    moved: dict[int, int] = {}
+    crossed: dict[int, list[int]] = {}  # by each end, the other ends
+    for edge in np.lexsort((way, ~(is_mitred[above] & is_mitred[below]))).tolist():
+        end, far = int(vertex[edge]), int(other[edge])
+        crossed.setdefault(end, []).append(far)
+        crossed.setdefault(far, []).append(end)
+        if end not in moved and far not in moved:
+            moved[end] = edge
+    for end in reversed([*moved]):  # those whose edges end at others that have moved need not
+        if all(far in moved for far in crossed[end]):
+            del moved[end]
+    return np.array([*moved], dtype=np.int64), places[[*moved.values()]]
+
+
+def _evened(
+    vertices: FloatArray, free: BoolArray, along: BoolArray, rim: BoolArray, cells: IntArray, normal: FloatArray
+) -> FloatArray:
+    """(2m, 3) vertices after some of the offset have moved between their neighbours, while faces are turned over.
+
+    The faces are those in the plane of a rim. Some vertices are free, others move only along the rim.
+    """
+    rounds = 32  # which suffice for vertices that long edges, or a corner that moves farther, have left behind
+    count = len(rim)
+    edges = sides_of(cells).edges
+    ends = np.concatenate([edges, edges[:, ::-1]])
+    ends = ends[(ends[:, 0] >= count)]
+    moves, is_rim = free | along, np.concatenate([np.zeros(count, dtype=bool), rim])
+    ends = ends[moves[ends[:, 0] - count] & (free[ends[:, 0] - count] | is_rim[ends[:, 1]])]
+    best, fewest, is_moving = vertices, len(cells) + 1, np.zeros(len(vertices), dtype=bool)
+    vertices = vertices.copy()
+    for _ in range(rounds):
+        a, b, c = (vertices[corner] for corner in cells.T)
+        turned = cross(b - a, c - a) @ normal < 0
+        if np.count_nonzero(turned) < fewest:
+            best, fewest = vertices.copy(), int(np.count_nonzero(turned))
+        if not fewest:
+            break
+        is_moving[cells[turned]] = True
+        start, end = ends[is_moving[ends[:, 0]]].T
+        rows, place, uses = np.unique(start, return_inverse=True, return_counts=True)
+        vertices[rows] = np.stack([np.bincount(place, x) / uses for x in vertices[end].T], axis=1)
+    return best

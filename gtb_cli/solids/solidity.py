@@ -1,0 +1,107 @@
+"""Faults of surfaces: where they turn back on themselves, cross themselves, or look into the solid they bound."""
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, point_text
+from gtb_cli.meshes.coincident import merged, weld
+from gtb_cli.meshes.frame import Frame
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import adjacent, are_proper
+from gtb_cli.solids.crossings import crossing_pairs
+
+CROSSES = "the solid passes through itself"
+
+
+def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
+    """(k, 2) triangles, consistently oriented, between which the surface turns by more than a right angle.
+
+    A triangle that is a line takes a neighbour's normal, so that a fold along a row of them is found as well.
+    """
+    # Sine of the angle between two sides of a triangle below which it is a line, and has no normal of its own
+    flat_sine = 64 * EPS
+    a, b, c = (vertices[cells[:, k]] for k in range(3))
+    normals = cross(b - a, c - a)
+    pairs, _ = adjacent(cells)
+    lengths = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
+    looks = np.linalg.norm(normals, axis=1) > flat_sine * lengths
+    normals[~looks] = 0.0
+    while True:
+        rows = pairs[looks[pairs].sum(axis=1) == 1]
+        if not len(rows):
+            break
+        rows = np.where(looks[rows[:, :1]], rows, rows[:, ::-1])  # from a triangle with a normal to one without
+        normals[rows[:, 1]] = normals[rows[:, 0]]
+        looks[rows[:, 1]] = True
+    return np.asarray(pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) < 0])
+
+
+def folded_places(mesh: Mesh) -> list[str]:
+    """Say in which patches a mesh turns back on itself, and where it first does."""
+    if mesh.is_curve:
+        return []
+    lines = []
+    for name, start, stop in mesh.groups or ((mesh.name, 0, len(mesh.cells)),):
+        cells = folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]
+        if len(cells):
+            first = point_text(mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0), mesh.bounds)
+            lines.append(f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}")
+    return lines
+
+
+def crossing_remarks(mesh: Mesh) -> list[str]:
+    """Say where triangles of a mesh pass through others or lie upon them, and whether all were compared."""
+    crossing, is_complete = crossing_pairs(mesh.vertices, mesh.faces)
+    remarks = []
+    if len(crossing):
+        remarks.append(f"{CROSSES}: {where(mesh, distinct(crossing.ravel()))}")
+    if not is_complete:
+        remarks.append("not checked: whether more distant parts of the solid meet, too many faces are near each other")
+    return remarks
+
+
+def where(mesh: Mesh, cells: IntArray) -> str:
+    """Say how many cells there are, and where the first of them is."""
+    what = "segments" if mesh.is_curve else "faces"
+    first = mesh.vertices[mesh.cells[cells[0]]].mean(axis=0)
+    return f"{len(cells)} of {len(mesh.cells)} {what}, the first near {point_text(first, mesh.bounds)}"
+
+
+def inward_faces(mesh: Mesh) -> IntArray:
+    """Faces of a closed mesh that look into the solid, or out of a hollow in it, ascending.
+
+    The mesh is closed, consistently oriented, and does not cross itself. Its winding number is then constant on each
+    side of a connected part, and must be 1 inside and 0 outside. The winding number of the other parts around a point
+    is the sum of their triangles' solid angles there, by 4π (A. Van Oosterom, J. Strackee, The solid angle of a plane
+    triangle, IEEE Trans. Biomed. Eng. 30, 1983).
+    """
+    first, places = weld(mesh.vertices)
+    cells = places[mesh.faces]
+    proper = are_proper(cells)
+    part = merged(len(cells), adjacent(cells)[0])
+    corners = Frame.around(mesh.vertices).inside(mesh.vertices[first])[cells]
+    normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = dot(normals, normals)
+    numbers = distinct(part[proper])
+    members = [np.flatnonzero((part == number) & proper) for number in numbers]
+    boxes = [bounds_of(corners[rows].reshape(-1, 3)) for rows in members]
+    found = np.zeros(len(cells), dtype=bool)
+    for index, rows in enumerate(members):
+        volume = float(dot(corners[rows, 0], normals[rows]).sum())
+        point = corners[rows[areas[rows].argmax()]].mean(axis=0)
+        around = [
+            others
+            for other, (others, (below, above)) in enumerate(zip(members, boxes, strict=True))
+            if other != index and ((below <= point) & (point <= above)).all()
+        ]
+        winding = sum(round(_winding(corners[others] - point)) for others in around)
+        found[rows] = winding != (volume < 0)
+    return np.flatnonzero(found)
+
+
+def _winding(corners: FloatArray) -> float:
+    """The winding number of (k, 3, 3) triangles around the origin."""
+    a, b, c = corners.transpose(1, 0, 2)
+    one, two, three = (np.sqrt(dot(x, x)) for x in (a, b, c))
+    numerator = dot(a, cross(b, c))
+    denominator = one * two * three + dot(a, b) * three + dot(b, c) * one + dot(c, a) * two
+    return float(np.arctan2(numerator, denominator).sum()) / (2 * np.pi)

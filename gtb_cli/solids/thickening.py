@@ -1,0 +1,273 @@
+"""Solids: a surface mesh and its offset, joined along the rim, so that an open surface can be printed."""
+
+import math
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, distinct, dot, paired, shifted, unit
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.coincident import merged
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
+from gtb_cli.meshes.topology import are_proper, compacted, sides_of
+
+# Roundings of the largest coordinate: a smaller thickness is refused, and a shorter boundary edge is a point
+MIN_THICKNESS_ROUNDINGS = 64
+# Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share the
+# normal. A solid is 3 % too thin on an edge between patches at this angle.
+SMOOTH_COSINE = math.cos(math.radians(15))
+MAX_MITRE = 2.0  # largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°
+
+
+def thicken(mesh: Mesh, thickness: float) -> Mesh:
+    """Close a surface, an oriented manifold with unit normals, with its offset, to a solid between the two.
+
+    The thickness is the distance of the offset, in model units: along the normals if positive, against them if
+    negative. The surface itself remains one side of the solid. If the normals are not exact, those of patches at an
+    edge are estimated from the facets.
+
+    The solid is closed, its faces and normals outwards: for each group the faces of one side, of the other, and of its
+    part of the rim. A closed mesh gets a second shell and no rim. Vertices are those of the surface, then those of the
+    offset; the rim has normals of its own. Parameters and attributes are the surface's on both.
+
+    Raises `DomainError` if the mesh is a curve, the thickness is below rounding, or an edge has more than two faces or
+    two of opposite orientations.
+
+    Notes
+    -----
+    If patches meet at an angle, the vertex moves to where the offsets of all patches meet, but at most by `MAX_MITRE`
+    times the thickness. The facets decide in two cases: if a normal disagrees with the facets around the vertex and the
+    surface's own normals are not given, and if the normal turns within a facet of the boundary; the offset then
+    continues as inside. Coincident ends of a boundary edge become one vertex. If the surface bends more sharply than
+    the thickness, the offset folds: see `folded_faces`. `gtb_cli.solids.crossings` finds distant parts that meet.
+    """
+    mesh = _welded(_checked(mesh, thickness))
+    count = len(mesh.vertices)
+    vertices = np.concatenate([mesh.vertices, _offset(mesh, thickness)])
+    rim, rim_cell = _boundary(mesh)
+    below, above = (0, count) if thickness > 0 else (count, 0)
+    start, end = rim.T.astype(np.int64)
+    sides = np.stack([start + below, end + below, end + above, start + below, end + above, start + above], axis=1)
+    sides = sides.reshape(-1, 3)
+    cells = np.concatenate([shifted(mesh.cells, above), shifted(mesh.cells[:, ::-1], below), sides])
+    part = _cell_groups(mesh)
+    parts = np.concatenate([part, part, np.repeat(part[rim_cell], 2)])
+    order = np.argsort(parts, kind="stable")
+    breaks = np.searchsorted(parts[order], np.arange(len(mesh.groups) + 1)).tolist()
+
+    own = mesh.normals
+
+    def normals() -> Normals:
+        """Those of the surface on both sides, and the facets' on the rim."""
+        around = facet_normals(vertices, sides)
+        assert own is not None
+        assert around.corners is not None
+        corners = (mesh.normal_of, len(own) + mesh.normal_of[:, ::-1], 2 * len(own) + around.corners)
+        vectors = np.concatenate([own, -own, around.vectors])
+        return normals_of_corners(cells[order], len(vertices), vectors, np.concatenate(corners)[order])
+
+    return Mesh(
+        vertices,
+        cells[order],
+        normals=normals,
+        groups=tuple(zip((name for name, _, _ in mesh.groups), breaks, breaks[1:], strict=False)),
+        **mesh.carried(np.tile(np.arange(count), 2)),
+    )
+
+
+def folded_faces(mesh: Mesh, thickness: float) -> IntArray:
+    """(f,) triangles, ascending, whose offset is turned over: a principal radius of curvature is below the thickness.
+
+    The offset of a triangle, seen along its normal, is a linear image of it. The eigenvalues 1 − D κ of this map are
+    positive if it is not folded; past one centre of curvature the determinant is negative, past both the trace is.
+    Triangles without area do not count.
+    """
+    return _turned_over(mesh, _offset(_checked(mesh, thickness), thickness))
+
+
+def _turned_over(mesh: Mesh, moved: FloatArray) -> IntArray:
+    """The `folded_faces` of an offset with vertices at (m, 3) places."""
+    pairs = (mesh.vertices[mesh.cells], moved[mesh.cells])
+    (first, second), (to_first, to_second) = ((x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) for x in pairs)
+    scale = np.abs(np.stack([first, second])).max(axis=(0, 2))[:, None]
+    scale[scale == 0] = 1.0
+    first, second, to_first, to_second = (x / scale for x in (first, second, to_first, to_second))
+    normal = cross(first, second)
+    area = dot(normal, normal)
+    determinant = dot(normal, cross(to_first, to_second))
+    trace = dot(normal, cross(first, to_second) + cross(to_first, second))
+    return np.flatnonzero((area > EPS**2) & ((determinant <= 0) | (trace <= 0)))
+
+
+def thinnest_wall(solid: Mesh, thickness: float) -> tuple[float, FloatArray]:
+    """Bound the wall of a solid made by `thicken`, in units of its thickness, and tell where it is thinnest.
+
+    It is not thicker than the mean displacement of the corners of a side, or of a face, which is shorter the more the
+    normals turn within the face.
+    """
+    surface, offset = np.split(solid.vertices, 2)
+    cells = solid.cells[(solid.cells < len(surface)).all(axis=1)]
+    moves = (offset - surface)[cells] / abs(thickness)
+    means = np.stack([moves.sum(axis=1) / 3, *((moves[:, k] + moves[:, k - 1]) / 2 for k in range(3))])
+    squares = (means**2).sum(axis=2).min(axis=0)
+    thinnest = int(squares.argmin())
+    return math.sqrt(squares[thinnest]), surface[cells[thinnest]].mean(axis=0)
+
+
+def _checked(mesh: Mesh, thickness: float) -> Mesh:
+    if mesh.is_curve:
+        raise DomainError("thickness: expected a surface; a curve takes a radius instead")
+    largest = float(np.abs(mesh.vertices).max())
+    if not abs(thickness) > MIN_THICKNESS_ROUNDINGS * EPS * largest:
+        raise DomainError(f"thickness: {thickness:g} is below the rounding of coordinates of size {largest:.3g}")
+    return mesh
+
+
+def _boundary(mesh: Mesh) -> tuple[IntArray, IntArray]:
+    """(b, 2) sides that belong to one face only, and (b,) this face."""
+    sides = sides_of(mesh.cells)
+    wrong = np.flatnonzero(~sides.is_manifold & sides.is_proper)
+    if len(wrong):
+        a, b = sides.edges[wrong[0]].tolist()
+        raise DomainError(
+            f"thickness: the edge between vertices {a} and {b} has more than two faces, or two that do not agree which "
+            "side is up: the surface has no two sides there"
+        )
+    return sides.directed[sides.alone], sides.alone // 3
+
+
+def _welded(mesh: Mesh) -> Mesh:
+    """Merge the ends of each boundary edge that coincide within rounding, as on a collapsed edge."""
+    edges, _ = _boundary(mesh)
+    ends = mesh.vertices[edges]
+    short = np.abs(ends[:, 1] - ends[:, 0]).max(axis=1) <= MIN_THICKNESS_ROUNDINGS * EPS * np.abs(mesh.vertices).max()
+    if not short.any():
+        return mesh
+    label = merged(len(mesh.vertices), edges[short])
+    cells = label[mesh.cells]
+    proper = are_proper(cells)
+    if not proper.any():
+        raise DomainError(f"thickness: the surface {mesh.name!r} is a single point")
+    before = np.concatenate([[0], np.cumsum(proper)])
+    used, cells = compacted(cells[proper])
+    assert mesh.normals is not None
+    normals = normals_of_corners(cells, len(used), mesh.normals, mesh.normal_of[proper])
+    return Mesh(
+        mesh.vertices[used],
+        cells,
+        normals=lambda: normals._replace(are_exact=mesh.exact_normals),
+        groups=tuple((name, int(before[start]), int(before[stop])) for name, start, stop in mesh.groups),
+        **mesh.carried(used),
+    )
+
+
+def _cell_groups(mesh: Mesh) -> IntArray:
+    """(k,) index of each face's group."""
+    result = np.zeros(len(mesh.cells), dtype=np.int64)
+    for index, (_, start, stop) in enumerate(mesh.groups):
+        result[start:stop] = index
+    return result
+
+
+def _offset(mesh: Mesh, thickness: float) -> FloatArray:
+    """(m, 3) vertices of the offset.
+
+    In a concave edge between patches, offsets of vertices nearer to it than the corner is moved would pass it, and turn
+    their faces over. They are moved between their neighbours instead, in the tangent planes of the offset, if fewer
+    faces are turned over for it: so up to about four rows of faces are kept.
+    """
+    rounds = 32  # which suffice for four rows of faces
+    moves = _displacements(mesh)
+    moved = mesh.vertices + thickness * moves
+    is_mitred = dot(moves, moves) > 1 + 1e-6
+    folded = _turned_over(mesh, moved)
+    if not len(folded) or not is_mitred.any():
+        return moved
+    sides = sides_of(mesh.cells)
+    rim = np.zeros(len(moved), dtype=bool)
+    rim[sides.directed[sides.alone]] = True
+    # The neighbours of a vertex of the rim are those along the rim.
+    ends = np.concatenate([sides.edges[(sides.uses == 1) | ~rim[sides.edges[:, k]]][:, [k, 1 - k]] for k in (0, 1)])
+    best, fewest = moved.copy(), len(folded)
+    is_moving = np.zeros(len(moved), dtype=bool)
+    for _ in range(rounds):
+        is_moving[mesh.cells[folded]] = True
+        is_moving &= ~is_mitred
+        start, end = ends[is_moving[ends[:, 0]]].T
+        count = np.bincount(start, minlength=len(moved))[is_moving, None]
+        means = np.stack([np.bincount(start, moved[end, k], len(moved))[is_moving] for k in range(3)], axis=1) / count
+        normal, way = moves[is_moving], means - moved[is_moving]
+        moved[is_moving] += way - dot(way, normal)[:, None] * normal
+        folded = _turned_over(mesh, moved)
+        if len(folded) < fewest:
+            best, fewest = moved.copy(), len(folded)
+        if not fewest:
+            break
+    return best
+
+
+def _displacements(mesh: Mesh) -> FloatArray:
+    """(m, 3) displacement of each vertex for an offset by 1: its normal, if all patches around it share it.
+
+    Otherwise ⟨n, w⟩ = 1 is solved for w by least squares, with the normals n of the patches: the mesh's, or the means
+    of the facets if the mesh's are not exact, or beside an open edge, and differ from the facets.
+    """
+    same_normal_cosine = 1 - 1e-9  # cosine of the angle, nine seconds of arc, within which two normals count as equal
+    assert mesh.normals is not None
+    vertex_normals = mesh.normals[: len(mesh.vertices)]
+    count, groups = len(mesh.vertices), max(1, len(mesh.groups))
+    keys = paired(mesh.cells, _cell_groups(mesh)[:, None], groups)
+    pairs, place = np.arange(count), keys
+    if groups > 1:
+        pairs, place = np.unique(keys, return_inverse=True)
+    vertex = pairs // groups
+    facets, by_area = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
+    own = vertex_normals[vertex]
+    if len(mesh.normals) > count:
+        pair, normal = distinct(np.stack([place.ravel(), mesh.normal_of.ravel()], axis=1)).T
+        sums = np.zeros_like(own)
+        np.add.at(sums, pair, mesh.normals[normal])
+        own = np.where((np.linalg.norm(sums, axis=1) > SMOOTH_COSINE)[:, None], unit(sums), own)
+    is_open = np.zeros(count, dtype=bool)
+    is_open[_boundary(mesh)[0]] = True
+    # Tiny facets, as at a pole, may stand upright because of rounding: they have angles, but no area.
+    agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH_COSINE
+    agree |= (mesh.exact_normals & ~is_open[vertex]) | ~facets.any(axis=1)
+    normals = np.where(agree[:, None], own, facets)
+    wrong = np.unique(vertex[dot(normals, vertex_normals[vertex]) < same_normal_cosine])
+    if not len(wrong):
+        return vertex_normals
+    chosen = np.flatnonzero(np.isin(vertex, wrong))
+    first = np.flatnonzero(np.diff(vertex[chosen], prepend=-1))
+    normals = normals[chosen]
+    right = np.add.reduceat(normals, first)
+    values, vectors = np.linalg.eigh(np.add.reduceat(normals[:, :, None] * normals[:, None, :], first))
+    # The bound discards directions in which the normals hardly differ.
+    inverse = 1 / np.maximum(values, 2 * (1 - SMOOTH_COSINE))
+    w = np.einsum("vij,vj,vkj,vk->vi", vectors, inverse, vectors, right, optimize=True)
+    # At the edge of a blade the only direction left is the one between its sides.
+    blade = np.linalg.norm(w, axis=1) < SMOOTH_COSINE
+    w[blade] = MAX_MITRE * unit(right[blade])
+    length = np.linalg.norm(w, axis=1, keepdims=True)
+    result = vertex_normals.copy()
+    result[wrong] = np.where(length > 0, w * np.minimum(1.0, MAX_MITRE / np.maximum(length, 1.0)), result[wrong])
+    return result
+
+
+def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """(count, 3) mean unit normals of the facets with corners in each (k, 3) `place`, 0 where they have no area.
+
+    The first mean is weighted by the angle at the corner, so that it does not depend on the triangulation; the second,
+    by area.
+    """
+    a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
+    sides = [unit(side) for side in (b - a, c - b, a - c)]
+    normals = unit(cross(sides[0], sides[1]))
+    areas = cross(b - a, c - b) / float(np.abs(mesh.vertices).max() or 1.0) ** 2
+    sums, by_area = np.zeros((count, 3)), np.zeros((count, 3))
+    for k in range(3):
+        angle = np.arccos(np.clip(-dot(sides[k], sides[k - 1]), -1.0, 1.0))
+        for axis in range(3):
+            sums[:, axis] += np.bincount(place[:, k], angle * normals[:, axis], count)
+            by_area[:, axis] += np.bincount(place[:, k], areas[:, axis], count)
+    return unit(sums), unit(by_area)

@@ -1,0 +1,112 @@
+"""Walls of solids: how far it is from a place on the surface, straight into the solid, to the other side."""
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray, column_dot, cross, cross_of_columns, dot, unit
+from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.frame import Frame
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells
+from gtb_cli.meshes.topology import are_proper, sides_of
+
+
+def wall_of_vertices(mesh: Mesh) -> FloatArray | None:
+    """(m,) thickness of the wall behind each vertex, the mean of its faces' by area; None if it is not closed.
+
+    It is None for a body without inside, too. Vertices in the same place count as one only for what is closed: each
+    keeps the wall of its own faces.
+    """
+    faces = wall_of_faces(mesh)
+    if faces is None or np.isnan(faces).all():
+        return None
+    a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
+    normals = cross(b - a, c - a)
+    areas = np.where(np.isfinite(faces), np.sqrt(dot(normals, normals)), 0.0)
+    sums = [np.bincount(mesh.faces.ravel(), np.repeat(each, 3), len(mesh.vertices))
+            for each in (areas * np.where(areas > 0, faces, 0.0), areas)]  # fmt: skip
+    return np.asarray(np.where(sums[1] > 0, sums[0] / np.where(sums[1] > 0, sums[1], 1.0), np.nanmax(faces)))
+
+
+def wall_of_faces(mesh: Mesh) -> FloatArray | None:
+    """(k,) thickness of the wall behind each triangle, from its centre against its normal to the first way out.
+
+    It is None if the mesh is not closed and consistently oriented, and NaN behind triangles without area or where there
+    is no way out, as faces look inwards there. It takes about 4 s for 100 000 triangles.
+    """
+    first, places = weld(mesh.vertices)
+    cells = places[mesh.faces]
+    proper = np.flatnonzero(are_proper(cells))
+    if not len(proper) or len(sides_of(cells[proper]).open):
+        return None
+    frame = Frame.around(mesh.vertices)
+    corners = frame.inside(mesh.vertices[first])[cells[proper]]
+    normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    if dot(corners[:, 0], normals).sum() < 0:  # all look inwards
+        normals = -normals
+    rows = normals.any(axis=1)
+    proper, corners, normals = proper[rows], corners[rows], normals[rows]
+    result = np.full(len(cells), np.nan)
+    result[proper] = frame.length(ways_out(corners.mean(axis=1), -unit(normals), corners, normals))
+    return result
+
+
+def ways_out(starts: FloatArray, ways: FloatArray, corners: FloatArray, normals: FloatArray) -> FloatArray:
+    """(m,) lengths of rays, along unit vectors, to the first of (k, 3, 3) triangles which they leave; NaN for none.
+
+    A ray leaves through triangles whose normals point its way. Near triangles are looked for first, as they bound the
+    search for all that are farther.
+    """
+    tree = NearestCells(corners)
+    lengths = np.full(len(starts), np.inf)
+    size = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) or 1.0
+    for reach in size * np.array([0.02, 0.2, 4.0]):
+        rows = np.flatnonzero(np.isinf(lengths))
+        lengths[rows] = _ways_out(starts[rows], ways[rows], tree, normals, reach)
+    return np.where(np.isinf(lengths), np.nan, lengths)
+
+
+def _ways_out(
+    starts: FloatArray, ways: FloatArray, tree: NearestCells, normals: FloatArray, reach: float
+) -> FloatArray:
+    """(m,) lengths, infinite where they are more than the reach."""
+    ray_batch = 1 << 13  # whose pairs with boxes are held at a time
+    slack = 1e-9  # relative to a triangle, by which it is larger: no ray slips through between two
+    lengths = np.full(len(starts), np.inf)
+    inverses = (1 / np.where(ways == 0, 1e-300, ways)).T.copy()
+    origins = starts.T * inverses
+    boxes = [(low.T.copy(), high.T.copy()) for low, high in tree.boxes]  # an axis at a time is several times faster
+    for begin in range(0, len(starts), ray_batch):
+        ray = np.arange(begin, min(begin + ray_batch, len(starts)))
+        top = boxes[-1][0].shape[1]
+        ray, node = np.repeat(ray, top), np.tile(np.arange(top), len(ray))
+        for level in range(len(boxes) - 1, -1, -1):
+            enter, leave = np.zeros(len(ray)), np.full(len(ray), reach)
+            for low, high, origin, inverse in zip(*boxes[level], origins, inverses, strict=True):
+                inverse, origin = inverse[ray], origin[ray]
+                one, other = low[node] * inverse - origin, high[node] * inverse - origin
+                enter = np.maximum(enter, np.minimum(one, other))
+                leave = np.minimum(leave, np.maximum(one, other))
+            met = np.flatnonzero(enter <= leave + slack * reach)
+            ray, node = ray[met], node[met]
+            if level:
+                ray, node = tree.inside(level, ray, node)
+        np.minimum.at(lengths, ray, _lengths(starts[ray], ways[ray], tree.order[node], tree, normals, slack))
+    return np.where(lengths > reach, np.inf, lengths)
+
+
+def _lengths(
+    starts: FloatArray, ways: FloatArray, cell: IntArray, tree: NearestCells, normals: FloatArray, slack: float
+) -> FloatArray:
+    """(p,) length of each ray to its own triangle; infinite if it does not leave through it."""
+    rows = np.flatnonzero(dot(ways, normals[cell]) > 0)
+    a, b, c = np.moveaxis(tree.corners[cell[rows]], 1, 2).transpose(2, 1, 0)
+    start, way = starts[rows].T, ways[rows].T
+    normal, turned = cross_of_columns(b - a, c - a), cross_of_columns(a - start, way)
+    along = column_dot(way, normal)
+    v, w = column_dot(turned, c - a) / along, -column_dot(turned, b - a) / along
+    inside = (v >= -slack) & (w >= -slack) & (v + w <= 1 + slack)
+    length = column_dot(a - start, normal) / along
+    result = np.full(len(starts), np.inf)
+    # Nearer than rounding are faces that lie on that of the ray: there is nothing between them.
+    result[rows] = np.where(inside & (length > slack), length, np.inf)
+    return result

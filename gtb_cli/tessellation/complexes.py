@@ -1,0 +1,297 @@
+"""A cell complex over the domains of one or several patches, joined along shared edges."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, index_type, shifted, taken
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import INTERIOR
+from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
+from gtb_cli.meshes.coincident import merged
+from gtb_cli.meshes.topology import are_proper, sides_of
+from gtb_cli.theory.edges import EdgeRef, edge_curves, edge_points_at
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+
+if TYPE_CHECKING:
+    from gtb_cli.models.joints import Joints
+
+
+@frozen
+class Complex:
+    """Vertices and cells, without positions in space.
+
+    A vertex on a shared edge belongs to the first patch that has it: `patch` (v,), with `parameters` (v, d) in its
+    domain, in the interior of the `face` (v,) of this. The (k, d + 1) `cells` have the (k,) patches `cell_patch`.
+    """
+
+    patch: IntArray
+    parameters: FloatArray
+    face: IntArray
+    cells: IntArray
+    cell_patch: IntArray
+    # `corners`; or those that are not just the parameters of the cells' vertices, behind their places among all
+    own_corners: FloatArray | tuple[IntArray, FloatArray]
+    collapsed: IntArray  # (c, 2) pairs of neighbouring vertices on edges of patches that are one point
+    sides: int = 0  # how many sides the cells of a uniform complex have; two that a joint makes one count once
+    uneven: frozenset[EdgeRef] = frozenset()  # shared edges whose points are at different fractions in their patches
+
+    @cached_property
+    def corners(self) -> FloatArray:
+        """(k, d + 1, d) parameters of the vertices of each cell, in the domain of the cell's own patch."""
+        if not isinstance(self.own_corners, tuple):
+            return self.own_corners
+        corners, (places, moved) = self.parameters[self.cells], self.own_corners
+        corners.reshape(-1, corners.shape[2])[places] = moved
+        return corners
+
+    @property
+    def is_simplicial(self) -> bool:
+        """Tell whether all cells of a uniform complex, and all of their sides, differ in their vertices."""
+        if not are_proper(self.cells).all() or _repeated(self.cells).any():
+            return False
+        return self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides
+
+    @property
+    def without_collapsed(self) -> tuple[IntArray, BoolArray | slice]:
+        """Cells after vertices that are one point became one, and which of all keep all their corners.
+
+        Edges that are one point are never split: their ends become one, and the cells beside them vanish.
+        """
+        if not len(self.collapsed):
+            return self.cells, slice(None)
+        cells = taken(merged(len(self.patch), self.collapsed), self.cells)
+        proper = are_proper(cells)
+        return cells[proper], proper
+
+    @property
+    def further_places(self) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
+        """(q, 2) vertices and patches, (q, d) parameters: further places of the vertices of `without_collapsed`.
+
+        They are on edges that patches share, on edges that are one point, and on an edge that its patch has twice.
+        Also the (c,) corners that have them, counted through all cells, and the (c,) place of each.
+        """
+        cells, rows = self.without_collapsed
+        row, k = np.nonzero(self.face[cells] != INTERIOR)
+        vertex, patch, places = cells[row, k], self.cell_patch[rows][row], self.corners[rows][row, k]
+        others = (patch != self.patch[vertex]) | (places != self.parameters[vertex]).any(axis=1)
+        table = np.column_stack([vertex, patch, places])[others]
+        found, number = np.unique(table, axis=0, return_inverse=True)
+        corners = (cells.shape[1] * row + k)[others]
+        return found[:, :2].astype(np.int64), found[:, 2:], corners, number.ravel()
+
+    @property
+    def is_whole(self) -> bool:
+        """Tell whether `without_collapsed` leaves each patch a cell, and no two cells with the same vertices."""
+        if not len(self.collapsed):
+            return True
+        cells, rows = self.without_collapsed
+        return bool(np.isin(self.cell_patch, self.cell_patch[rows]).all()) and not _repeated(cells).any()
+
+
+def kinds_of(domains: Sequence[Domain]) -> IntArray:
+    """(r,) number of the first domain that equals each one: what depends on the domain alone is found once for all."""
+    first: dict[tuple[bytes, bytes], int] = {}
+    keys = ((domain.knots.tobytes(), domain.normals.tobytes()) for domain in domains)
+    return np.array([first.setdefault(key, number) for number, key in enumerate(keys)])
+
+
+def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
+    """Triangulate each domain with `resolution` cells along an edge, and join them; without joints, there is one patch.
+
+    Patches are cut around their centres if several would have a side inside between the same two vertices, as at the
+    corner between two edges that they share. So are patches with a tip, where one more side is halved, and those with
+    triangles turned over when vertices move along an edge to the fractions at which it has another patch's points.
+    """
+    kinds = kinds_of([patch.domain for patch in patches]).tolist()
+    made = {kind: triangulation(patches[kind].domain, resolution) for kind in dict.fromkeys(kinds)}
+    parts = [made[kind] for kind in kinds]
+    if joints is None:
+        return alone(patches[0].domain, parts[0])
+    moves = _moves(patches, joints, resolution)
+    _move(parts, patches, moves)
+    mosaic, confused = _joined(patches, joints, parts)
+    tips = _tips(patches, joints)
+    again = {*confused.tolist(), *(index for index, _ in tips)}
+    again |= {index for index, _ in moves if parts[index].is_turned_over()}
+    if again:
+        for index in again:
+            parts[index] = central_triangulation(patches[index].domain, resolution)
+        for index, corner in tips:
+            parts[index] = parts[index].with_cut_beside(corner)
+        _move(parts, patches, {ref: fractions for ref, fractions in moves.items() if ref[0] in again})
+        mosaic, _ = _joined(patches, joints, parts)
+    return mosaic
+
+
+def _moves(patches: Sequence[Patch], joints: Joints, resolution: int) -> dict[EdgeRef, FloatArray]:
+    """Ascending fractions of edges, where these are not equal, at the points of those that they are joined with."""
+    even = np.arange(resolution + 1) / resolution
+    return {joint.second: np.sort(joint.across(patches, even)) for joint in joints.shared if joint.match}
+
+
+def _move(parts: list[Triangulation], patches: Sequence[Patch], moves: Mapping[EdgeRef, FloatArray]) -> None:
+    for (index, edge), fractions in moves.items():
+        parts[index] = parts[index].moved(patches[index].domain.vertices, edge, fractions)
+
+
+def alone(domain: Domain, part: Triangulation) -> Complex:
+    """The complex of one patch that is joined with nothing."""
+    count = len(part.parameters)
+    return Complex(
+        patch=np.zeros(count, dtype=np.int64),
+        parameters=part.parameters,
+        face=part.faces(domain.faces),
+        cells=part.cells,
+        cell_patch=np.zeros(len(part.cells), dtype=np.int64),
+        own_corners=(np.empty(0, dtype=np.int64), np.empty((0, domain.dimension))),
+        collapsed=np.empty((0, 2), dtype=np.int64),
+        sides=count + len(part.cells) - 1,
+    )
+
+
+def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
+    """Patches and their corners between two edges that are the same curve, as at the tip of a cone."""
+    tips = []
+    for joint in joints.shared:
+        (index, edge), (other, following) = joint.first, joint.second
+        count = len(patches[index].domain.vertices)
+        for a, b in ((edge, following), (following, edge)):
+            if index == other and joint.opposite and b == (a + 1) % count and patches[index].dimension == 2:
+                tips.append((index, b))
+    return tips
+
+
+def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation]) -> tuple[Complex, IntArray]:
+    """The complex of triangulated domains, and the patches with cells or sides that share all their vertices."""
+    is_surface = patches[0].dimension == 2
+    offsets = np.cumsum([0, *(len(part.parameters) for part in parts)])
+    owner = np.repeat(np.arange(len(parts), dtype=index_type(len(parts))), np.diff(offsets))
+    parameters = np.concatenate([part.parameters for part in parts])
+    face = np.concatenate([part.faces(patch.domain.faces) for patch, part in zip(patches, parts, strict=True)])
+    turned = [part.cells[:, [0, 2, 1]] if is_surface and flipped else part.cells
+              for part, flipped in zip(parts, joints.flipped, strict=True)]  # fmt: skip
+    kind = index_type(len(owner))
+    cells = np.concatenate([shifted(own, n).astype(kind) for own, n in zip(turned, offsets[:-1], strict=True)])
+    shared, collapsed = _pairs(joints, parts, offsets)
+    label = merged(len(owner), shared)
+    is_kept = label == np.arange(len(owner))
+    number = (np.cumsum(is_kept, dtype=kind) - 1)[label]
+    places = np.flatnonzero(~taken(is_kept, cells))
+    uneven = {joint.first for joint in joints.shared if joint.match}
+    of_uneven = [ref for joint in joints.shared if joint.first in uneven for ref in (joint.first, joint.second)]
+    mosaic = Complex(
+        patch=owner[is_kept],
+        parameters=parameters[is_kept],
+        face=face[is_kept],
+        cells=taken(number, cells),
+        cell_patch=owner[cells[:, 0]],
+        own_corners=(places, parameters[cells.ravel()[places]]),
+        collapsed=number[collapsed],
+        # Each patch is a disc, on which Euler counts the sides; a joint makes its sides one each.
+        sides=len(owner) + len(cells) - len(parts) - (len(shared) - len(joints.shared)),
+        uneven=frozenset(of_uneven),
+    )
+    if not is_surface:
+        return mosaic, owner[:0]
+    label = merged(len(owner), np.concatenate([shared, collapsed]))
+    return mosaic, np.unique(owner[_confused(cells, face != INTERIOR, label)])
+
+
+def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) -> tuple[IntArray, IntArray]:
+    """(c, 2) vertices that joints make one, and (q, 2) neighbours on edges that are one point."""
+
+    def side(ref: EdgeRef) -> IntArray:
+        patch, edge = ref
+        return np.asarray(offsets[patch] + parts[patch].side(edge))
+
+    none = np.empty((0, 2), dtype=np.int64)
+    shared = [np.column_stack([side(joint.first), side(joint.second)[:: -1 if joint.opposite else 1]])
+              for joint in joints.shared]  # fmt: skip
+    collapsed = [np.column_stack([side(ref)[:-1], side(ref)[1:]]) for ref in joints.collapsed]
+    return np.concatenate([none, *shared]), np.concatenate([none, *collapsed])
+
+
+def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
+    """A vertex of each cell, and of each side inside a patch, with the same boundary vertices as another one."""
+    a, b, c = (on_boundary[corner] for corner in cells.T)
+    cells = cells[(a & b) | (b & c) | (c & a)]
+    cells = cells[are_proper(label[cells])]
+    flat = cells[on_boundary[cells].all(axis=1)]
+    ends = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+    ends = np.sort(ends[on_boundary[ends].all(axis=1)], axis=1)
+    ends, uses = np.unique(ends, axis=0, return_counts=True)
+    twice = [_repeated(label[flat]), _repeated(label[ends]) & (uses == 2)]
+    return np.concatenate([flat[twice[0], 0], ends[twice[1], 0]])
+
+
+def _repeated(rows: IntArray) -> BoolArray:
+    """Mark the rows, (m,), that have the entries of another one in any order."""
+    _, kind, count = np.unique(np.sort(rows, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(count[kind] > 1)
+
+
+def welded_points(mosaic: Complex, points: FloatArray, patches: Sequence[Patch], joints: Joints) -> FloatArray:
+    """Move vertices, (v, 3), of welded seams of surfaces to the mean of their curves, corners to that of all there."""
+    points = points.copy()
+    for index, edge in sorted({joint.first for joint in joints.shared if joint.distance}):
+        domain = patches[index].domain
+        rows = np.flatnonzero((mosaic.patch == index) & (mosaic.face == domain.faces.edge(edge).number))
+        ends = domain.vertices[[(edge + 1) % len(domain.vertices)]]
+        side = domain.along(edge, np.concatenate([mosaic.parameters[rows], ends]))
+        share = side[:-1] / side[-1]
+        curves = [edge_points_at(patches[index], edge, share)]
+        for joint in joints.shared:
+            if joint.first == (index, edge):
+                patch, other = joint.second
+                curves.append(edge_points_at(patches[patch], other, joint.across(patches, share)))
+        points[rows] = np.mean(curves, axis=0)
+    _move_corners(mosaic, points, patches, joints)
+    return points
+
+
+def _move_corners(mosaic: Complex, points: FloatArray, patches: Sequence[Patch], joints: Joints) -> None:
+    """Move vertices at corners that become one, and those of edges that are points, to their mean."""
+    _, means = _corners(patches, joints)
+    for index, patch in enumerate(patches):
+        faces = patch.domain.faces
+        places = dict(zip(faces.corners.tolist(), means[index], strict=True))
+        places |= {faces.edge(edge).number: means[index][edge] for p, edge in joints.collapsed if p == index}
+        own = np.flatnonzero(mosaic.patch == index)
+        for number, place in places.items():
+            points[own[mosaic.face[own] == number]] = place
+
+
+def farthest_move(patches: Sequence[Patch], joints: Joints) -> float:
+    """How far `welded_points` moves points: of seams, of corners that become one, and of edges that become points."""
+    corners, means = _corners(patches, joints)
+    edges = zip(edge_curves(patches, joints.collapsed), joints.collapsed, strict=True)
+    places = [own - mean for own, mean in zip(corners, means, strict=True)]
+    places += [curve.points - means[index][edge] for curve, (index, edge) in edges]
+    moves = [joint.distance for joint in joints.shared]
+    return max([*moves, *(float(np.linalg.norm(place, axis=1).max()) for place in places)])
+
+
+def _corners(patches: Sequence[Patch], joints: Joints) -> tuple[list[FloatArray], list[FloatArray]]:
+    """The corners of each patch, and the means of all that become one with them."""
+    counts = [len(patch.domain.vertices) for patch in patches]
+    offsets = np.cumsum([0, *counts]).tolist()
+
+    def ends(ref: EdgeRef) -> list[int]:
+        index, edge = ref
+        return [offsets[index] + edge, offsets[index] + (edge + 1) % counts[index]]
+
+    pairs = [ends(ref) for ref in joints.collapsed]
+    for joint in joints.shared:
+        first, second = ends(joint.first), ends(joint.second)[:: -1 if joint.opposite else 1]
+        pairs += [[first[0], second[0]], [first[1], second[1]]]
+    label = merged(offsets[-1], np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    corners = [patch.evaluate(patch.domain.vertices) for patch in patches]
+    sums = np.column_stack([np.bincount(label, column) for column in np.concatenate(corners).T])
+    means = sums[label] / np.bincount(label)[label, None]
+    return corners, np.split(means, offsets[1:-1])

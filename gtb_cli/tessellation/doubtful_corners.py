@@ -1,0 +1,96 @@
+"""Corners of patches that are probably not meant: in another order than their knots, or two at one place."""
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, planar_cross
+from gtb_cli.knots.domain import Domain
+from gtb_cli.models.model import Model
+from gtb_cli.theory.patch import Patch
+
+
+def doubtful_corners(spec: Patch | Model) -> list[str]:
+    """Say where corners of surfaces are one place or, joined by straight lines in their order, make these cross."""
+    if spec.dimension == 1:
+        return []
+    places: dict[int, _Places] = {}  # by the domain, which patches share
+    faults = []
+    for patch in spec.patches:
+        if id(patch.domain) not in places:
+            places[id(patch.domain)] = _places(patch.domain)
+        found = _faults(patch.control_points, places[id(patch.domain)])
+        faults += [f"{patch.name or 'the patch'}: {fault}" for fault in found]
+    return faults
+
+
+class _Places(NamedTuple):
+    """The first knot at each corner of Δ, corners with several knots, and the ends of edges without knots between."""
+
+    corners: IntArray
+    repeated: list[IntArray]
+    straight: list[tuple[int, int]]
+
+
+def _places(domain: Domain) -> _Places:
+    members = [np.flatnonzero((domain.knots == corner).all(axis=1)) for corner in domain.vertices]
+    corners = [int(row[0]) for row in members]
+    ends = zip(corners, corners[1:] + corners[:1], strict=True)
+    straight = [pair for pair, count in zip(ends, domain.incidence.sum(axis=0), strict=True) if count == 2]
+    return _Places(np.array(corners), [row for row in members if len(row) > 1], straight)
+
+
+def _faults(points: FloatArray, places: _Places) -> Iterator[str]:
+    near = 64 * EPS * float(np.abs(points).max())  # two points that are one to rounding
+    for members in places.repeated:
+        if np.abs(points[members] - points[members[:1]]).max() > near:
+            names = " and ".join(map(str, members.tolist()))
+            yield f"knots {names} are one corner, and the surface passes between their control points"
+    for start, end in places.straight:
+        if np.abs(points[start] - points[end]).max() <= near:
+            yield f"control points {start} and {end} are the same, so that the edge between them is a point"
+    corners = points[places.corners]
+    if _crosses(corners):
+        yield f"the lines between its corners cross, as if {_exchanged(corners, places.corners)}"
+
+
+def _exchanged(corners: FloatArray, indices: IntArray) -> str:
+    """Name two corners without whose exchange the polygon would not cross itself, if there are such."""
+    many = 12  # corners from which on trying all pairs takes long
+    for pair in combinations(range(len(corners) - 1, -1, -1), 2) if len(corners) < many else ():
+        order = np.arange(len(corners))
+        order[list(pair)] = pair[::-1]
+        if not _crosses(corners[order]):
+            first, second = sorted(indices[list(pair)].tolist())
+            return f"control points {first} and {second} were exchanged"
+    return "their control points were in another order than their knots"
+
+
+def _crosses(corners: FloatArray) -> bool:
+    """Tell whether a closed polygon crosses itself, seen so that its area is largest or, without area, in its plane."""
+    if len(corners) < 4:
+        return False
+    after = [*range(1, len(corners)), 0]
+    around = corners - corners[0]
+    size = np.abs(around).max()
+    if not size:
+        return False
+    around /= size
+    normal = cross(around, around[after]).sum(axis=0)
+    steps = around[after] - around
+    if len(corners) == 4 and (cross(steps, steps[after]) @ normal > 0).all():  # convex
+        return False
+    around -= around.mean(axis=0)
+    least = 1e-6  # an area without which lines only touch, and a polygon is as symmetric as a bow tie
+    _, sizes, axes = np.linalg.svd(around)
+    if np.linalg.norm(normal) > least:
+        axes = np.linalg.svd(normal[None])[2][1:]
+    elif sizes[2] > 1e-3 * sizes[0]:  # not plane
+        return False
+    flat = around @ axes[:2].T
+    beside = planar_cross((flat[after] - flat)[:, None], flat - flat[:, None])  # of each side and each corner
+    ends = beside, beside[:, after]
+    parted = (ends[0] * ends[1] < 0) & (np.minimum(*np.abs(ends)) > least)  # the second side's ends, by the first side
+    return bool((parted & parted.T).any())

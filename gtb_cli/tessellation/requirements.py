@@ -1,0 +1,142 @@
+"""Requirements on a model or its mesh: watertight, solid, unfolded, smooth up to an angle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from gtb_cli.errors import DomainError, RequirementError
+
+if TYPE_CHECKING:
+    from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.models.model import Model
+    from gtb_cli.theory.patch import Patch
+
+
+def requirements(words: Sequence[str]) -> dict[str, float]:
+    """Read requirements: the name of each, with the angle of "smooth" in degrees, and 0 for the others.
+
+    Raises `DomainError` if a word is none of "watertight", "solid", "unfolded" and "smooth:ANGLE".
+    """
+    found = {}
+    for word in words:
+        name, _, text = word.partition(":")
+        angle = math.nan
+        if word in ("watertight", "solid", "unfolded"):
+            angle = 0.0
+        elif name == "smooth" and "_" not in text:
+            with suppress(ValueError):
+                angle = float(text.removesuffix("deg"))
+        if not 0 <= angle <= 180:
+            expected = "watertight, solid, unfolded, or an angle in degrees, as in smooth:1deg"
+            raise DomainError(f"require: expected {expected}, got {word!r}")
+        found[name] = angle
+    return found
+
+
+def require(
+    words: Sequence[str],
+    spec: Patch | Model,
+    mesh: Mesh,
+    surface: Mesh | None = None,
+    folds: Sequence[str] = (),
+    held: tuple[Mesh, str] | None = None,
+) -> None:
+    """Raise `RequirementError`, with a line for each edge or place, unless the required properties are there.
+
+    `mesh` must be watertight or solid, `surface`, from which a tube or solid was made, unfolded (default: `mesh`), and
+    `folds` are known folds and crossings of the tube or solid, one line each. `held` is the mesh as a file's numbers
+    hold it, which must be watertight or solid as well, and a remark for where they are too coarse.
+    """
+    asked = requirements(words)
+    lines = []
+    for word, faults in (("watertight", ()), ("solid", folds)):
+        if word in asked:
+            open_edges = _open_edges(spec, mesh)
+            if not open_edges and word == "solid":
+                open_edges = _inward_faces(mesh)
+            if not open_edges:
+                open_edges = _merged_faces(mesh)
+            if not open_edges and held and held[0] is not mesh:
+                open_edges = _merged_faces(held[0]) or (_inward_faces(held[0]) if word == "solid" else [])
+                open_edges = [f"{line}: {held[1]}" for line in open_edges]
+            lines += [f"not {word}: {line}" for line in (*open_edges, *faults)]
+    if "unfolded" in asked:
+        from gtb_cli.solids.solidity import folded_places
+
+        lines += [f"not unfolded: {line}" for line in dict.fromkeys((*folded_places(surface or mesh), *folds))]
+    if "smooth" in asked:
+        lines += _creases(spec, asked["smooth"])
+    if lines:
+        raise RequirementError(*lines)
+
+
+def _creases(spec: Patch | Model, angle: float) -> list[str]:
+    """Say which seams have an angle larger than the given one."""
+    import numpy as np
+
+    from gtb_cli.arrays import point_text
+    from gtb_cli.models.model import Model
+    from gtb_cli.models.seams import joints
+
+    if not isinstance(spec, Model):
+        return []
+    lines, points = [], np.concatenate([patch.control_points for patch in spec])
+    for seam in joints(spec):
+        if not seam.angle <= angle:
+            place = point_text(seam.place, points)
+            lines.append(f"not smooth: {seam.name(spec)} meet at {seam.angle:.3g} degrees, near {place}")
+    return lines
+
+
+def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
+    """Say, edge by edge, where a mesh is not closed."""
+    if mesh.is_curve:
+        return ["a curve has no inside (`radius` makes a tube)"]
+    count = len(mesh.open_sides)
+    if not count:
+        return []
+    from gtb_cli.models.joints import find_joints
+    from gtb_cli.models.model import Model
+    from gtb_cli.models.openings import obstacles
+    from gtb_cli.theory.edges import edge_name
+
+    patches = spec.patches
+    joints = spec.joints if isinstance(spec, Model) else find_joints(patches)
+    lines = obstacles(joints, patches)
+    if not isinstance(spec, Model):
+        lines += [
+            f"{edge_name(patches, joint.first)} and edge {joint.second[1]} are the same curve, but only the edges of "
+            "models are joined: write the patch as [[patches]]"
+            for joint in joints.shared
+        ]
+    return lines or [f"{count} sides of triangles are open"]
+
+
+def _inward_faces(mesh: Mesh) -> list[str]:
+    """Say where faces of a closed mesh do not look out of the solid."""
+    from gtb_cli.solids.solidity import inward_faces, where
+
+    inward = inward_faces(mesh)
+    return [f"faces look into the solid, {where(mesh, inward)}"] if len(inward) else []
+
+
+def _merged_faces(mesh: Mesh) -> list[str]:
+    """Say which faces of a closed mesh collapse, or meet others at an edge, as vertices are at the same place.
+
+    Readers put such vertices together. The edges of a collapsed face have four faces for one that keeps it.
+    """
+    import numpy as np
+
+    from gtb_cli.meshes.coincident import weld
+    from gtb_cli.meshes.topology import are_proper, sides_of
+    from gtb_cli.solids.solidity import where
+
+    cells = weld(mesh.vertices)[1][mesh.faces]
+    collapsed = np.flatnonzero(~are_proper(cells))
+    if len(collapsed):
+        return [f"faces collapse, {where(mesh, collapsed)}"]
+    crowded = len(sides_of(cells).open)
+    return [f"{crowded} sides of faces fall upon others"] if crowded else []

@@ -1,0 +1,101 @@
+"""`gtb_cli.fill` in Python, and readers of loops against damaged files."""
+
+import random
+import time
+
+import numpy as np
+import pytest
+
+import gtb_cli
+from gtb_cli.errors import DomainError, GtbError, SpecError
+from gtb_cli.filling.loops import read_loop
+from gtb_cli.filling.sides import loop
+from gtb_cli.models.model import Model
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.theory.patch import Patch
+from tests.filling.test_one_patch import CUP, HERE, TRIANGLE
+from tests.marks import long, mostly_long
+from tests.solids.test_rims import walls
+from tests.specs import SECONDS
+from tests.tools.mutations import mutated
+
+
+def triangle() -> Model:
+    corners = np.eye(3)
+    return Model(tuple(Patch([0, 1], corners[[k, (k + 1) % 3]], name=f"side-{k}") for k in range(3)))
+
+
+def test_fill_takes_curves_and_ribbons():
+    inwards = [1 / 3 - curve.control_points.mean(axis=0) + 0.1 for curve in triangle()]
+    ribbons = [curve.control_points + step for curve, step in zip(triangle(), inwards, strict=True)]
+    filling = gtb_cli.fill(triangle(), ribbons, name="lid")
+    assert filling.patch.name == "lid"
+    assert filling.angle < 1e-9
+    assert filling.model is None
+    bare = gtb_cli.fill(triangle())
+    points = bare.patch.evaluate(bare.patch.domain.center[None])
+    assert points.sum() == pytest.approx(1, abs=1e-6)
+
+
+def test_fill_takes_files_and_models(tmp_path):
+    assert len(gtb_cli.fill(HERE / "pocket3sided.lop", raises=0).sides) == 3
+    path = tmp_path / "loop.toml"
+    path.write_text(TRIANGLE, encoding="utf-8")
+    assert len(gtb_cli.fill(path).sides) == 3
+    with pytest.raises(SpecError, match="No such file"):
+        gtb_cli.fill(tmp_path / "none.toml")
+    with pytest.raises(DomainError, match="hole: names an edge"):
+        gtb_cli.fill(triangle(), hole="x")
+    with pytest.raises(DomainError, match="hole: the model has 2, `hole` names one of"):
+        gtb_cli.fill(walls([(1, 0), (1, 1), (1, 2)], 3))
+    with pytest.raises(DomainError, match="ribbons: expected 3"):
+        gtb_cli.fill(triangle(), [None])
+    with pytest.raises(DomainError, match=r"ribbons\[1\]: expected shape \(2, 3\), got \(3, 3\)"):
+        gtb_cli.fill(triangle(), [None, np.eye(3), None])
+
+
+@pytest.mark.parametrize(
+    ("profile", "sides"), mostly_long([([(2, 0), (3, 1), (5, 4)], 3), ([(5, 0), (5, 1), (2, 2)], 5), ([(1, 0)] * 3, 7)])
+)
+def test_plane_rims_are_closed_by_plane_lids_and_floors(profile, sides):
+    """Whatever way the walls lean, and none is turned over: the solid is inside."""
+    profile = [(radius, height + 7 * k) for k, (radius, height) in enumerate(profile)]
+    model = walls(profile, sides)
+    for name, edge in (("floor", 0), ("lid", 2)):
+        filling = gtb_cli.fill(model, hole=f"patches[0] edge {edge}", continuity="g0", name=name)
+        assert filling.fault is None
+        model = filling.model
+        heights = filling.patch.control_points[:, 2]
+        np.testing.assert_allclose(heights, profile[-1 if edge else 0][1], atol=1e-12)
+    assert model.joints.closed
+    solid, remarks = Recipe(4, require=("solid",)).mesh(model)
+    assert remarks == []
+    assert solid.to_trimesh().volume > 0
+
+
+@long
+def test_planes_that_are_not_met_are_refused():
+    upright = gtb_cli.fill(walls([(1, 0), (1, 1), (1, 2)], 3), hole="patches[0] edge 2")
+    assert upright.fault.startswith("the patch leaves the given planes by 90 degrees along an edge")
+    with pytest.raises(DomainError, match="continuity: expected g1, g0 or g2, got 'g7'"):
+        gtb_cli.fill(triangle(), continuity="g7")
+
+
+@pytest.mark.parametrize("seed", mostly_long(range(10)))
+@pytest.mark.parametrize("name", ["cagd86.gbp", "pocket3sided.lop", "loop.toml"])
+def test_damaged_files_are_refused_or_read(name, seed):
+    """500 for each kind of file, 50 of a seed."""
+    source = TRIANGLE.encode() if name == "loop.toml" else (CUP.parent / name).read_bytes()
+    for number in range(50):
+        message = name
+        start = time.process_time()
+        try:
+            found = read_loop(mutated(random.Random(f"{name} {seed} {number}"), source), name)
+            if isinstance(found, list):
+                loop(found)
+        except SpecError as error:
+            message = str(error)
+        except GtbError:
+            pass
+        assert name in message
+        assert time.process_time() - start < SECONDS

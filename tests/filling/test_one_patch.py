@@ -1,0 +1,611 @@
+"""Holes filled with one patch: boundary and tangent planes are what was given, and the inside is fair."""
+
+import itertools
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.fairing.energy import energy, energy_samples
+from gtb_cli.fairing.folds import folds, sharp_turns
+from gtb_cli.filling.fill import fill
+from gtb_cli.filling.hole_corners import concave_corners
+from gtb_cli.filling.holes import rings
+from gtb_cli.filling.loops import loop_from_text, read_loop
+from gtb_cli.filling.one_patch import Filling, fill_loop
+from gtb_cli.filling.sides import (
+    HoleSide,
+    bezier_form,
+    points_and_tangents,
+    raised,
+    stations,
+)
+from gtb_cli.filling.spline_sides import single_curves
+from gtb_cli.filling.strips import curve_side
+from gtb_cli.language.loading import parse
+from gtb_cli.language.writer import dump
+from gtb_cli.models.model import Model
+from gtb_cli.theory.curvature import curvatures_at
+from gtb_cli.theory.patch import Patch
+from tests.filling.loops import ARC, homogeneous, random_sides
+from tests.marks import long, mostly_long
+from tests.outputs import check_json
+from tests.shell import SPECS, gtb
+from tests.specs import load
+
+HERE = Path(__file__).parent
+CUP = HERE / "cagd86.gbp"
+
+PLANES = 1e-9  # degrees between normals along filled edges and the given ones, away from the corners
+
+
+def largest_angle(filling: Filling, sides: list[HoleSide]) -> float:
+    """Return the largest angle in degrees between tangent × row of the patch and tangent × field of the sides."""
+    patch, t = filling.patch, stations()[[12, 33, 48, 63]]
+
+    def rational(members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return points, and derivatives up to a factor, of a row of knots that are even steps apart."""
+        j = np.arange(len(members))
+        weights = np.exp(patch.log_products[members]) * t[:, None] ** j * (1 - t[:, None]) ** j[::-1]
+        weights /= weights.sum(axis=1, keepdims=True)
+        points = weights @ patch.control_points[members]
+        return points, (weights * j) @ patch.control_points[members] - (weights @ j)[:, None] * points
+
+    angles = []
+    for k, side in enumerate(filling.sides):
+        given = next(other for other in sides if other.name == side.name)
+        edge = int(np.abs(patch.domain.vertices - patch.knots[k]).sum(axis=1).argmin())
+        heights = patch.domain.heights[:, edge]
+        row = np.flatnonzero(np.abs(heights - heights[heights > 0].min()) < 1e-9 * heights.max())
+        row = row[np.argsort(patch.domain.along(edge, patch.knots[row]))]
+        points, rates = rational(patch.domain.edge_knots(edge))
+        curve, tangents = points_and_tangents(given.curve, t)
+        np.testing.assert_allclose(points, curve, rtol=0, atol=1e-12)
+        normals = np.cross(rates, rational(row)[0] - points)
+        wanted = np.cross(tangents, given.across[np.isin(stations(), t)])
+        sines, cosines = np.linalg.norm(np.cross(normals, wanted), axis=1), (normals * wanted).sum(axis=1)
+        angles.append(np.degrees(np.arctan2(sines, cosines)).max())
+    return max(angles)
+
+
+def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
+    assert filling.folds == 0
+    assert filling.angle < PLANES
+    assert largest_angle(filling, sides) < PLANES
+    assert len(filling.patch.domain.vertices) == len(sides)
+
+
+# Seeds of loops by their number of sides: few of many sides, which take long. Some patches turn sharply.
+SEEDS = {n: range(3) for n in (5, 3, 4, 6, 7)} | {8: (0, 7), 9: (3, 7), 10: (0,), 12: (3,)}
+
+
+@pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
+def test_random_loops_are_filled(n, seed):
+    """Planes of some turn by 180 degrees along one side: the patch follows them, and says where it turns sharply."""
+    sides = random_sides(n, seed)
+    filling = fill_loop(sides)
+    assert_fills(filling, sides)
+    said = any("its tangent planes turn by 1" in remark for remark in filling.remarks)
+    assert said == bool(filling.sharp_turns)
+
+
+@pytest.mark.parametrize(("height", "folded"), [(0.0, True), (0.02, False)])
+def test_a_fold_is_told_from_a_sharp_turn(height, folded):
+    """The image of ((x − 0.05)², y, h x) is folded along a line if h = 0; else it only turns there."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 7), np.linspace(-1, 1, 7))
+    knots = np.column_stack([x.ravel(), y.ravel()])
+    patch = Patch(knots, np.column_stack([(knots[:, 0] - 0.05) ** 2, knots[:, 1], height * knots[:, 0]]))
+    assert sharp_turns(patch) > 0
+    assert (folds(patch) > 0) == folded
+
+
+def plane_sides(corners: np.ndarray, signs: list[int]) -> list[HoleSide]:
+    """A loop of straight sides with ribbons in its plane, into the hole where the sign is 1."""
+    found = []
+    for k, sign in enumerate(signs):
+        curve = homogeneous(corners[[k, (k + 1) % len(corners)]])
+        inwards = np.cross([0, 0, sign], curve[1, :3] - curve[0, :3])
+        found.append(HoleSide(f"s{k}", curve, np.tile(inwards, (96, 1))))
+    return found
+
+
+L = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0], [1, 2, 0], [0, 2, 0]])
+
+
+def test_a_ribbon_that_points_out_of_the_hole_makes_no_corner_concave():
+    assert concave_corners(plane_sides(L, [1] * 6)) == ["s2 and s3 at (1, 1, 0)"]
+    assert concave_corners(plane_sides(L[[0, 1, 2, 5]], [1, 1, -1, 1])) == []
+
+
+@long
+@pytest.mark.parametrize(
+    ("sign", "way_out"),
+    [
+        (1, "cut the hole with curves from its concave corners (gtb fill tries at most six): s2 and s3 at (1, 1, 0)"),
+        (-1, 'let the ribbons point into the hole, or take `continuity="g0"`'),
+    ],
+)
+def test_a_refusal_names_what_turns_the_patch_over(sign, way_out):
+    assert fill_loop(plane_sides(L, [sign] * 6)).fault == f"the patch is turned over along an edge: {way_out}"
+
+
+@pytest.mark.parametrize("seed", mostly_long([1, 2, 0, *range(3, 8)], 2))  # refused, and not
+def test_no_plane_patch_that_passes_is_folded(seed):
+    """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 8))
+    angles, radii = (np.arange(n) + 0.6 * rng.random(n)) * 2 * np.pi / n, rng.uniform(0.25, 1, n)
+    corners = np.column_stack([radii * np.cos(angles), radii * np.sin(angles), np.zeros(n)])
+    filling = fill_loop([HoleSide(f"{k}", homogeneous(corners[[k, (k + 1) % n]])) for k in range(n)])
+    if filling.fault is None:
+        p = energy_samples(filling.patch.domain, 40)[0]
+        assert (filling.patch.normals(p, "linear")[:, 2] > 0).all()
+
+
+def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
+    """Control points of the pentagon's boundary crowd at corners: a mesh of the patch is not folded there."""
+    pentagon = load(SPECS / "pentagon.toml")
+    sides = [curve_side(pentagon.boundary(edge), (), f"edge {edge}") for edge in range(5)]
+    filling = fill_loop(sides)
+    assert filling.raises == (0, 1, 1, 1, 0)
+    assert (filling.folds, filling.sharp_turns) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("n", "seed", "degrees", "kind"),
+    [
+        *mostly_long([(n, 0, (1, 3), {"noise": 0.01}) for n in (12, 16)], quick=0),
+        *mostly_long([(n, 1, (2, 4), {"rational": True}) for n in (3, 4, 6, 9)], quick=1),
+        *mostly_long([(4, 2, (degree, degree), {}) for degree in (1, 10)], quick=1),
+    ],
+)
+def test_loops_of_all_kinds_are_filled(n, seed, degrees, kind):
+    """Many sides with quiet planes, rational sides, high and low degrees."""
+    sides = random_sides(n, seed, degrees, **kind)
+    assert_fills(fill_loop(sides), sides)
+
+
+def test_at_corners_the_normal_is_that_of_the_sides():
+    sides = random_sides(3, 3, (2, 3))
+    filling = fill_loop(sides)
+    patch = filling.patch
+    normals = patch.normals(patch.domain.vertices)
+    for k, side in enumerate(filling.sides):
+        before = filling.sides[k - 1].curve
+        first, last = side.curve[1, :3] / side.curve[1, 3], before[-2, :3] / before[-2, 3]
+        expected = np.cross(first - side.ends[0], last - side.ends[0])
+        np.testing.assert_allclose(normals[k], expected / np.linalg.norm(expected), atol=1e-9)
+    assert np.nanmax(filling.corner_angles) < 1e-6
+
+
+def test_corners_where_ribbons_disagree_are_said(tmp_path):
+    sides = random_sides(4, 4, (2, 3))
+    turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
+    filling = fill_loop([turned, *sides[1:]])
+    assert filling.angle < PLANES
+    assert filling.corner_angles[0] > 5
+    assert filling.corner_angles[1] > 5
+    assert np.nanmax(filling.corner_angles[2:]) < 1e-6
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e-200, 0.0), (1e9, 0.0), (1.0, 1e7)])
+def test_any_size_and_place(scale, shift):
+    plain = random_sides(3, 5, (3, 3))
+    moved = []
+    for side in plain:
+        weights = side.curve[:, 3:]
+        curve = np.column_stack([side.curve[:, :3] * scale + shift * weights, weights])
+        moved.append(HoleSide(side.name, curve, side.across * scale))
+    one, other = fill_loop(plain).patch, fill_loop(moved).patch
+    back = other.replace(control_points=(other.control_points - shift) / scale)
+    places = energy_samples(one.domain, 8)[0]
+    tolerance = 1e-6 if shift else 1e-7  # a form is least up to the root of its rounding
+    np.testing.assert_allclose(back.evaluate(places, "linear"), one.evaluate(places, "linear"), atol=tolerance)
+
+
+def test_the_order_and_direction_of_sides_do_not_matter():
+    sides = random_sides(4, 6, (2, 2))
+    mixed = [sides[0], sides[2].reversed(), sides[3], sides[1].reversed()]
+    one, other = fill_loop(sides), fill_loop(mixed)
+    assert any("other end" in remark for remark in other.remarks)
+    np.testing.assert_allclose(one.patch.control_points, other.patch.control_points, atol=1e-9)
+
+
+@long
+def test_sides_without_ribbons_are_met():
+    sides = random_sides(5, 7)
+    bare = [HoleSide(side.name, side.curve) for side in sides]
+    filling = fill_loop(bare)
+    assert math.isnan(filling.angle)
+    mixed = fill_loop([bare[0], *sides[1:]])
+    assert mixed.angle < PLANES
+    met = fill_loop(sides, raises=mixed.raises[0])
+    assert filling.bending.energy < mixed.bending.energy < met.bending.energy
+
+
+def test_a_sphere_is_filled_nearly_as_a_sphere():
+    """Three quarters of great circles with the sphere's tangent planes: the inside is an octant to a per cent."""
+    turns = [np.roll(np.eye(3), k, axis=1) for k in range(3)]
+    sides = [
+        HoleSide(f"arc {k}", np.column_stack([ARC[:, :3] @ turn, ARC[:, 3]]), np.tile(np.eye(3)[(k + 2) % 3], (96, 1)))
+        for k, turn in enumerate(turns)
+    ]
+    filling = fill_loop(sides, raises=2)
+    assert filling.angle < PLANES
+    u = np.random.default_rng(0).dirichlet([1, 1, 1], 200) @ filling.patch.domain.vertices
+    radii = np.linalg.norm(filling.patch.evaluate(u), axis=1)
+    assert np.abs(radii - 1).max() < 0.004
+
+
+@long
+def test_options_of_energy_and_fullness():
+    """Flat has less Dirichlet energy and fair less of a plate; fullness goes on along the planes."""
+    sides = random_sides(4, 8)
+    fair, flat, full = fill_loop(sides), fill_loop(sides, inner="flat"), fill_loop(sides, fullness=1.5)
+    assert energy(flat.patch, "dirichlet") < energy(fair.patch, "dirichlet")
+    assert energy(fair.patch, "thin-plate") < energy(flat.patch, "thin-plate")
+    assert full.angle < PLANES
+    assert full.bending.energy > fair.bending.energy
+
+
+@pytest.mark.parametrize(
+    ("sides", "message"),
+    [
+        ([], "has no extent"),
+        (random_sides(3, 0)[:2], "has 2 sides, at least 3"),
+        (random_sides(4, 0)[:3], "is not closed, side 2 ends"),
+        ([*random_sides(4, 0)[:2], random_sides(4, 1)[2], random_sides(4, 0)[3]], "is not closed"),
+        (random_sides(26, 0, (1, 1)), "has 26 sides, at most 24"),
+        (
+            [HoleSide("side 0", random_sides(3, 0)[0].curve, np.zeros((96, 3))), *random_sides(3, 0)[1:]],
+            "side 0: the ribbon's distance from the curve vanishes",
+        ),
+        (
+            [replace(side, across=points_and_tangents(side.curve, stations())[1]) for side in random_sides(3, 0)],
+            "side 0: the ribbon is parallel to the curve",
+        ),
+    ],
+)
+def test_what_is_not_a_loop(sides, message):
+    with pytest.raises(DomainError, match=message):
+        fill_loop(sides)
+
+
+@pytest.mark.parametrize(
+    "options", [{"inner": "x"}, {"fullness": 0}, {"fullness": math.nan}, {"fullness": 1001}, {"raises": -1}]
+)
+def test_options_that_make_no_sense(options):
+    with pytest.raises(DomainError, match=f"{next(iter(options))}:"):
+        fill_loop(random_sides(3, 0), **options)
+
+
+def test_a_side_that_is_a_point_is_left_out():
+    sides = random_sides(4, 9)
+    corner = sides[2].ends[0]
+    point = HoleSide("tip", homogeneous(np.tile(corner, (4, 1))))
+    filling = fill_loop([*sides[:2], point, *sides[2:]])
+    assert filling.remarks[0] == "tip is a point and is left out"
+    assert_fills(filling, sides)
+
+
+# --- curves as rational Bézier curves
+
+
+@pytest.mark.parametrize("weights", [[1, 0.3, 2, 1], [1, 1, 1, 1]])
+def test_a_raised_curve_keeps_its_points_at_the_same_fractions(weights):
+    points = homogeneous(np.random.default_rng(3).normal(size=(4, 3)), np.array(weights, dtype=float))
+    side = HoleSide("side", points)
+    curves = []
+    for form in (points, raised(points, 2, side.multiplier)):
+        degree = len(form) - 1
+        curves.append(Patch(np.arange(degree + 1.0), form[:, :3] / form[:, 3:], form[:, 3], "binomial"))
+    fractions = np.linspace(0, 1, 23)
+    one, other = (curve.evaluate(fractions * (len(curve.knots) - 1), "linear") for curve in curves)
+    np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
+    """Knots 0, 1/3, 1/2, 1: degree 6 with points missing, filled up to degree 8."""
+    curve = Patch([0, 1 / 3, 1 / 2, 1], [[0, 0, 0], [1, 2, 0], [2, 2, 1], [3, 0, 0]], [1, 2, 0.5, 3])
+    (points,) = bezier_form(curve)
+    assert (points[:, 3] > 0).all()
+    found, _ = points_and_tangents(points, np.linspace(0, 1, 50))
+    t = np.linspace(0, 1, 4001)
+    near = np.abs(found[:, None] - curve.evaluate(t, "linear")[None]).max(axis=2).min(axis=1)
+    assert near.max() < 2e-3
+    with pytest.raises(DomainError, match="x: is a surface"):
+        curve_side(load(SPECS / "pentagon.toml"), (), "x")
+    with pytest.raises(DomainError, match="knots are not multiples of a common step"):
+        bezier_form(Patch([0, math.sqrt(0.2), 1], [[0, 0, 0], [1, 2, 0], [2, 2, 1]]))
+
+
+# --- files
+
+
+def test_the_cup_is_filled():
+    sides = loop_from_text(CUP.read_bytes(), str(CUP))
+    filling = fill_loop(sides)
+    assert_fills(filling, sides)
+    # Beside a thin plate over Δ, and inner weights that leave a ripple: 1.01 and 100
+    assert filling.bending.energy < 1.02
+    assert filling.bending.variation < 20
+
+
+def test_a_bspline_is_one_side():
+    """Its Bézier curve is as near as is said, from end to end, and no inner knot is a corner."""
+    path = HERE / "pocket3sided.lop"
+    pieces = loop_from_text(path.read_bytes(), str(path))
+    assert [piece.name for piece in pieces][:2] == ["side 0 piece 0", "side 0 piece 1"]
+    filling = fill_loop(pieces)
+    assert filling.fault is None
+    assert filling.bending.variation < 100  # 560 with corners at inner knots
+    for side, remark in zip(filling.sides, filling.remarks, strict=False):
+        said = re.fullmatch(rf"{side.name}: one curve of degree {side.degree}, up to (\S+) from its B-spline", remark)
+        own = [piece for piece in pieces if piece.spline == side.name]
+        np.testing.assert_array_equal(side.ends, [own[0].ends[0], own[-1].ends[1]])
+        spline = np.concatenate([points_and_tangents(piece.curve, np.linspace(0, 1, 101))[0] for piece in own])
+        curve, tangents = points_and_tangents(side.curve, np.linspace(0, 1, 20_001))
+        nearest = cKDTree(curve).query(spline)[1]
+        sines = np.cross(spline - curve[nearest], tangents[nearest])
+        far = (np.linalg.norm(sines, axis=1) / np.linalg.norm(tangents[nearest], axis=1)).max()
+        assert 0.9 * float(said[1]) < far < 1.02 * float(said[1]) < 1.1e-5 * 149
+
+
+def lop(curves: list[tuple[list[float], list[list[float]]]]) -> list[HoleSide]:
+    """A loop of cubic B-splines, by their knots and control points."""
+    rows = [f"3 {len(knots)} {' '.join(map(str, knots))} {len(points)}" for knots, points in curves]
+    nets = [" ".join(str(x) for point in points for x in point) for _, points in curves]
+    text = f"{len(curves)} " + " ".join(f"{row} {net}" for row, net in zip(rows, nets, strict=True))
+    return loop_from_text(text.encode(), "x.lop")
+
+
+@long
+def test_a_bspline_with_a_corner_or_far_from_any_curve_becomes_several():
+    knots, ends = [0.0] * 4, [1.0] * 4
+    bent = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 2, 0], [3, 3, 0]]
+    wavy = [[3 - k / 2, 3 - k / 2 + 0.5 * (-1) ** k * (0 < k < 6), 0] for k in range(7)]
+    sides = lop([([*knots, 0.5, 0.5, 0.5, *ends], bent), ([*knots, 0.25, 0.5, 0.75, *ends], wavy)])
+    assert single_curves(sides) == (sides, [])  # two curves would not be a loop
+    whole, remarks = single_curves([*sides, HoleSide("last", np.array([[4.0, 4, 0, 1], [5, 5, 0, 1]]))])
+    assert [side.name for side in whole[:3]] == ["side 0 part 0", "side 0 part 1", "side 1 part 0"]
+    np.testing.assert_array_equal(whole[0].ends[1], [3, 0, 0])
+    assert len(whole) in (5, 6)
+    assert remarks[0] == "side 0: 2 curves with corners between them, up to 0 from its B-spline; one would be too far"
+    for before, after in itertools.pairwise(whole[:-1]):
+        np.testing.assert_array_equal(before.ends[1], after.ends[0])
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text", "message"),
+    [
+        ("gbp", "", "x.gbp: is empty"),
+        ("gbp", "5 x", "x.gbp:1: expected the degree, a whole number from 3 to 20, got 'x'"),
+        ("gbp", "2 3", "x.gbp:1: expected the number of sides, a whole number from 3 to 100, got '2'"),
+        ("gbp", "3 2.5", "x.gbp:1: expected the degree, a whole number from 3 to 20, got '2.5'"),
+        ("gbp", "3 3\n0 0 0\n1 2", "x.gbp:3: expected the boundary, 27 numbers, and the file ends after 2"),
+        ("gbp", "3 3\n0 0 nan", "x.gbp:2: expected the centre, got 'nan', which is not a number up to 1e+100"),
+        ("lop", "1\n1\n4 0 0 1 0\n2 0 0 0 1 1 1", "x.lop:2: curve 0: knots: must ascend, got 1 before 0"),
+        (
+            "lop",
+            "1\n3\n8 0 0 0 0 1 1 1 1\n5",
+            "x.lop:4: expected the number of points of curve 0, a whole number from 4",
+        ),
+        ("lop", "1\n1\n4 0 0 1 1\n2 0 0 0 1 1 1 7", "x.lop:4: expected the end of the file, got '7'"),
+        ("lop", "1" * 1_000_001, "x.lop: is too large"),
+    ],
+)
+def test_bad_loops(suffix, text, message):
+    with pytest.raises(SpecError) as error:
+        loop_from_text(text.encode(), f"x.{suffix}")
+    assert str(error.value).startswith(message)
+
+
+TRIANGLE = """
+[[patches]]
+knots = [0, 1]
+control_points = [[0, 0, 0], [1, 0, 0]]
+ribbon = [[0, 1, 0.5], [1, 1, 0]]
+[[patches]]
+knots = [0, 1, 2]
+coefficients = "binomial"
+control_points = [[1, 0, 0], [1, 0.5, 0.2], [0, 1, 0]]
+[[patches]]
+knots = [0, 1]
+control_points = [[0, 1, 0], [0, 0, 0]]
+"""
+
+
+def test_a_spec_of_curves_is_filled(tmp_path):
+    sides = read_loop(TRIANGLE.encode(), "x.toml")
+    assert [side.across is None for side in sides] == [False, True, True]
+    result = gtb("fill", "-", stdin=TRIANGLE.encode())
+    assert result.status == 0
+    assert "3 sides" in result.err
+    patch = parse(result.text)
+    assert len(patch.domain.vertices) == 3
+    assert gtb("fill", "-", stdin=TRIANGLE.encode()).out == result.out
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            TRIANGLE.replace("[1, 1, 0]]", "[1, 1, 0], [1, 1, 1]]"),
+            "<stdin>:5: patches[0].ribbon: must have 2 entries, one for each knot, got 3",
+        ),
+        (TRIANGLE.replace("[1, 1, 0]]", "[1, 'x', 0]]"), "<stdin>:5: patches[0].ribbon[1][1]: expression 'x'"),
+        (TRIANGLE.replace("ribbon", "ribon"), "<stdin>:5: patches[0].ribon: is not a key of a spec, did"),
+        (
+            TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0, 0], [1, 0, 0]]"),
+            "<stdin>:5: patches[0].ribbon: is the curve",
+        ),
+        (
+            TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0], [1, 0]]"),
+            "<stdin>:5: patches[0].ribbon: is the curve",
+        ),
+        (TRIANGLE.replace("[0, 1, 0], [0, 0, 0]", "[0, 1, 0], [0, 0, 1]"), "<stdin>: loop: is not closed"),
+        ("knots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]", "<stdin>: one curve is not a loop"),
+        ("knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]", "a single patch has no hole"),
+    ],
+)
+def test_bad_specs_of_loops(text, message):
+    result = gtb("fill", "-", stdin=text.encode())
+    assert result.status == 2
+    assert result.out == b""
+    assert message in result.err
+
+
+def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
+    """A square of copies of one included side: ribbons are turned with their curves."""
+    side = "[let]\nr = 1\n[[patches]]\nname = 'side'\nknots = [0, 'r']\n"
+    side += "control_points = [['r', '-r', 0], ['r', 'r', 0]]\nribbon = [[0.5, '-r', 0.2], [0.5, 'r', 0.2]]\n"
+    (tmp_path / "side.toml").write_text(side, encoding="utf-8")
+    loop = tmp_path / "loop.toml"
+    turned = "[[patches]]\ncopy = 'side'\nrepeat = 3\nrotate = {axis = 'z', degrees = '90*k'}\n"
+    loop.write_text(f"include = ['side.toml']\n{turned}", encoding="utf-8")
+    result = gtb("fill", loop, "-o", tmp_path / "lid.toml")
+    assert result.status == 0, result.err
+    found = read_loop(loop.read_bytes(), str(loop))
+    direct = loop_from_curves(
+        [[[1, -1, 0], [1, 1, 0]], [[1, 1, 0], [-1, 1, 0]], [[-1, 1, 0], [-1, -1, 0]], [[-1, -1, 0], [1, -1, 0]]]
+    )
+    for made, (curve, across) in zip(found, direct, strict=True):
+        np.testing.assert_allclose(made.curve[:, :3], curve, atol=1e-15)
+        np.testing.assert_allclose(made.across / made.across[:, 2:], across, atol=1e-12)
+    (tmp_path / "side.toml").write_text(side.replace("0.2]]", "'q']]"), encoding="utf-8")
+    assert "side.toml:7: patches[0].ribbon[1][2]: expression 'q'" in gtb("fill", loop, status=2).err
+
+
+def loop_from_curves(rows):
+    """Curves between corners, and directions across, into the square and up by 0.4 of that."""
+    return [(row, np.broadcast_to(np.append(-np.mean(row, axis=0)[:2] / 0.4, 1), (96, 3))) for row in rows]
+
+
+@pytest.mark.parametrize("command", ["mesh", "info", "check", "expand"])
+def test_ribbons_are_for_fill_alone(command):
+    result = gtb(command, "-", stdin=TRIANGLE.encode())
+    assert result.status == 2
+    assert "<stdin>:5: patches[0].ribbon: is for gtb fill alone" in result.err
+
+
+# --- holes of models
+
+
+def mean_curvature(patch, p):
+    """(m,) by the linear parametrisation."""
+    where = list(patch.rational_basis.locations(p, "linear"))
+    return curvatures_at([patch], where, len(p)).mean[0]
+
+
+@pytest.fixture(scope="module")
+def box() -> Model:
+    found = load(SPECS / "box-corner.toml")
+    assert isinstance(found, Model)
+    return found
+
+
+def test_the_corner_of_a_box_is_what_fill_makes(box):
+    kept, rest = box.patches[0], Model(box.patches[1:])
+    assert [len(ring) for ring in rings(rest)] == [6, 6]
+    filling = fill(rest, hole="rounding-x edge 0", raises=0)
+    assert filling.angle < PLANES
+    assert filling.folds == 0
+    assert filling.model.patches[:-1] == rest.patches
+    assert len(filling.model.joints.shared) == 12
+    assert filling.model.patches[-1].name == "hole"
+    made = filling.patch
+    np.testing.assert_allclose(kept.knots, made.knots, atol=1e-12)
+    np.testing.assert_allclose(kept.log_products, made.log_products, atol=1e-8)
+    places = energy_samples(kept.domain, 8)[0]
+    np.testing.assert_allclose(kept.evaluate(places, "linear"), made.evaluate(places, "linear"), atol=1e-7)
+
+
+def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():
+    """Three quarters of cylinders at a corner: with quarters of circles as they are, curvature swings along sides.
+
+    With a higher degree they are joined all the same: points stay at the same fractions.
+    """
+    post = """
+    weights = [1, "sqrt(1/2)", 1, 1, "sqrt(1/2)", 1]
+    knots = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]]
+    control_points = [[1, 0, -4], [1, 1, -4], [0, 1, -4], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    """
+    turned = "[[patches]]\ncopy = 'post'\nrepeat = 2\nrotate = {axis = [1, 1, 1], degrees = '120*k'}"
+    rest = parse(f"[[patches]]\nname = 'post'\n{post}\n{turned}")
+    filling = fill(rest, hole="post edge 2")
+    plain = fill(rest, hole="post edge 2", raises=0)
+    assert plain.raises == (0,) * 3
+    assert filling.raises == (2,) * 3
+    assert filling.model.patches[:-1] == rest.patches
+    assert len(filling.model.joints.shared) == 3
+    assert filling.bending.variation < 0.6 * plain.bending.variation
+    swings = [np.ptp(bent_beside(filled.patch)) for filled in (filling, plain)]
+    assert swings[0] < 0.6 * swings[1]
+
+
+def test_the_certificate_is_what_curvature_and_normals_say_at_its_places(tmp_path):
+    """At a corner of the rounded cube, between quarters of cylinders with radius 1, whose mean curvature is 1/2."""
+    cube = load(SPECS / "rounded-cube.toml")
+    path = tmp_path / "open.toml"
+    path.write_text(dump(Model(tuple(patch for patch in cube if patch.name != "corner"))), encoding="utf-8")
+    done = gtb("fill", path, "--json", status=0)
+    check_json("gtb fill --json", done)
+    found = json.loads(done.out)
+    patch = fill(path).patch
+    assert found["folds"] == 0
+    assert len(found["sides"]) == 3
+    for k, side in enumerate(found["sides"]):
+        assert side["angle"] < PLANES
+        start, end = patch.domain.vertices[[k, (k + 1) % 3]]
+        along = np.linspace(2e-4, 1 - 2e-4, 401)[:, None]
+        edge = start + along * (end - start)
+        points = patch.evaluate(edge, "linear")
+        here = int(np.linalg.norm(points - side["curvature_place"], axis=1).argmin())
+        across = 2 * np.abs(mean_curvature(patch, edge) - 0.5)
+        assert across[here] == pytest.approx(side["curvature_difference"], rel=1e-2)
+        assert across[8:-8].max() < 1.1 * side["curvature_difference"]  # what is nearer to a corner belongs to it
+    bent = np.abs(mean_curvature(patch, energy_samples(patch.domain, 12, 0.01)[0]))
+    assert bent.max() < found["curvature"] < 2 * bent.max()
+
+
+def bent_beside(patch):
+    """Mean curvature at a hundredth of the way from the first edge, away from its ends, to the middle."""
+    start, end = patch.domain.vertices[:2]
+    edge = start + np.linspace(0.05, 0.95, 19)[:, None] * (end - start)
+    return mean_curvature(patch, edge + 0.01 * (patch.domain.vertices.mean(axis=0) - edge))
+
+
+@long
+def test_the_command_says_which_holes_there_are(box, tmp_path):
+    path = tmp_path / "open.toml"
+    path.write_text(dump(Model(box.patches[1:])), encoding="utf-8")
+    several = gtb("fill", path)
+    assert several.status == 2
+    assert "the model has 2, --hole EDGE names one of: rounding-x edge 0 (of 6 sides)" in several.err
+    assert "no open ring has an edge 'x'" in gtb("fill", path, "--hole", "x", status=2).err
+    done = gtb("fill", path, "--hole", "face-z edge 0")
+    assert done.status == 0
+    assert "6 sides, " in done.err
+    assert gtb("fill", path, "--hole", "face-z edge 0", "-q").err == ""
+    assert "hole: names an edge of a model" in gtb("fill", CUP, "--hole", "side 0", status=2).err
+    closed = gtb("fill", SPECS / "hebesphenorotunda.toml", status=2)
+    assert "has no closed ring of open edges" in closed.err
+
+
+@pytest.mark.parametrize("raises", mostly_long([None, 2]))
+@pytest.mark.parametrize("name", mostly_long(["pentagon-1", "hexagon", "square-1", "triangle-1"]))
+def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
+    """Its neighbours have real knots; where degrees are raised, so are theirs, and the model closes all the same."""
+    model = load(SPECS / "hebesphenorotunda.toml")
+    assert isinstance(model, Model)
+    rest = Model(tuple(patch for patch in model if patch.name != name))
+    filling = fill(rest, raises=raises)
+    assert filling.model.joints.closed
+    assert filling.angle < PLANES
+    assert filling.folds == 0

@@ -1,0 +1,204 @@
+"""Files of other programs: their points against the formats' own formulas in fractions, and what is refused."""
+
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.importers.nurbs import span_matrices, spans
+from gtb_cli.importers.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_data
+from gtb_cli.language.loading import parse
+from gtb_cli.language.patch_reader import MAX_PATCHES
+from gtb_cli.models.model import Model
+from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import IMPORTS
+from tests import foreign
+from tests.foreign import FILES
+from tests.shell import gtb
+
+PLACES = [(Fraction(1, 3), Fraction(1, 7)), (Fraction(4, 5), Fraction(2, 3)), (Fraction(1, 9), Fraction(8, 9))]
+
+
+def patches_of(name: str) -> tuple[Patch, ...]:
+    return import_data(name, FILES[name]).shape.patches
+
+
+def assert_near(found: np.ndarray, expected: Sequence[Fraction]) -> None:
+    agreement = 1e-13  # a few dozen roundings
+    assert np.abs(found[0] - [float(x) for x in expected]).max() <= agreement
+
+
+def test_toric_patches() -> None:
+    (patch,) = patches_of("toric.trp")
+    assert patch.edge_normals == "primitive"
+    for u, v in [(Fraction(1), Fraction(1, 2)), (Fraction(3, 2), Fraction(1)), (Fraction(1, 3), Fraction(5, 3))]:
+        assert_near(patch.evaluate([[float(u), float(v)]]), foreign.toric_point(u, v))
+
+
+def test_bezierview() -> None:
+    patches = patches_of("shapes.bv")
+    assert [patch.name for patch in patches] == ["bowl"] * 2 + ["dome"] * 5 + ["house"] * 2
+    assert [len(patch.knots) for patch in patches] == [9, 6, 4, 6, 3, 4, 3, 5, 3]
+    for u, v in PLACES:
+        terms = [foreign.bernstein(1, i, u) * foreign.bernstein(2, j, v) for i in range(2) for j in range(3)]
+        points = [[Fraction(x) for x in row] for row in patches[1].control_points.tolist()]
+        assert_near(patches[1].evaluate([[float(u), float(2 * v)]]), foreign.weighted(terms, points))
+        weights = [1, 2, 3, 1]
+        terms = [w * foreign.bernstein(1, i, u) * foreign.bernstein(1, j, v)
+                 for w, (i, j) in zip(weights, [(0, 0), (0, 1), (1, 0), (1, 1)], strict=True)]  # fmt: skip
+        points = [[Fraction(x) for x in row] for row in ([0, 0, 0], [0, 2, 1], [1, 0, 0], [1, 1, 1])]
+        assert_near(patches[2].evaluate([[float(u), float(v)]]), foreign.weighted(terms, points))
+    np.testing.assert_array_equal(patches[3].evaluate([[0, 0], [2, 0], [0, 2]]), [[0, 0, 0], [2, 0, 0], [0, 2, 0]])
+    np.testing.assert_array_equal(patches[6].control_points[1], [1, 0, 0])
+    assert not patches[7].evaluate(patches[7].domain.vertices.mean(axis=0)[None])[:, 2].any()
+
+
+def test_bezier_nets_run_as_their_formats_say() -> None:
+    first, _ = patches_of("two.bpt")
+    np.testing.assert_array_equal(first.evaluate([[2, 0], [0, 1]]), [[2, 0, 0], [0, 1, 0]])
+    (only,) = patches_of("one.bzr")
+    np.testing.assert_array_equal(only.evaluate([[1, 0], [0, 2]]), [[3, 0, 0], [0, 2, 0]])
+
+
+@pytest.mark.parametrize("name", ["sheet.json", "part.igs"])
+def test_nurbs_surfaces_are_their_spans(name: str) -> None:
+    patches = patches_of(name)
+    assert len(patches) == 4
+    ends = [Fraction(0), Fraction(2, 5), Fraction(1)], [Fraction(0), Fraction(1, 2), Fraction(1)]
+    for index, patch in enumerate(patches):
+        i, j = divmod(index, 2)
+        for a, b in PLACES:
+            u = ends[0][i] + a * (ends[0][i + 1] - ends[0][i])
+            v = ends[1][j] + b * (ends[1][j + 1] - ends[1][j])
+            x, y, z = foreign.nurbs_point(u, v)
+            expected = [x, y, z] if name == "sheet.json" else [10 - y, 20 + x, 30 + z]
+            found = patch.evaluate([[2 * float(a), float(b)]])[0]
+            assert np.abs(found - [float(x) for x in expected]).max() <= 4e-13
+    model = Model(patches)
+    assert len(model.joints.shared) == 4
+    label = "sheet" if name == "sheet.json" else "SHEET"
+    assert [patch.name for patch in patches] == [f"{label}-{k}" for k in range(4)]
+
+
+def test_nurbs_curves_are_their_spans() -> None:
+    first, second = patches_of("bow.json")
+    assert first.dimension == 1
+    np.testing.assert_array_equal(first.control_points, [[0, 0, 0], [1, 1, 0], [1.5, 0.5, 0]])
+    np.testing.assert_array_equal(second.control_points, [[1.5, 0.5, 0], [2, 0, 0], [3, 1, 0]])
+
+
+def test_unclamped_and_repeated_knots() -> None:
+    knots = [Fraction(k) for k in (0, 1, 2, 3, 3, 4, 6, 7, 9)]
+    rows = np.array([[i, i * i % 5, 0, 1] for i in range(5)], dtype=float)
+    (patch,) = spans([3], [np.array(knots, dtype=float)], rows)
+    for a, _ in PLACES:
+        t = 3 + a
+        expected = [sum(foreign.basis(3, knots, i, t) * Fraction(rows[i, k]) for i in range(5)) for k in range(3)]
+        assert_near(patch.evaluate([3 * float(a)]), expected)
+
+
+def test_iges_says_what_is_left_out() -> None:
+    found = import_data("part.igs", FILES["part.igs"])
+    assert found.remarks == (
+        "its unit of length is millimetres",
+        "surfaces are whole, not trimmed; entities that are left out: 1 of type 110",
+        "2 curves beside the surfaces are left out",
+    )
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_format_is_known_by_content_and_by_suffix_and_its_spec_is_read_back(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(FILES[name])
+    result = gtb("import", path)
+    assert result.status == 0, result.err
+    for other in (import_data("<stdin>", FILES[name]).shape, parse(result.text)):
+        for first, second in zip(other.patches, patches_of(name), strict=True):
+            np.testing.assert_array_equal(first.control_points, second.control_points)
+            np.testing.assert_array_equal(first.coefficients, second.coefficients)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "message"),
+    [
+        ("toric.trp", b"3 1 3 1 0 1.5", b"3 1 3 1 0 -1.5", "expected positive weights, got -1.5"),
+        ("toric.trp", b"3 1 3 1 0 1.5", b"3.5 1 3 1 0 1.5", "toric.trp:8: expected whole numbers u v up to 1000000"),
+        ("toric.trp", b"5\n0 0\n2 0\n3 1", b"5\n0 0\n2 0\n3 2", "toric.trp:2: expected the corners of the"),
+        ("toric.trp", b"\n9\n", b"\n8\n", "toric.trp:16: expected the end of the file, got '1'"),
+        ("toric.trp", b"1 1 1 1 1 3", b"1 1 1 1 nan 3", "toric.trp:13: expected control points u v x y z w, got 'nan'"),
+        ("toric.trp", b"1 1 1 1 1 3", b"0 0 1 1 1 3", "expected each lattice point once"),
+        ("shapes.bv", b"0 4 2 2\n", b"0 4 2 0\n", r"shapes.bv:12: weights\[1\]: must be positive, got 0"),
+        ("shapes.bv", b"5\n1 2", b"7\n1 2", r"shapes.bv:7: expected the kind of a segment \(1, 3, .*\), got 7"),
+        ("shapes.bv", b"5\n1 2", b"5\n1 70", "shapes.bv:8: expected a degree, a whole number from 1 to 60, got '70'"),
+        ("shapes.bv", b"3 0 2 1", b"3 0 2 5", "expected the index of a vertex, a whole number from 0 to 4, got '5'"),
+        ("two.bpt", b"2\n2 1", b"3\n2 1", "two.bpt:13: expected a degree, 1 numbers, and the file ends after 0"),
+        ("one.bzr", b"3 2 0\n", b"3 2\n", "18 numbers, and the file ends after 17"),
+        ("one.bzr", b"0 1 1", b"0 1 1_0", "got '1_0', which is not a number"),
+        ("one.bzr", b"0 1 1", b"0 1 1e300", "got '1e300', which is not a number up to"),
+        ("one.bzr", b"0 1 1", b"0 1 \x00", "one.bzr: is not text"),
+        ("sheet.json", b'"size_u": 4', b'"size_u": 5', r"control_points: expected 5 × 3 points, got 12"),
+        ("sheet.json", b'"degree_u": 2', b'"degree_u": "2"', r"data\[0\].degree_u: expected a whole number, got '2'"),
+        ("sheet.json", b"0.4", b"-0.4", r"sheet.json:6: shape.data\[0\]: knots: must ascend, got 0 before -0.4"),
+        ("sheet.json", b"0.25", b"-0.25", r"weights\[10\]: must be positive, got -0.25"),
+        ("sheet.json", b'"surface"', b'"volume"', "shape.type: expected curve or surface, got 'volume'"),
+        ("sheet.json", b'"shape"', b'"form"', "sheet.json: has no shape"),
+        ("part.igs", b"0.4,", b"9.4,", "entity 128: knots: must ascend, got 9.4 before 1"),
+        ("part.igs", b"128,3,2,", b"128,9,2,", "part.igs:14: expected 138 numbers of a surface"),
+        ("part.igs", b"128,3,2,", b"128,x,2,", "expected numbers of entity 128, got 'x' at 1"),
+        ("part.igs", b"     128       1 ", b"     128      99 ", "part.igs:4: expected parameters of entity 128"),
+        ("part.igs", b"0.25", b"-.25", r"entity 128: weights\[\d+\]: must be positive, got -"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) -> None:
+    assert old in FILES[name]
+    with pytest.raises(SpecError, match=message):
+        import_data(name, FILES[name].replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("path", "data", "message"),
+    [
+        ("x.bzr", b"", "x.bzr: is empty"),
+        ("<stdin>", b"hello", "<stdin>: is in no format that is read; name one of trp, bv"),
+        ("x.igs", b"hello", "x.igs: has no directory"),
+        ("x.json", b"{", "x.json:1:2: is not valid JSON"),
+        ("x.bpt", b"1 " * 6_000_000, "x.bpt: is too large, at most 10 MB are read"),
+        ("x.bpt", b"%d" % (MAX_PATCHES + 1), f"a whole number from 1 to {MAX_PATCHES}, got"),
+        ("x.json", b'{"shape": {"type": "curve", "data": []}}', "x.json: has no patches"),
+    ],
+)
+def test_what_is_not_such_a_file(path: str, data: bytes, message: str) -> None:
+    with pytest.raises(SpecError, match=message):
+        import_data(path, data)
+
+
+def test_nurbs_have_limits() -> None:
+    with pytest.raises(DomainError, match="degree: expected 1 to 60"):
+        span_matrices(61, np.arange(200.0), 100)
+    with pytest.raises(DomainError, match="all spans are empty"):
+        span_matrices(1, np.zeros(5), 3)
+    with pytest.raises(DomainError, match=f"has {MAX_PATCHES + 1} spans"):
+        span_matrices(1, np.arange(MAX_PATCHES + 4.0), MAX_PATCHES + 2)
+
+
+def test_loops_are_filled(tmp_path: Path) -> None:
+    path = tmp_path / "roof.lop"
+    corners = [(0, 0, 0), (2, 0, 0), (1, 2, 1)]
+    sides = [(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    text = "3\n" + "".join("1\n4 0 0 1 1\n2 {} {} {} {} {} {}\n".format(*side) for side in sides)
+    path.write_text(text, encoding="utf-8")
+    result = gtb("import", path)
+    assert result.status == 0, result.err
+    assert "the inside is made fair and is not that of the file's scheme" in result.err
+    patch = parse(result.text)
+    assert isinstance(patch, Patch)
+    assert len(patch.domain.vertices) == 3
+
+
+def test_the_table_of_formats_is_one() -> None:
+    assert tuple(READERS) == IMPORTS
+    assert set(NUMBER_FORMATS) <= set(READERS)
+    assert set(SUFFIXES.values()) == set(READERS)

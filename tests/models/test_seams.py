@@ -1,0 +1,293 @@
+"""Seams of models, and what may be required: angles, creases, folds, open edges."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+from gtb_cli.errors import DomainError, RequirementError
+from gtb_cli.formats.export import held
+from gtb_cli.language.writer import dump
+from gtb_cli.models.model import Model
+from gtb_cli.models.seams import bends, joints
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.tessellation.requirements import requirements
+from gtb_cli.theory.patch import Patch
+from tests.marks import long
+from tests.shell import PENTAGON, SPECS, gtb
+from tests.specs import load
+
+CUBE = SPECS / "rounded-cube.toml"
+
+
+def sheet(points, name: str) -> Patch:
+    """A Bézier patch of degree 2 × 1 along y, from rows of three points."""
+    knots = np.array([[i, j] for j in range(2) for i in range(3)], dtype=float)
+    return Patch(knots, np.array(points, dtype=float), coefficients="binomial", name=name)
+
+
+def roof(degrees: float) -> Model:
+    """Two parabolic sheets that meet along the y axis at an angle."""
+    slope = math.tan(math.radians(degrees))
+    left = sheet([[-1, y, 0] if i == 0 else [(i - 2) / 2, y, 0] for y in (0, 1) for i in range(3)], "left")
+    right = sheet([[i / 2, y, i / 2 * slope] for y in (0, 1) for i in range(3)], "right")
+    return Model((left, right), "roof")
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1e-7, 0.5, 30.0, 89.0])
+def test_the_angle_of_a_roof(degrees):
+    (seam,) = joints(roof(degrees))
+    assert seam.angle == pytest.approx(degrees, rel=1e-8, abs=1e-12)
+    assert abs(seam.place[0]) < 1e-12
+    assert seam.name(roof(degrees)) == "left edge 1 and right edge 3"
+
+
+def test_the_difference_of_curvatures_of_two_parabolas():
+    """z = x² beside z = −3 x²: 2 + 6 = 8 at x = 0."""
+    left = sheet([[x, y, z] for y in (0, 1) for x, z in ((-1, 1), (-0.5, 0), (0, 0))], "left")
+    right = sheet([[x, y, z] for y in (0, 1) for x, z in ((0, 0), (0.5, 0), (1, -3))], "right")
+    (seam,) = joints(Model((left, right)))
+    assert seam.angle < 1e-12
+    assert seam.bend == pytest.approx(8, rel=1e-12)
+    flipped = right.replace(knots=right.knots[:, ::-1], coefficients=right.coefficients)
+    (seam,) = joints(Model((left, flipped)))
+    assert seam.angle < 1e-12
+    assert seam.bend == pytest.approx(8, rel=1e-12)
+
+
+def test_the_largest_difference_of_curvatures_does_not_depend_on_how_many_places_are_measured(monkeypatch):
+    """Towards corners of a fill curvature grows without bounds: 22 became 57 with twice as many places.
+
+    The nearest place of both is 2.1 or 2.3 % away from the corner.
+    """
+    few = max(bends(joints(load(SPECS / "box-corner.toml"))))
+    monkeypatch.setattr("gtb_cli.models.seams.SEAM_PLACES", 98)
+    assert few == pytest.approx(max(bends(joints(load(SPECS / "box-corner.toml")))), rel=0.1)
+
+
+def test_curves_have_no_seams():
+    assert joints(Model((load(SPECS / "cubic-bezier.toml"),))) == ()
+
+
+def test_the_rounded_cube_is_closed_and_smooth(tmp_path):
+    model = load(CUBE)
+    assert model.joints.closed
+    assert max(seam.angle for seam in joints(model)) < 1e-6
+    everything = ["watertight", "smooth:0.001deg", "unfolded"]
+    options = [part for word in everything for part in ("--require", word)]
+    assert gtb("mesh", CUBE, "-n", "4", *options, "-o", tmp_path / "cube.stl").status == 0
+    vertices = Recipe(6).mesh(model)[0].vertices
+    # Distance from the inner cube: 1 but for the corners, which are nearly spheres.
+    distance = np.linalg.norm(np.maximum(np.abs(vertices) - 2, 0), axis=1)
+    assert np.abs(distance - 1).max() < 0.02
+
+
+def test_a_crease_is_named(tmp_path):
+    path = tmp_path / "roof.toml"
+    path.write_text(dump(roof(4.0)), encoding="utf-8")
+    out = tmp_path / "roof.obj"
+    result = gtb("mesh", path, "--require", "smooth:1deg", "-o", out)
+    assert result.status == 1
+    assert "roof.toml: not smooth: left edge 1 and right edge 3 meet at 4 degrees, near (0, " in result.err
+    assert not out.exists()
+    assert gtb("mesh", path, "--require", "smooth:4.1", "-o", out).status == 0
+    checked = gtb("check", path, "--require", "smooth:1deg", "--require", "watertight")
+    assert checked.status == 1
+    assert "not smooth" in checked.err
+    assert "not watertight: left edge 0 is open" in checked.err
+    assert "angle of joints" in checked.text
+    assert gtb("check", path, "--require", "smooth:5deg").status == 0
+    assert "left edge 1 and right edge 3: 4 degrees near (0, " in gtb("info", path).text
+
+
+FOLDED = """
+name = "bow"
+knots = [[0, 0], [2, 0], [2, 2], [0, 2]]
+control_points = [[0, 0], [2, 0], [0, 2], [2, 2]]
+"""
+
+
+def test_a_fold_is_found(tmp_path):
+    path = tmp_path / "bow.toml"
+    path.write_text(FOLDED, encoding="utf-8")
+    result = gtb("mesh", path, "-n", "8", "--require", "unfolded")
+    assert result.status == 1
+    assert "not unfolded: bow turns back on itself at" in result.err
+    assert gtb("mesh", PENTAGON, "-n", "8", "--require", "unfolded").status == 0
+    thick = gtb("mesh", PENTAGON, "-n", "8", "--thickness", "3", "--require", "unfolded")
+    assert thick.status == 1
+    assert "not unfolded: with a thickness of 3 the offset folds" in thick.err
+
+
+@pytest.mark.parametrize("fineness", [{"resolution": 1}, {"tolerance": 100.0}])
+def test_a_fold_between_the_vertices_of_a_coarse_mesh_is_found(fineness):
+    """Two triangles do not fold, and the patch, whose middle control point is far outside, does."""
+    knots = [(x, y) for x in range(3) for y in range(3)]
+    points = [(x, y) if (x, y) != (1, 1) else (9, 1) for x, y in knots]
+    with pytest.raises(RequirementError, match="not unfolded: patch turns back on itself at"):
+        Recipe(**fineness, require="unfolded").mesh(Patch(knots, points))
+
+
+BOW_TIE = """
+name = "bow"
+knots = [[0, 0], [0, 1], [1, 0], [1, 1]]
+control_points = [[0, 0], [1, 0], [1, 1], [0, 1]]
+"""
+
+
+def test_a_square_with_two_knots_swapped_is_no_solid(tmp_path):
+    """Its two halves look up and down, and meet in a point."""
+    path = tmp_path / "bow.toml"
+    path.write_text(BOW_TIE, encoding="utf-8")
+    result = gtb("mesh", path, "--thickness", 2, "-o", tmp_path / "bow.obj")
+    assert result.status == 0
+    assert "warning: " + str(tmp_path / "bow.obj") + ": bow turns back on itself at " in result.err
+    assert "the solid passes through itself: " in result.err
+    result = gtb("mesh", path, "--thickness", 2, "--require", "watertight", "--ascii", "-o", tmp_path / "closed.ply")
+    assert result.status == 1
+    assert "bow.toml: not watertight: faces collapse, 76 of 4352 faces" in result.err  # as trimesh says of the file
+    result = gtb("mesh", path, "--thickness", 2, "--require", "solid", "-o", tmp_path / "solid.obj")
+    assert result.status == 1
+    assert "bow.toml: not solid: bow turns back on itself at " in result.err
+    assert "bow.toml: not solid: the solid passes through itself: " in result.err
+    assert not (tmp_path / "solid.obj").exists()
+
+
+@long
+def test_what_warnings_say_of_a_solid_fails_it(tmp_path):
+    """The corner of the pentagon bends with a radius of 0.008, which a mesh of 32 segments does not show."""
+    out = tmp_path / "x.stl"
+    for thickness, words in (
+        (0.01, ()),
+        (-0.01, ("the offset folds: the surface bends to that side with a radius of 0.0",)),
+        (3, ("of 5120 faces, the first near", "the surface bends to that side", "the solid passes through itself")),
+    ):
+        result = gtb("mesh", PENTAGON, "--thickness", thickness, "--require", "solid", "-o", out)
+        assert result.status == bool(words)
+        for word in words:
+            assert word in result.err
+        assert result.err.count("not solid: ") == max(1, len(words) - 1) * bool(words)
+    assert " counted with crossings" in gtb("mesh", PENTAGON, "--thickness", 3, "-o", out).err
+    assert "crossings" not in gtb("mesh", PENTAGON, "--thickness", 0.01, "-o", out).err
+    assert gtb("mesh", CUBE, "--require", "solid", "-o", out).status == 0
+    assert gtb("mesh", SPECS / "example-3.1.toml", "--radius", 0.1, "--require", "solid", "-o", out).status == 0
+    result = gtb("mesh", SPECS / "example-3.1.toml", "--radius", 1.5, "--require", "solid", "-o", out)
+    assert result.status == 1
+    assert "not solid: a radius of 1.5 is more than that of the curve's bends" in result.err
+    assert "not solid: pentagon edge 0 is open" in gtb("mesh", PENTAGON, "--require", "solid", status=1).err
+    inner = [patch.replace(control_points=patch.control_points / 2, name=f"inner {patch.name}") for patch in load(CUBE)]
+    with pytest.raises(RequirementError, match="not solid: faces look into the solid, 4400 of 8800 faces"):
+        Recipe(10, require="solid").mesh(Model((*load(CUBE), *inner)))
+
+
+@long
+def test_what_is_required_holds_for_the_numbers_of_the_file(tmp_path):
+    """32-bit numbers put the sides of a slab 0.2 thick together at 1e7, and OBJ those of one 1e-10 thick."""
+    knots = [[0, 0], [4, 0], [4, 4], [0, 4]]
+    spec, middle = tmp_path / "far.toml", tmp_path / "near.toml"
+    near = Patch(knots, np.array([[0, 0, 0], [4, 0, 1], [4, 4, 0], [0, 4, 1]], dtype=float))
+    spec.write_text(dump(near.replace(control_points=near.control_points + 1e7)), encoding="utf-8")
+    middle.write_text(dump(near), encoding="utf-8")
+    for word in ("watertight", "solid"):
+        for suffix in ("stl", "ply", "glb"):
+            out, made = tmp_path / f"x.{suffix}", ("--thickness", 0.2, "-n", 4, "--require", word)
+            error = gtb("mesh", spec, *made, "-o", out, status=1).err
+            assert f"not {word}: " in error
+            assert "faces collapse, 24 of 96 faces" in error
+            assert f"the numbers of {suffix.upper()} are too coarse here" in error
+            assert not out.exists()
+            assert gtb("mesh", middle, *made, "-o", out).status == 0
+            out.unlink()
+        for written in (("x.obj",), ("y.stl", "--ascii"), ("y.ply", "--ascii")):
+            assert gtb("mesh", spec, *made, "-o", tmp_path / written[0], *written[1:]).status == 0
+        thin = gtb("mesh", middle, "--thickness", 1e-10, "-n", 4, "--require", word, status=1).err
+        assert "the numbers of OBJ are too coarse here, PLY with --ascii keeps their digits" in thin
+    flat = gtb(
+        "mesh",
+        SPECS / "bezier-triangle.toml",
+        "--thickness",
+        1e-10,
+        "-n",
+        1,
+        "--require",
+        "solid",
+        "-f",
+        "ply",
+        "--ascii",
+        status=1,
+    )
+    assert "a wall thinner than 1e-09 of the size cannot be told from one that does" in flat.err
+
+
+def test_faces_that_collapse_in_a_file_are_not_watertight_and_others_may_meet_there():
+    """As trimesh says of the vertices that an STL file holds."""
+    flat = Patch([[0, 0], [4, 0], [4, 4], [0, 4]], np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]) + 1e7)
+    beside = Model((flat, flat.replace(control_points=flat.control_points + np.array([4.2, 0, 0]), name="beside")))
+    for spec, made, fault in (
+        (flat, {"resolution": 8, "thickness": 4}, "faces collapse, "),
+        (beside, {"resolution": 1, "thickness": 4}, r"\d+ sides of faces fall upon others"),
+    ):
+        mesh = Recipe(**made, require="watertight").mesh(spec)[0]
+        stored = held(mesh, "stl")[0]
+        assert [trimesh.Trimesh(each.vertices, each.cells).is_watertight for each in (mesh, stored)] == [True, False]
+        with pytest.raises(RequirementError, match=f"not watertight: {fault}"):
+            Recipe(**made, require="watertight").mesh(spec, held=lambda mesh: held(mesh, "stl"))
+
+
+@pytest.mark.parametrize(
+    ("far", "thickness", "suffix", "is_closed"),
+    [(1e7, 0.2, "stl", False), (1e7, 0.2, "obj", True), (1e5, 3, "stl", True), (0, 1e-10, "obj", False)],
+)
+def test_a_line_that_says_closed_speaks_of_the_numbers_in_the_file(tmp_path, far, thickness, suffix, is_closed):
+    points = np.array([[0, 0, 0], [4, 0, 1], [4, 4, 0], [0, 4, 1]]) + far
+    spec, out = tmp_path / "far.toml", tmp_path / f"x.{suffix}"
+    spec.write_text(dump(Patch([[0, 0], [4, 0], [4, 4], [0, 4]], points)), encoding="utf-8")
+    line = gtb("mesh", spec, "--thickness", thickness, "-n", 4, "-o", out).err.splitlines()[-1]
+    assert (", closed, " in line) == is_closed
+    file = trimesh.load(out, force="mesh")
+    assert file.is_watertight == is_closed
+    assert not is_closed or float(line.rpartition(" ")[2]) == pytest.approx(file.volume, rel=1e-3)
+
+
+def test_a_tube_whose_faces_collapse_in_a_file_is_not_called_closed(tmp_path):
+    curve, out = tmp_path / "far.toml", tmp_path / "x.stl"
+    curve.write_text(dump(Patch([0, 1], [[1e5, 1e5, 1e5], [1e5 + 1, 1e5, 1e5]])), encoding="utf-8")
+    for radius, is_closed in ((0.004, False), (1, True)):
+        line = gtb("mesh", curve, "--radius", radius, "-n", 4, "-o", out).err.splitlines()[-1]
+        assert (", closed, " in line) == trimesh.load(out, force="mesh").is_watertight == is_closed
+
+
+@pytest.mark.parametrize("word", ["smooth", "smooth:", "smooth:x", "smooth:-1", "smooth:nan", "smooth:1_0", "tight"])
+def test_requirements_that_are_none(word):
+    with pytest.raises(DomainError, match="require: expected"):
+        requirements([word])
+    assert gtb("mesh", PENTAGON, "--require", word).status == 2
+    with pytest.raises(DomainError, match="require: expected"):
+        Recipe(require=(word,))
+
+
+def test_requirements_in_python():
+    assert requirements(["watertight", "smooth:0.5deg"]) == {"watertight": 0.0, "smooth": 0.5}
+    with pytest.raises(RequirementError, match="not smooth"):
+        Recipe(2, require="smooth:1deg").mesh(roof(3.0))
+
+
+def test_sides_that_are_measured_together_are_as_those_measured_alone():
+    """Patches of one basis are measured at once; some here have no normal on an edge, or are flipped."""
+    random = np.random.default_rng(3)
+    rows = random.normal(size=(8, 2, 3)) + [3, 0, 0] * np.arange(8)[:, None, None]
+    rows[2, 0] = rows[2, 1]
+    patches = []
+    for k, (first, second) in enumerate(itertools.pairwise(rows)):
+        patch = sheet(
+            [row for y in (0, 1) for row in (first[y], (first[y] + second[y]) / 2 + [0, 0, k], second[y])], ""
+        )
+        patches.append(patch if k % 3 else patch.replace(control_points=patch.control_points[::-1]))
+    together = joints(Model(tuple(patches)))
+    assert len(together) == 5
+    for k, seam in enumerate(together):
+        index = sorted((seam.first[0], seam.second[0]))
+        (alone,) = joints(Model(tuple(patches[i] for i in index)))
+        np.testing.assert_equal([seam.angle, bends(together)[k]], [alone.angle, alone.bend])

@@ -1,0 +1,141 @@
+"""Flat rims: in the planes of the surface's rims, and the wall as thick there as elsewhere."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
+from tests.surfaces import assert_closed, octant
+
+KNOTS = [[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2]]
+DISH = [(25, 0), (50, 5), (60, 28)]
+LAMP = [(40, 0), (70, 50), (25, 100)]
+CONE = [(30, 0), (40, 10), (50, 20)]
+
+
+def walls(profile: list[tuple[float, float]], sides: int, floor: bool = False, scale: float = 1, shift: float = 0):
+    """Walls around the z axis whose profile is a parabola with these control points, radius and height."""
+
+    def around(k: int, rows: list[tuple[float, float]]) -> np.ndarray:
+        angles = 2 * math.pi / sides * np.array([k, k + 1])
+        return np.array([[r * math.cos(a), r * math.sin(a), z] for r, z in rows for a in angles])
+
+    binomial = [1, 1, 2, 2, 1, 1]
+    patches = [Patch(KNOTS, scale * around(k, profile) + shift, coefficients=binomial) for k in range(sides)]
+    if floor:
+        ring = np.concatenate([around(k, profile[:1])[:1] for k in range(sides)])
+        patches.append(Patch(ring[:, :2], scale * ring + shift))
+    return Model(tuple(patches))
+
+
+def cast(mesh: Mesh, points: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The distance to the first triangle along each ray, and that triangle."""
+    a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
+    normals, away = np.cross(b - a, c - a), points[:, None] - a
+    slope = np.einsum("fk,pk->pf", normals, ways)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = -np.einsum("fk,pfk->pf", normals, away) / slope
+        moment = np.cross(away, ways[:, None])
+        first = -np.einsum("fk,pfk->pf", c - a, moment) / slope
+        second = np.einsum("fk,pfk->pf", b - a, moment) / slope
+        hits = (np.minimum(first, second) >= 0) & (first + second <= 1) & (way > 1e-6)
+    way = np.where(hits, way, np.inf)
+    return way.min(axis=1), way.argmin(axis=1)
+
+
+def wall_near_rims(solid: Mesh, thickness: float, heights: list[float]) -> np.ndarray:
+    """Thicknesses, along the normals of facets, in points of both sides no farther from a rim than four times it."""
+    corners = solid.vertices[solid.cells]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    above = np.abs(corners[:, :, 2, None] - heights).min(axis=2)
+    is_wall = above.max(axis=1) > 1e-9
+    faces = np.flatnonzero(is_wall & (above.min(axis=1) < 4 * abs(thickness)))
+    random = np.random.default_rng(0)
+    faces = random.choice(faces, 150, p=(area := np.linalg.norm(normals[faces], axis=1)) / area.sum())
+    points = np.einsum("pi,pik->pk", random.dirichlet([1, 1, 1], len(faces)), corners[faces])
+    ways = -normals[faces] / np.linalg.norm(normals[faces], axis=1)[:, None]
+    distance, hit = cast(solid, points, ways)
+    assert is_wall[hit].mean() > 0.6
+    return distance[is_wall[hit]]
+
+
+SHAPES = {
+    "dish": (walls(DISH, 5, floor=True), [28]),
+    "lamp": (walls(LAMP, 6), [0, 100]),
+    "cone": (walls(CONE, 24), [0, 20]),
+}
+CASES = [
+    ("dish", 2, 12),
+    ("lamp", -5, 8),
+    ("dish", -2, 12),
+    ("lamp", 2, 12),
+    ("lamp", -3, 16),
+    ("cone", 5, 4),
+    ("cone", -3, 6),
+]
+
+
+@pytest.mark.parametrize(("name", "thickness", "n"), mostly_long(CASES, 2))
+def test_a_flat_rim_lies_in_its_plane_and_keeps_the_wall(name, thickness, n):
+    """Up to the sagitta of facets."""
+    model, heights = SHAPES[name]
+    solid, remarks = Recipe(n, thickness=thickness, rim="flat").mesh(model)
+    assert remarks == []
+    assert_closed(solid)
+    count = len(solid.vertices) // 2
+    sides = (solid.cells < count).sum(axis=1)
+    rim = solid.vertices[solid.cells[(sides > 0) & (sides < 3)]][:, :, 2]
+    np.testing.assert_allclose(np.abs(rim[:, :, None] - heights).min(axis=2), 0, atol=1e-12)
+    extreme = [solid.vertices[:, 2].min(), solid.vertices[:, 2].max()]
+    assert extreme[1] == pytest.approx(heights[-1], abs=1e-12)
+    assert wall_near_rims(solid, thickness, heights).min() > 0.985 * abs(thickness)
+
+
+@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1.0, 1e7), (1e-9, 0.0), (1e9, 0.0)]))
+def test_a_flat_rim_has_any_size_and_place(scale, shift):
+    solid, remarks = Recipe(3, thickness=2 * scale, rim="flat").mesh(walls(DISH, 5, False, scale, shift))
+    assert remarks == []
+    assert_closed(solid)
+    assert (solid.vertices[:, 2].max() - shift) / scale == pytest.approx(28, abs=1e-12 if not shift else 1e-8)
+    plain, _ = Recipe(3, thickness=2, rim="flat").mesh(walls(DISH, 5))
+    np.testing.assert_array_equal(solid.cells, plain.cells)
+
+
+def test_faces_beyond_the_plane_become_parts_of_the_rim():
+    """With a thick wall and small faces there are many; their normals are the rim's."""
+    solid, remarks = Recipe(5, thickness=6, rim="flat", normals=True).mesh(walls(CONE, 24))
+    assert remarks == []
+    count = len(solid.vertices) // 2
+    corners = solid.vertices[solid.cells]
+    in_plane = (np.ptp(corners[:, :, 2], axis=1) < 1e-9) & (solid.cells >= count).all(axis=1)
+    assert in_plane.sum() > 50
+    up = np.where(corners[in_plane, 0, 2] > 10, 1.0, -1.0)
+    normals = solid.normals[solid.normal_of[in_plane]]
+    np.testing.assert_allclose(normals[:, :, 2], np.tile(up[:, None], 3), atol=1e-12)
+
+
+def test_what_has_no_flat_rim_is_refused():
+    angles = 2 * math.pi / 5 * np.arange(5)
+    corners = np.column_stack([np.cos(angles), np.sin(angles)])
+    bowl = Patch([*corners, [0, 0]], [*np.column_stack([corners, np.ones(5)]), [0, 0, -1]])
+    cases = [
+        (octant(), 0.1, "a rim leaves its plane by 0.159 near"),
+        (bowl, 0.1, r"lies almost in its rim.s plane near \(.*\), as a patch does at a corner"),
+        (walls([(40, 0), (42, 1), (44, 2)], 6), 3.0, "reaches another rim"),
+        (walls([(40, 0), (44, 4), (60, -20)], 6), 3.0, "goes to both sides"),
+    ]
+    for model, thickness, message in cases:
+        with pytest.raises(DomainError, match=f"^rim: .*{message}"):
+            Recipe(6, thickness=thickness, rim="flat").mesh(model)
+    for options, message in [
+        ({"rim": "flat"}, "needs a thickness"),
+        ({"rim": "round"}, "expected one of normal, flat"),
+    ]:
+        with pytest.raises(DomainError, match=f"^rim: {message}"):
+            Recipe(**options)

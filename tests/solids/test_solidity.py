@@ -1,0 +1,52 @@
+"""Closed meshes that bound a solid, and those whose faces look inwards."""
+
+import numpy as np
+import pytest
+
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.solids.solidity import crossing_remarks, inward_faces
+
+CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6],
+                  [0, 6, 4], [1, 5, 7], [1, 7, 3]])  # fmt: skip
+
+
+def cubes(*parts) -> Mesh:
+    """Cubes (low, size, outwards), one after the other."""
+    vertices = [np.array(low) + size * CUBE for low, size, _ in parts]
+    cells = [(FACES if outwards else FACES[:, ::-1]) + 8 * k for k, (_, _, outwards) in enumerate(parts)]
+    return Mesh(np.concatenate(vertices), np.concatenate(cells))
+
+
+BIG, INSIDE, INNERMOST, BESIDE = ([0, 0, 0], 9), ([1, 2, 3], 5), ([3, 4, 5], 1), ([20, 0, 0], 3)
+
+
+@pytest.mark.parametrize(
+    ("parts", "inward"),
+    [
+        ([(*BIG, True)], []),
+        ([(*BIG, False)], [0]),
+        ([(*BIG, True), (*BESIDE, True)], []),
+        ([(*BIG, True), (*BESIDE, False)], [1]),
+        ([(*BIG, True), (*INSIDE, False)], []),
+        ([(*BIG, True), (*INSIDE, True)], [1]),
+        ([(*BIG, False), (*INSIDE, False)], [0, 1]),
+        ([(*BIG, False), (*INSIDE, True)], [0, 1]),
+        ([(*INNERMOST, True), (*INSIDE, False), (*BIG, True)], []),
+        ([(*INNERMOST, False), (*INSIDE, False), (*BIG, True)], [0]),
+        ([(*BIG, True), ([9, 9, 9], 1, False)], [1]),  # which meet in a corner
+    ],
+)
+@pytest.mark.parametrize(("scale", "shift"), [(1.0, 0.0), (1e-200, 0.0), (1e150, 0.0), (1.0, 1e6)])
+def test_faces_that_look_inwards_are_found(parts, inward, scale, shift):
+    mesh = cubes(*parts)
+    mesh = Mesh(scale * mesh.vertices + shift, mesh.cells)
+    assert sorted(set((inward_faces(mesh) // 12).tolist())) == inward
+    assert (np.bincount(inward_faces(mesh) // 12) % 12 == 0).all()
+
+
+def test_solids_that_touch_in_a_face_or_overlap_cross():
+    assert crossing_remarks(cubes((*BIG, True), (*BESIDE, True), (*INSIDE, False))) == []
+    for other in (([9, 2, 3], 5), ([8, 2, 3], 5), BIG):
+        (line,) = crossing_remarks(cubes((*BIG, True), (*other, True)))
+        assert line.startswith("the solid passes through itself: ")
