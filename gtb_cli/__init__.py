@@ -53,9 +53,9 @@ if TYPE_CHECKING:
     from gtb_cli.fairing.fair import fair as fair
     from gtb_cli.fairing.fit import Fit as Fit
     from gtb_cli.fairing.fit import fit as fit
+    from gtb_cli.filling.certificate import Contact as Contact
+    from gtb_cli.filling.certificate import Filling as Filling
     from gtb_cli.filling.fill import fill as fill
-    from gtb_cli.filling.one_patch import Contact as Contact
-    from gtb_cli.filling.one_patch import Filling as Filling
     from gtb_cli.formats.export import write_mesh as write_mesh
     from gtb_cli.formats.meshfiles import read_mesh as read_mesh
     from gtb_cli.importers.readers import Imported as Imported
@@ -111,7 +111,7 @@ else:
         "bezier.pieces": "bezier_pieces split_curve",
         "checks.properties": "check",
         "checks.report": "Finding ModelReport Report",
-        "filling.one_patch": "Contact Filling",
+        "filling.certificate": "Contact Filling",
         "filling.fill": "fill",
         "fairing.fit": "Fit fit",
         "bezier.isocurve": "isocurve",

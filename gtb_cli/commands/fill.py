@@ -15,7 +15,7 @@ from gtb_cli.vocabulary import CONTINUITIES
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
-    from gtb_cli.filling.one_patch import Filling
+    from gtb_cli.filling.certificate import Filling
 
 
 def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
@@ -150,7 +150,7 @@ def _report(filling: Filling, console: Console) -> None:
     import numpy as np
 
     from gtb_cli.arrays import point_text
-    from gtb_cli.filling.one_patch import SPIKE
+    from gtb_cli.filling.certificate import SPIKE
 
     # Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so
     corner_angle = 0.1

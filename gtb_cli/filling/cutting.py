@@ -15,8 +15,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, point_text, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.variation import Bending
+from gtb_cli.filling.certificate import SPIKE, Filling
 from gtb_cli.filling.hole_corners import Corner, across_at, corners
-from gtb_cli.filling.one_patch import SPIKE, Filling
 from gtb_cli.filling.sides import HoleSide, bernstein, points_and_tangents, stations
 from gtb_cli.models.model import Model
 from gtb_cli.values import frozen

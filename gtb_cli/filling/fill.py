@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, finite
 from gtb_cli.errors import DomainError
 from gtb_cli.files import read_file
+from gtb_cli.filling.certificate import Filling, edge_of
 from gtb_cli.filling.cutting import fill_parts
 from gtb_cli.filling.hole_corners import corners
 from gtb_cli.filling.holes import ring_of, ring_sides
 from gtb_cli.filling.loops import read_loop
-from gtb_cli.filling.one_patch import Filling, closed, edge_of, fill_loop, met_with
+from gtb_cli.filling.one_patch import closed, fill_loop, met_with
 from gtb_cli.filling.sides import HoleSide
 from gtb_cli.filling.strips import curve_side
 from gtb_cli.language.document import MAX_BYTES

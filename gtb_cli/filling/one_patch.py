@@ -9,7 +9,7 @@ least variation of curvature: in the metric of the domain, then in that of the s
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import partial
 from typing import TypeAlias
 
@@ -22,144 +22,27 @@ from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
 from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.folds import sharp_turns
 from gtb_cli.fairing.variation import Bending, bendings, variation_matrices
-from gtb_cli.filling.hole_corners import concave_corners, plane_angles
+from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends
+from gtb_cli.filling.hole_corners import plane_angles
 from gtb_cli.filling.net import net
-from gtb_cli.filling.osculation import SecondRow, bend_inside, corner_bends, patch_bend, polar
+from gtb_cli.filling.osculation import SecondRow, polar
 from gtb_cli.filling.planes import Field, nearest_fields, row_fields
 from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import (
     HoleSide,
     binomials,
-    edge_normals,
     loop,
     points_and_tangents,
     side_normals,
-    stations,
 )
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.knots.domain import domain
-from gtb_cli.models.model import Model
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.patch import Patch
-from gtb_cli.values import frozen
 from gtb_cli.vocabulary import CONTINUITIES
 
 VISIBLE = 0.01
 """Of the way to the middle: what is nearer to the boundary is not seen, and there curvature may grow without bounds."""
-
-_AWAY = (stations() > 0.02) & (stations() < 0.98)  # places nearer to the ends of a side belong to its corners
-
-SPIKE = 30.0
-"""Largest curvature, relative to that of a sphere with the same area, of a patch that does not turn sharply."""
-
-
-@frozen
-class Contact:
-    """The largest differences between a patch and what it meets along one side of its hole.
-
-    Attributes
-    ----------
-    angle : float
-        In degrees, between its normals and the given ones, away from the ends of the side; NaN without planes.
-    place : (3,) float
-        The point with this angle; NaN without planes.
-    bend : float
-        Between its normal curvature across the side and its neighbour's, in units of 1 / length; NaN where that is not
-        known or not finite.
-    bend_place : (3,) float
-        The point with this difference, or NaN.
-    bend_inside : float
-        Where curvature is met: twice the largest difference of mean curvatures at the side and at a hundredth of its
-        length from it, without a twentieth at each end; NaN elsewhere.
-    """
-
-    angle: float
-    place: FloatArray
-    bend: float = math.nan
-    bend_place: FloatArray = field(default_factory=lambda: np.full(3, math.nan))
-    bend_inside: float = math.nan
-
-
-@frozen
-class Filling:
-    """A patch that fills a hole. Made by `gtb_cli.fill`.
-
-    Attributes
-    ----------
-    patch : Patch
-    sides : tuple of HoleSide
-        In the order of the patch's edges.
-    bending : Bending
-        Integrals of curvature and of its variation over the patch without the outermost hundredth.
-    contacts : tuple of Contact
-        What was measured along each side.
-    corner_angles : (r,) float
-        Angle in degrees between the planes of sides k − 1 and k at corner k; NaN if a side has no planes.
-    raises : tuple of int
-        Number of times that the degree of each side was raised.
-    folds : int
-        Number of places, among some thousand, at which the patch turns back.
-    sharp_turns : int
-        Number of sides in a mesh of some thousand triangles at which a patch without folds turns by more than a right
-        angle.
-    remarks : tuple of str
-    model : Model or None
-        The model with its hole filled, or the patches of a loop that is cut.
-    parts : tuple of Filling
-        Of a hole that is cut at its concave corners, its parts: `patch` is the first one's, and the other attributes
-        list or add up those of all. Empty if one patch fills the hole.
-    """
-
-    patch: Patch
-    sides: tuple[HoleSide, ...]
-    bending: Bending
-    contacts: tuple[Contact, ...]
-    corner_angles: FloatArray
-    raises: tuple[int, ...]
-    folds: int
-    sharp_turns: int
-    remarks: tuple[str, ...]
-    model: Model | None = None
-    parts: tuple["Filling", ...] = ()
-
-    @property
-    def patches(self) -> tuple[Patch, ...]:
-        """The patch, or those of all parts."""
-        return tuple(part.patch for part in self.parts) or (self.patch,)
-
-    @property
-    def angle(self) -> float:
-        """Largest angle in degrees between the patch's normals and the given ones, away from corners; NaN if none."""
-        return max((each.angle for each in self.contacts if not math.isnan(each.angle)), default=math.nan)
-
-    @property
-    def sharpness(self) -> float:
-        """Largest curvature, relative to that of a sphere with the same area."""
-        return self.bending.curvature * math.sqrt(self.bending.area / (4 * math.pi))
-
-    @property
-    def fault(self) -> str | None:
-        """The sentence that says why the patch does not fill the hole, and what to try; None if it is one."""
-        if self.angle > 45:  # where fields follow the planes at all, it is below a degree
-            far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
-            what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
-        elif self.folds:
-            what = f"folds at {self.folds} of some thousand places"
-            way_out = "try a fullness nearer to 1, other ribbons, or curves that cut the hole into smaller ones"
-        elif self.sharpness > 2000 or (concave_corners(self.sides) and (self.sharp_turns or self.sharpness > SPIKE)):
-            what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
-            way_out = "raise degrees more, or try other ribbons, or curves that cut the hole into smaller ones"
-        else:
-            return None
-        corners = concave_corners(self.sides)
-        if 0 < len(corners) < len(self.sides) - 2:  # with fewer others, the ribbons point out of the hole
-            places = "; ".join(corners)
-            way_out = f"cut the hole with curves from its concave corners (gtb fill tries at most six): {places}"
-        return f"the patch {what}: {way_out}"
-
-    def __repr__(self) -> str:
-        return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
-
 
 _Attempt: TypeAlias = tuple[tuple[int, bool], Patch, Bending, list[int], int, int]
 
@@ -212,7 +95,7 @@ def fill_loop(
             fields, seconds = nearest_fields(unit, normals, fields, seconds)
         found: list[_Attempt] = []
         for patch, bent in _solved(edges, fields, seconds, inner, fullness):
-            turned = sum(_angles(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
+            turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
             turns, folds = sharp_turns(patch), count_folds(patch)
             faults = turns + 1000 * (folds + turned)
             found.append(((faults, bool(found)), patch, bent, times, turns, folds))
@@ -259,7 +142,7 @@ def fill_loop(
         patch,
         ordered,
         Bending(bent.area * size**2, bent.energy, bent.variation, bent.curvature / size),
-        tuple(_contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True))),
+        tuple(contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True))),
         plane_angles(normals),
         tuple(times),
         folds,
@@ -339,30 +222,3 @@ def _solved(
 def _length(curve: FloatArray) -> float:
     points, _ = points_and_tangents(curve, np.linspace(0, 1, 33))
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-
-
-def edge_of(patch: Patch, side: int) -> int:
-    """Return the edge of a filling that is a side: each begins at the knot of its number."""
-    return int(np.abs(patch.domain.vertices - patch.knots[side]).sum(axis=1).argmin())
-
-
-def _contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None) -> Contact:
-    if normals is None:
-        return Contact(math.nan, np.full(3, math.nan))
-    angles = _angles(patch, side, normals)
-    k = int(angles.argmax())
-    points = points_and_tangents(given.curve, stations())[0]
-    contact = Contact(float(angles[k]), points[_AWAY][k])
-    if given.bend is None:
-        return contact
-    bend = np.abs(patch_bend(patch, edge_of(patch, side), given.curve, normals) - given.bend)
-    k = int(np.where(_AWAY, bend, -1.0).argmax())
-    inside = bend_inside(patch, edge_of(patch, side), given.curve)
-    return replace(contact, bend=float(bend[k]), bend_place=points[k], bend_inside=inside)
-
-
-def _angles(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
-    """Return the angles in degrees between the patch's and the given normals along a side, without its ends."""
-    found = edge_normals(patch, edge_of(patch, side), stations()[_AWAY])
-    sine = np.linalg.norm(np.cross(found, normals[_AWAY]), axis=1)
-    return np.asarray(np.degrees(np.arctan2(sine, (found * normals[_AWAY]).sum(axis=1))))

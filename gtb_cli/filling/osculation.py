@@ -8,8 +8,6 @@ which is linear in row 2. All of II follows from the normal curvature across the
 fields v in the planes.
 """
 
-import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -89,44 +87,6 @@ def patch_bend(patch: Patch, edge: int, curve: FloatArray, normals: FloatArray) 
     signs = np.sign((patch.normals_at([place], count) * normals).sum(axis=1))
     mean = curvatures_at([patch], [place], count).mean[0]  # positive where the patch bends away from its normal
     return np.asarray(-2 * signs * mean - rim.bend / (rim.rates**2).sum(axis=1))
-
-
-def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:
-    """Return twice the largest difference of mean curvatures at an edge and a hundredth of its length inside.
-
-    This is that of the curvatures across, if nothing else changes. Places near the ends are left out, a twentieth of
-    the edge at each, as they are no farther from other edges.
-    """
-    distance, tries = 0.01, 4  # of its length; the distance is nearly linear in the place
-    shape = patch.domain
-    start, end = shape.vertices[edge], shape.vertices[(edge + 1) % len(shape.vertices)]
-    on_edge = start + np.linspace(0.05, 0.95, 31)[:, None] * (end - start)
-    inward = np.array([start[1] - end[1], end[0] - start[0]])
-    points, _ = points_and_tangents(curve, np.linspace(0, 1, 101))
-    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
-    depth, given = np.full((len(on_edge), 1), distance), patch.evaluate(on_edge, "linear")
-    along = np.gradient(given, axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    for _ in range(tries):
-        way = patch.evaluate(on_edge + depth * inward, "linear") - given
-        way -= (way * along).sum(axis=1, keepdims=True) * along
-        depth = np.minimum(depth * distance * length / np.linalg.norm(way, axis=1, keepdims=True), 3 * distance)
-    inside, there = (patch.curvature(place, "linear").mean for place in (on_edge + depth * inward, on_edge))
-    return float(2 * np.abs(inside - there).max())
-
-
-def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:
-    """Return (r,) differences of mean curvatures that sides k − 1 and k give at corner k; NaN if one has none."""
-    t = stations()[:6]
-    ends = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])  # extrapolate from stations to a corner
-    means = []
-    for side, n in zip(sides, normals, strict=True):
-        mean = np.full(len(stations()), math.nan)
-        if side.bend is not None and n is not None:
-            rim = Rim.of(side.curve, n)
-            mean = (side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2
-        means.append((ends @ mean[:6], ends @ mean[:-7:-1]))
-    return np.array([abs(means[k - 1][1] - means[k][0]) for k in range(len(sides))])
 
 
 class SecondRow:

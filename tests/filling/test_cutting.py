@@ -9,10 +9,11 @@ from scipy.spatial import cKDTree
 
 import gtb_cli
 from gtb_cli.fairing.energy import energy_samples
+from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.cutting import _cuts, _halves
 from gtb_cli.filling.fill import filled
 from gtb_cli.filling.hole_corners import across_at, corners
-from gtb_cli.filling.one_patch import Filling, fill_loop
+from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bernstein, loop, points_and_tangents, stations
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.models.model import Model

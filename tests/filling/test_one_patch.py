@@ -14,11 +14,12 @@ from scipy.spatial import cKDTree
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy, energy_samples
 from gtb_cli.fairing.folds import folds, sharp_turns
+from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.hole_corners import concave_corners
 from gtb_cli.filling.holes import rings
 from gtb_cli.filling.loops import loop_from_text, read_loop
-from gtb_cli.filling.one_patch import Filling, fill_loop
+from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import (
     HoleSide,
     bezier_form,

@@ -7,8 +7,9 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_samples
+from gtb_cli.filling.certificate import Filling, edge_of
 from gtb_cli.filling.fill import fill
-from gtb_cli.filling.one_patch import Filling, edge_of, fill_loop
+from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bernstein, edge_places
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.models.model import Model

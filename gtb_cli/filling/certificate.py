@@ -1,0 +1,195 @@
+"""The certificate of a filling: what was measured where it meets its neighbours, at its corners and inside."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import field, replace
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.fairing.variation import Bending
+from gtb_cli.filling.hole_corners import concave_corners
+from gtb_cli.filling.osculation import Rim, patch_bend
+from gtb_cli.filling.sides import HoleSide, edge_normals, points_and_tangents, stations
+from gtb_cli.models.model import Model
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+
+_AWAY = (stations() > 0.02) & (stations() < 0.98)  # places nearer to the ends of a side belong to its corners
+
+SPIKE = 30.0
+"""Largest curvature, relative to that of a sphere with the same area, of a patch that does not turn sharply."""
+
+
+@frozen
+class Contact:
+    """The largest differences between a patch and what it meets along one side of its hole.
+
+    Attributes
+    ----------
+    angle : float
+        In degrees, between its normals and the given ones, away from the ends of the side; NaN without planes.
+    place : (3,) float
+        The point with this angle; NaN without planes.
+    bend : float
+        Between its normal curvature across the side and its neighbour's, in units of 1 / length; NaN where that is not
+        known or not finite.
+    bend_place : (3,) float
+        The point with this difference, or NaN.
+    bend_inside : float
+        Where curvature is met: twice the largest difference of mean curvatures at the side and at a hundredth of its
+        length from it, without a twentieth at each end; NaN elsewhere.
+    """
+
+    angle: float
+    place: FloatArray
+    bend: float = math.nan
+    bend_place: FloatArray = field(default_factory=lambda: np.full(3, math.nan))
+    bend_inside: float = math.nan
+
+
+@frozen
+class Filling:
+    """A patch that fills a hole. Made by `gtb_cli.fill`.
+
+    Attributes
+    ----------
+    patch : Patch
+    sides : tuple of HoleSide
+        In the order of the patch's edges.
+    bending : Bending
+        Integrals of curvature and of its variation over the patch without the outermost hundredth.
+    contacts : tuple of Contact
+        What was measured along each side.
+    corner_angles : (r,) float
+        Angle in degrees between the planes of sides k − 1 and k at corner k; NaN if a side has no planes.
+    raises : tuple of int
+        Number of times that the degree of each side was raised.
+    folds : int
+        Number of places, among some thousand, at which the patch turns back.
+    sharp_turns : int
+        Number of sides in a mesh of some thousand triangles at which a patch without folds turns by more than a right
+        angle.
+    remarks : tuple of str
+    model : Model or None
+        The model with its hole filled, or the patches of a loop that is cut.
+    parts : tuple of Filling
+        Of a hole that is cut at its concave corners, its parts: `patch` is the first one's, and the other attributes
+        list or add up those of all. Empty if one patch fills the hole.
+    """
+
+    patch: Patch
+    sides: tuple[HoleSide, ...]
+    bending: Bending
+    contacts: tuple[Contact, ...]
+    corner_angles: FloatArray
+    raises: tuple[int, ...]
+    folds: int
+    sharp_turns: int
+    remarks: tuple[str, ...]
+    model: Model | None = None
+    parts: tuple["Filling", ...] = ()
+
+    @property
+    def patches(self) -> tuple[Patch, ...]:
+        """The patch, or those of all parts."""
+        return tuple(part.patch for part in self.parts) or (self.patch,)
+
+    @property
+    def angle(self) -> float:
+        """Largest angle in degrees between the patch's normals and the given ones, away from corners; NaN if none."""
+        return max((each.angle for each in self.contacts if not math.isnan(each.angle)), default=math.nan)
+
+    @property
+    def sharpness(self) -> float:
+        """Largest curvature, relative to that of a sphere with the same area."""
+        return self.bending.curvature * math.sqrt(self.bending.area / (4 * math.pi))
+
+    @property
+    def fault(self) -> str | None:
+        """The sentence that says why the patch does not fill the hole, and what to try; None if it is one."""
+        if self.angle > 45:  # where fields follow the planes at all, it is below a degree
+            far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
+            what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
+        elif self.folds:
+            what = f"folds at {self.folds} of some thousand places"
+            way_out = "try a fullness nearer to 1, other ribbons, or curves that cut the hole into smaller ones"
+        elif self.sharpness > 2000 or (concave_corners(self.sides) and (self.sharp_turns or self.sharpness > SPIKE)):
+            what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
+            way_out = "raise degrees more, or try other ribbons, or curves that cut the hole into smaller ones"
+        else:
+            return None
+        corners = concave_corners(self.sides)
+        if 0 < len(corners) < len(self.sides) - 2:  # with fewer others, the ribbons point out of the hole
+            places = "; ".join(corners)
+            way_out = f"cut the hole with curves from its concave corners (gtb fill tries at most six): {places}"
+        return f"the patch {what}: {way_out}"
+
+    def __repr__(self) -> str:
+        return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
+
+
+def edge_of(patch: Patch, side: int) -> int:
+    """Return the edge of a filling that is a side: each begins at the knot of its number."""
+    return int(np.abs(patch.domain.vertices - patch.knots[side]).sum(axis=1).argmin())
+
+
+def contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None) -> Contact:
+    """Measure a patch along a side with (96, 3) normals, or none."""
+    if normals is None:
+        return Contact(math.nan, np.full(3, math.nan))
+    angles = angles_to(patch, side, normals)
+    k = int(angles.argmax())
+    points = points_and_tangents(given.curve, stations())[0]
+    found = Contact(float(angles[k]), points[_AWAY][k])
+    if given.bend is None:
+        return found
+    bend = np.abs(patch_bend(patch, edge_of(patch, side), given.curve, normals) - given.bend)
+    k = int(np.where(_AWAY, bend, -1.0).argmax())
+    inside = bend_inside(patch, edge_of(patch, side), given.curve)
+    return replace(found, bend=float(bend[k]), bend_place=points[k], bend_inside=inside)
+
+
+def angles_to(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
+    """Return the angles in degrees between the patch's and the given normals along a side, without its ends."""
+    found = edge_normals(patch, edge_of(patch, side), stations()[_AWAY])
+    sine = np.linalg.norm(np.cross(found, normals[_AWAY]), axis=1)
+    return np.asarray(np.degrees(np.arctan2(sine, (found * normals[_AWAY]).sum(axis=1))))
+
+
+def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:
+    """Return twice the largest difference of mean curvatures at an edge and a hundredth of its length inside.
+
+    This is that of the curvatures across, if nothing else changes. Places near the ends are left out, a twentieth of
+    the edge at each, as they are no farther from other edges.
+    """
+    distance, tries = 0.01, 4  # of its length; the distance is nearly linear in the place
+    shape = patch.domain
+    start, end = shape.vertices[edge], shape.vertices[(edge + 1) % len(shape.vertices)]
+    on_edge = start + np.linspace(0.05, 0.95, 31)[:, None] * (end - start)
+    inward = np.array([start[1] - end[1], end[0] - start[0]])
+    points, _ = points_and_tangents(curve, np.linspace(0, 1, 101))
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    depth, given = np.full((len(on_edge), 1), distance), patch.evaluate(on_edge, "linear")
+    along = np.gradient(given, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    for _ in range(tries):
+        way = patch.evaluate(on_edge + depth * inward, "linear") - given
+        way -= (way * along).sum(axis=1, keepdims=True) * along
+        depth = np.minimum(depth * distance * length / np.linalg.norm(way, axis=1, keepdims=True), 3 * distance)
+    inside, there = (patch.curvature(place, "linear").mean for place in (on_edge + depth * inward, on_edge))
+    return float(2 * np.abs(inside - there).max())
+
+
+def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:
+    """Return (r,) differences of mean curvatures that sides k − 1 and k give at corner k; NaN if one has none."""
+    t = stations()[:6]
+    ends = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])  # extrapolate from stations to a corner
+    means = []
+    for side, n in zip(sides, normals, strict=True):
+        mean = np.full(len(stations()), math.nan)
+        if side.bend is not None and n is not None:
+            rim = Rim.of(side.curve, n)
+            mean = (side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2
+        means.append((ends @ mean[:6], ends @ mean[:-7:-1]))
+    return np.array([abs(means[k - 1][1] - means[k][0]) for k in range(len(sides))])
