@@ -155,9 +155,8 @@ class MeshRegression:
         __tracebackhide__ = True
         from gtb_cli.errors import GtbError
         from gtb_cli.files import replace_file
-        from gtb_cli.verdicts.comparing import Answer
-        from gtb_cli.verdicts.differences import text_about
-        from gtb_cli.verdicts.reporting import reviewed, write_reports
+        from gtb_cli.review.reports import reviewed, write_reports
+        from gtb_cli.verdicts.verdict import Verdict
 
         if not os.path.exists(golden):  # `Path.exists` raises an error for names that are too long
             self._renew(golden, data, "did not exist")
@@ -168,23 +167,23 @@ class MeshRegression:
             new = os.path.join(folder, obtained.name)
             Path(new).write_bytes(data)
             try:
-                answer = comparing.files(str(golden), new)
+                verdict = comparing.files(str(golden), new)
             except GtbError as error:
                 if not renews:
                     raise
-                answer = Answer(golden.name, (str(golden), new), "unreadable", errors=tuple(error.faults))
-        if answer.same or renews:
-            if not answer.same:
-                problem = f"could not be compared ({answer.errors[0]})" if answer.errors else "differed"
+                verdict = Verdict(golden.name, (str(golden), new), "unreadable", errors=tuple(error.faults))
+        if verdict.same or renews:
+            if not verdict.same:
+                problem = f"could not be compared ({verdict.errors[0]})" if verdict.errors else "differed"
                 self._renew(golden, data, problem)
             obtained.unlink(missing_ok=True)
             page.unlink(missing_ok=True)
             return
-        answer = replace(answer, paths=(self._shown(golden), self._shown(obtained)))
+        verdict = replace(verdict, paths=(self._shown(golden), self._shown(obtained)))
         replace_file(obtained, [data])
-        write_reports([str(page)], reviewed(answer.paths, [answer], comparing))
+        write_reports(reviewed(verdict.paths, [verdict], comparing), [str(page)])
         ways_out = f"{self._shown(page)} shows it, and pytest --force-regen takes it as golden"
-        raise AssertionError("\n".join([text_about(answer).rstrip("\n"), *answer.warnings, ways_out]))
+        raise AssertionError("\n".join([verdict.text.rstrip("\n"), *verdict.warnings, ways_out]))
 
     def _renew(self, golden: Path, data: bytes, reason: str) -> None:
         """Write a golden file, and note why."""

@@ -22,7 +22,7 @@ GROUND = "ground"
 WINGS = [
     *(GROUND, "knots", "moment", "theory", "models", "limits", "bezier", "meshes", "solids", "language", "importers"),
     *("formats", "certificates", "tessellation", "distances", "sequences", "fairing", "filling", "plots", "pages"),
-    *("checks", "review", "process", "shell", "verdicts", "commands"),
+    *("checks", "process", "shell", "verdicts", "review", "commands"),
     *("__init__", "__main__", "pytest_plugin"),
 ]
 """The floors, from the ground up: each imports only those before it. Modules beside the folders are the ground, but for

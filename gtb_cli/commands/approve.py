@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 import click
@@ -13,7 +15,8 @@ from gtb_cli.shell.console import Console
 from gtb_cli.shell.folders import files_in
 from gtb_cli.shell.options import INPUT, console_option, difference_option, ignore_option
 from gtb_cli.shell.streams import opened
-from gtb_cli.verdicts.comparing import Answer, Comparing
+from gtb_cli.verdicts.comparing import Comparing
+from gtb_cli.verdicts.verdict import Verdict
 from gtb_cli.vocabulary import FORMATS, suffix_of
 
 if TYPE_CHECKING:
@@ -41,12 +44,38 @@ def approve(
     Example: gtb mesh specs/pentagon.toml -o out/ && gtb approve golden out
 
     Take the meshes of the folder OUT over into the folder GOLDEN: all that differ, or that GOLDEN does not have, as
-    gtb diff GOLDEN OUT says with the same options; or only those with the names that it prints, even if they differ by
-    less than the tolerance.
+    gtb diff GOLDEN OUT says with the same options; or only those with the names that it prints, or that match patterns
+    such as 'part-*', even if they differ by less than the tolerance. A link that leads out of GOLDEN is never followed.
 
     Every mesh is read first, and what changes is said. If one cannot be read, or OUT has no files, nothing is taken
     over. All files appear together: if one cannot be written, GOLDEN stays as it was.
     """
+    _refuse_folders(golden, out)
+    comparing = Comparing(tolerance=tolerance, ignore=ignore)
+    verdicts = {verdict.name: verdict for verdict in _compared(golden, out, comparing)}
+    chosen = _named(names, verdicts, golden, out) if names else [each for each in verdicts.values() if not each.same]
+    taken, gone = (
+        [each for each in chosen if os.path.lexists(each.paths[1]) == is_there] for is_there in (True, False)
+    )
+    if names and gone and not prune:
+        raise GtbError(*(Fault(f"has no file {each.name}; --prune removes {each.paths[0]}", out) for each in gone))
+    if prune and (linked := [each.paths[0] for each in gone if _is_elsewhere(golden, each)]):
+        raise GtbError(
+            *(Fault("is in a folder that is linked, where --prune removes nothing", path) for path in linked)
+        )
+    for line in _take_over(golden, taken, comparing):
+        console.note(line)
+    for verdict in gone if prune else ():
+        _remove(golden, verdict.paths[0])
+        console.note(f"{verdict.paths[0]}: removed")
+    left = len(verdicts) - len(taken) - (len(gone) if prune else 0)
+    console.note(f"{golden}: {len(taken)} taken over, {left} left as they are")
+    if gone and not prune:
+        console.warn(f"{golden}: {len(gone)} files are not in {out}; --prune removes them")
+
+
+def _refuse_folders(golden: str, out: str) -> None:
+    """Refuse what is not two folders apart; GOLDEN may be missing."""
     if not os.path.isdir(out):
         raise GtbError(f"{out}: is not a folder")
     if os.path.lexists(golden) and not os.path.isdir(golden):
@@ -56,60 +85,50 @@ def approve(
         raise click.UsageError("GOLDEN and OUT are the same folder")
     if os.path.commonpath(places) + os.sep in places:
         raise click.UsageError("GOLDEN and OUT are one in the other")
-    comparing = Comparing(tolerance=tolerance, ignore=ignore)
-    answers = {answer.name: answer for answer in _answers(golden, out, comparing)}
-    if unknown := [name for name in names if name not in answers]:
-        raise GtbError(*(Fault(f"has no file {name}", out) for name in unknown))
-    chosen = [answers[name] for name in dict.fromkeys(names)] or [each for each in answers.values() if not each.same]
-    taken = [answer for answer in chosen if os.path.lexists(answer.paths[1])]
-    gone = [answer for answer in chosen if not os.path.lexists(answer.paths[1])]
-    if names and gone and not prune:
-        raise GtbError(*(Fault(f"has no file {each.name}; --prune removes {each.paths[0]}", out) for each in gone))
-    if prune and (linked := [each.paths[0] for each in gone if _is_elsewhere(golden, each)]):
-        raise GtbError(
-            *(Fault("is in a folder that is linked, where --prune removes nothing", path) for path in linked)
-        )
-    for line in _take_over(golden, taken, comparing):
-        console.note(line)
-    for answer in gone if prune else ():
-        _remove(golden, answer.paths[0])
-        console.note(f"{answer.paths[0]}: removed")
-    left = len(answers) - len(taken) - (len(gone) if prune else 0)
-    console.note(f"{golden}: {len(taken)} taken over, {left} left as they are")
-    if gone and not prune:
-        console.warn(f"{golden}: {len(gone)} files are not in {out}; --prune removes them")
 
 
-def _answers(golden: str, out: str, comparing: Comparing) -> Iterable[Answer]:
-    """Compare the files of two folders; all are extra if the first has none, and an empty second one is refused."""
+def _compared(golden: str, out: str, comparing: Comparing) -> Iterable[Verdict]:
+    """Compare two folders; all files are extra if the first has none, and an empty second one is refused."""
     unreadable = dict[str, str]()
     found = files_in(out, unreadable)
     if not found and not unreadable:
         raise GtbError(f"{out}: has no files to take over")
     if os.path.isdir(golden) and files_in(golden, unreadable):
-        return comparing.folders(golden, out)
+        return comparing.each(golden, out)
     if unreadable:
         raise GtbError(*unreadable.values())
-    return [Answer(name, (os.path.join(golden, name), path), "extra") for name, path in sorted(found.items())]
+    return [Verdict(name, (os.path.join(golden, name), path), "extra") for name, path in sorted(found.items())]
 
 
-def _take_over(golden: str, taken: Sequence[Answer], comparing: Comparing) -> list[str]:
+def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, out: str) -> list[Verdict]:
+    """Return the verdicts on files with these names, as `gtb diff` prints them, or that match them as patterns.
+
+    Files with equal bytes are left out.
+    """
+    chosen, unknown = dict[str, None](), list[str]()
+    for name in names:
+        here = [name, os.path.normpath(name), *(os.path.relpath(name, folder) for folder in (golden, out))]
+        found = [each for each in here if each in verdicts][:1]
+        found = found or [key for key in verdicts if any(fnmatchcase(key, each) for each in here)]
+        unknown += [] if found else [name]
+        chosen |= dict.fromkeys(found)
+    if unknown:
+        raise GtbError(*(Fault(f"has no file {name}", out) for name in unknown))
+    return [verdict for name in chosen if not (verdict := verdicts[name]).same or verdict.found is not None]
+
+
+def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing) -> list[str]:
     """Replace all files or none; return what changes in each."""
     from gtb_cli.files import StagedFiles, discard_unfinished
 
     changes, errors = list[str](), list[str | Fault]()
     try:
         with StagedFiles() as files:
-            for answer in taken:
-                target, source = answer.paths
+            for verdict in taken:
+                target = verdict.paths[0]
                 try:
-                    if suffix_of(target) != suffix_of(source):
-                        raise GtbError(f"{source}: is a file of another kind than {target}")
-                    if not os.path.isfile(source):  # reading a pipe would wait for its writer
-                        raise GtbError(*(answer.errors or [Fault("is not a file", source)]))
-                    with opened(source) as file:
-                        content = file.read()
-                    changes.append(f"{target}: {_changed(answer, content, comparing)}")
+                    content = _new_content(golden, verdict)
+                    changes.append(f"{target}: {_changed(verdict, content, comparing)}")
                 except GtbError as error:
                     errors += error.args
                 if not errors:
@@ -123,9 +142,23 @@ def _take_over(golden: str, taken: Sequence[Answer], comparing: Comparing) -> li
     return changes
 
 
-def _changed(answer: Answer, content: bytes, comparing: Comparing) -> str:
+def _new_content(golden: str, verdict: Verdict) -> bytes:
+    """Read a new file, unless it may not take the place of the old one."""
+    target, source = verdict.paths
+    if suffix_of(target) != suffix_of(source):
+        raise GtbError(f"{source}: is a file of another kind than {target}")
+    inside, place = (os.path.join(os.path.realpath(path), "") for path in (golden, target))
+    if not place.startswith(inside):
+        raise GtbError(f"{target}: is a link out of {golden}, or in a folder that is one: nothing is written there")
+    if not os.path.isfile(source):  # reading a pipe would wait for its writer
+        raise GtbError(*(verdict.errors or [Fault("is not a file", source)]))
+    with opened(source) as file:
+        return file.read()
+
+
+def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
     """Say what changes, old → new; raises `GtbError` if the new file is a mesh that cannot be read."""
-    source = answer.paths[1]
+    source = verdict.paths[1]
     if suffix_of(source) not in FORMATS:
         return f"{len(content)} bytes"
     from gtb_cli.distances.comparison import decoded
@@ -133,14 +166,14 @@ def _changed(answer: Answer, content: bytes, comparing: Comparing) -> str:
     from gtb_cli.review.table import rows
 
     new = decoded(content, source, comparing.recipe).known.mesh
-    made = change(answer.name, "different", answer.meshes[0], new)
+    made = change(replace(verdict, word="different", found=None, meshes=(verdict.meshes[0], new)))
     if made.new is None or made.new.measures is None:
         raise GtbError(f"{source}: has no faces, or vertices that are not finite")
     if made.old is None:
         count = f"{made.new.faces} {'segments' if new.is_curve else 'faces'}"
-        return f"new, {count}" if answer.verdict == "extra" else count
+        return f"new, {count}" if verdict.word == "extra" else count
     what = [f"{row.label} {row.old or '–'} → {row.new or '–'}" for row in rows(made) if row.is_changed]
-    apart = [f"{answer.found.distance:.3g} apart", *answer.found.faults] if answer.found is not None else []
+    apart = [f"{verdict.found.distance:.3g} apart", *verdict.found.faults] if verdict.found is not None else []
     return ", ".join(apart + what) or "the same measures"
 
 
@@ -159,10 +192,10 @@ def _make_folder(folder: str) -> None:
             raise GtbError(f"cannot make the folder {each}: {error.strerror}") from None
 
 
-def _is_elsewhere(golden: str, answer: Answer) -> bool:
+def _is_elsewhere(golden: str, verdict: Verdict) -> bool:
     """Tell whether a file is in a folder that is a link, or behind one."""
-    place = os.path.realpath(os.path.dirname(answer.paths[0]))
-    return place != os.path.join(os.path.realpath(golden), os.path.dirname(answer.name)).rstrip(os.sep)
+    place = os.path.realpath(os.path.dirname(verdict.paths[0]))
+    return place != os.path.join(os.path.realpath(golden), os.path.dirname(verdict.name)).rstrip(os.sep)
 
 
 def _remove(golden: str, path: str) -> None:

@@ -6,13 +6,12 @@ import os
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, Console, complain, error_record
-from gtb_cli.shell.faults import faults_about
+from gtb_cli.shell.console import STANDARD, Console, complain
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
@@ -26,16 +25,21 @@ from gtb_cli.shell.options import (
     text_options,
     tolerance_of,
 )
-from gtb_cli.shell.streams import refuse_overwriting, write_json, write_text
+from gtb_cli.shell.streams import (
+    refuse_overwriting,
+    refuse_reports,
+    refuse_within,
+    shown_input,
+    write_json,
+    write_text,
+)
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.verdicts.comparing import Answer, Comparing, Verdict
-from gtb_cli.verdicts.differences import record, text_about
-from gtb_cli.verdicts.reporting import refuse_reports, refuse_within, reviewed, write_pictures, write_reports
-from gtb_cli.vocabulary import RESOLUTION, printable, suffix_of
+from gtb_cli.verdicts.comparing import Comparing
+from gtb_cli.verdicts.verdict import Verdict, Verdicts
+from gtb_cli.vocabulary import RESOLUTION, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Aspect, Kind
-    from gtb_cli.review.changes import Review
     from gtb_cli.theory.parametrization import Parametrization
 
 
@@ -129,32 +133,57 @@ def diff(
     for path in (a, b):
         if path != STANDARD and not os.path.exists(path):
             raise GtbError(f"{path}: No such file or directory")
+    folders = [path for path in (a, b) if os.path.isdir(path)]
     if pictures is not None:
-        _refuse_pictures(pictures, [each for each in (a, b) if os.path.isdir(each)])
-    comparing = Comparing(recipe, tolerance, kind, ignore, spec_format)
-    if os.path.isdir(a) and os.path.isdir(b):
-        return _diff_folders(a, b, comparing, as_json, output, reports, pictures, console)
-    if os.path.isdir(a) and b != STANDARD:
-        a = os.path.join(a, os.path.basename(b))
-    elif os.path.isdir(b) and a != STANDARD:
-        b = os.path.join(b, os.path.basename(a))
-    refuse_overwriting([a, b], [output, *reports])
-    refuse_reports(reports)
-    try:
-        answer = comparing.files(a, b)
-    except GtbError as error:
-        if as_json:
-            write_json(output, {"same": False, "errors": [*map(error_record, faults_about(error))]})
-        raise
-    _tell(answer, console)
-    if as_json:
-        write_json(output, record(answer))
+        _refuse_pictures(pictures, folders)
+    if len(folders) == 2:
+        inputs = [path for pair in pairs(a, b)[0].values() for path in pair if path]
     else:
-        write_text(output, text_about(answer))
+        inputs = [a, b] = _two_files(a, b)
+    refuse_overwriting(inputs, [output, *reports])
+    refuse_reports(reports, folders if len(folders) == 2 else ())
+    comparing = Comparing(recipe, tolerance, kind, ignore, spec_format)
+    verdicts: list[Verdict] = []
+
+    def told() -> Iterator[Verdict]:
+        for verdict in comparing.each(a, b):
+            for say, messages in ((console.warn, verdict.warnings), (console.note, verdict.notes)):
+                for message in messages:
+                    say(f"{', '.join(verdict.paths)}: {message}")
+            verdicts.append(replace(verdict, meshes=(None, None)))
+            yield verdict
+
+    review = None
     if reports or pictures is not None:
-        _write(reviewed(answer.paths, [answer], comparing), reports, pictures, console)
-    if not answer.same:
-        raise click.exceptions.Exit(1)
+        from gtb_cli.review.reports import reviewed
+
+        review = reviewed((shown_input(a), shown_input(b)), told(), comparing)
+    else:
+        deque(told(), maxlen=0)
+    found = Verdicts(tuple(verdicts), of_folders=len(folders) == 2)
+    if as_json:
+        write_json(output, found.record)
+    else:
+        write_text(output, found.text)
+    for error in found.errors:
+        complain(error)
+    if review is not None:
+        from gtb_cli.review.reports import write_reports
+
+        drawn = write_reports(review, reports, pictures)
+        if pictures is not None and drawn < len(review.changes):
+            console.note(f"{pictures}: {len(review.changes) - drawn} of the changes without a picture")
+    if found.status:
+        raise click.exceptions.Exit(found.status)
+
+
+def _two_files(a: str, b: str) -> list[str]:
+    """Return two files; in place of a folder, its file with the name of the other one."""
+    if os.path.isdir(a) and b != STANDARD:
+        return [os.path.join(a, os.path.basename(b)), b]
+    if os.path.isdir(b) and a != STANDARD:
+        return [a, os.path.join(b, os.path.basename(a))]
+    return [a, b]
 
 
 def _refuse_pictures(folder: str, compared: Sequence[str]) -> None:
@@ -165,70 +194,3 @@ def _refuse_pictures(folder: str, compared: Sequence[str]) -> None:
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
     with settings():
         pass
-
-
-def _write(review: Review, reports: Sequence[str], pictures: str | None, console: Console) -> None:
-    places = {} if pictures is None else write_pictures(pictures, review)
-    write_reports(reports, review, places)
-    if pictures is not None and len(places) < len(review.changes):
-        console.note(f"{pictures}: {len(review.changes) - len(places)} of the changes without a picture")
-
-
-def _tell(answer: Answer, console: Console) -> None:
-    """Say where the answer does not quite fit the question."""
-    for say, messages in ((console.warn, answer.warnings), (console.note, answer.notes)):
-        for message in messages:
-            say(f"{', '.join(answer.paths)}: {message}")
-
-
-def _diff_folders(
-    a: str,
-    b: str,
-    comparing: Comparing,
-    as_json: bool,
-    output: str,
-    reports: Sequence[str],
-    pictures: str | None,
-    console: Console,
-) -> None:
-    """Compare all files of two folders, and end with the worst status."""
-    files = [path for pair in pairs(a, b)[0].values() for path in pair if path is not None]
-    refuse_overwriting(files, [output, *reports])
-    refuse_reports(reports, [a, b])
-    answers: dict[str, list[Answer]] = {verdict: [] for verdict in get_args(Verdict)}
-
-    def told() -> Iterator[Answer]:
-        for answer in comparing.folders(a, b):
-            _tell(answer, console)
-            answers[answer.verdict].append(replace(answer, meshes=(None, None)))
-            yield answer
-
-    review = None
-    if reports or pictures is not None:
-        review = reviewed((a, b), told(), comparing)
-    else:
-        deque(told(), maxlen=0)
-    same, different, missing, extra, unreadable = answers.values()
-    if as_json:
-        compared = sorted(same + different, key=lambda answer: answer.name)
-        found = {
-            "same": not (different or missing or extra or unreadable),
-            "files": [{"name": answer.name, **record(answer)} for answer in compared],
-            "missing": [answer.name for answer in missing],
-            "extra": [answer.name for answer in extra],
-            "errors": [{"name": each.name, **error_record(error)} for each in unreadable for error in each.errors],
-        }
-        write_json(output, found)
-    else:
-        text = "".join(map(text_about, different))
-        text += "".join(f"{printable(f'missing: {answer.paths[0]} is not in {b}')}\n" for answer in missing)
-        text += "".join(f"{printable(f'extra: {answer.paths[1]} is not in {a}')}\n" for answer in extra)
-        counts = [f"{len(found)} {verdict}" for verdict, found in answers.items() if found or verdict != "unreadable"]
-        write_text(output, f"{text}{', '.join(counts)}\n")
-    for answer in unreadable:
-        for error in answer.errors:
-            complain(error)
-    if review is not None:
-        _write(review, reports, pictures, console)
-    if different or missing or extra or unreadable:
-        raise click.exceptions.Exit(2 if unreadable else 1)

@@ -150,14 +150,13 @@ def view(
 
 
 def _comparison(paths: tuple[str, ...], recipe: Recipe, spec_format: str | None) -> str:
+    from gtb_cli.review.reports import reviewed
     from gtb_cli.review.review_page import page
     from gtb_cli.verdicts.comparing import Comparing
-    from gtb_cli.verdicts.reporting import reviewed
 
-    old, new = paths
     comparing = Comparing(recipe, spec_format=spec_format)
-    answer = comparing.files(old, new)
-    return page(reviewed(answer.paths, [answer], comparing))
+    verdict = comparing.files(*paths)
+    return page(reviewed(verdict.paths, [verdict], comparing))
 
 
 def content_of_paths(

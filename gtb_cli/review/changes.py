@@ -1,8 +1,9 @@
 """What changed between two versions of meshes: measures of both, and meshes small enough to be shown."""
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
 
@@ -14,11 +15,11 @@ from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.review.colouring import distances, moved, turned
 from gtb_cli.review.simplification import simplified
+from gtb_cli.verdicts.verdict import WORDS, Verdict, Word
 
 MAX_SHOWN_FACES = 20_000  # of one mesh: finer ones look the same in a third of a window
 MAX_ALL_FACES = 2_000_000  # of all meshes of a page, with which a browser still opens it
-
-Verdict: TypeAlias = Literal["different", "missing", "extra", "unreadable"]
+REPORTED: tuple[Word, ...] = ("unreadable", "different", "missing", "extra")  # in this order
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,26 @@ class Side:
 class Change:
     """A file that is not the same in both folders; a side is None if there is no mesh on it."""
 
-    name: str
-    verdict: Verdict
-    reasons: tuple[str, ...] = ()  # in words: errors, or what differs in faces at the same place
-    found: Difference | None = None
+    verdict: Verdict  # without meshes
     old: Side | None = None
     new: Side | None = None
     frames: tuple[Frame, Frame] | None = None  # in which each is drawn, mostly the same one; None without meshes
+    scale: str = ""  # why the two frames differ, in words
+
+    @property
+    def name(self) -> str:
+        """The name of the file."""
+        return self.verdict.name
+
+    @property
+    def found(self) -> Difference | None:
+        """How two meshes differ."""
+        return self.verdict.found
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What differs, in sentences."""
+        return (*self.verdict.reasons, *([self.scale] if self.scale else []))
 
     @property
     def coloured(self) -> Literal["old", "new", ""]:
@@ -75,24 +89,19 @@ class Review:
     same: int  # how many files are the same
 
     @property
-    def counts(self) -> dict[str, int]:
-        """How many files have each verdict."""
-        verdicts: tuple[Verdict, ...] = ("different", "missing", "extra", "unreadable")
-        return {"same": self.same} | {each: sum(change.verdict == each for change in self.changes) for each in verdicts}
+    def counts(self) -> dict[Word, int]:
+        """How many files have each verdict that there is, and how many are the same."""
+        words = Counter(change.verdict.word for change in self.changes)
+        words["same"] = self.same
+        return {word: words[word] for word in WORDS if words[word] or word == "same"}
 
 
-def change(
-    name: str,
-    verdict: Verdict,
-    old: Mesh | None = None,
-    new: Mesh | None = None,
-    found: Difference | None = None,
-    reasons: Sequence[str] = (),
-) -> Change:
+def change(verdict: Verdict) -> Change:
     """Return what is shown of a file that is not the same: meshes of at most `MAX_SHOWN_FACES`, and what colours them.
 
     These are the distances of two curves, or surfaces, or the turned faces of those within the tolerance.
     """
+    (old, new), found = verdict.meshes, verdict.found
     first, second = old, new
     if found is None or not found.same_kind or not (found.distance > found.tolerance or found.turned):
         first = second = None
@@ -100,7 +109,7 @@ def change(
         first = None
     else:
         second = None
-    return _framed(Change(name, verdict, tuple(reasons), found, _side(old, second, found), _side(new, first, found)))
+    return _framed(Change(replace(verdict, meshes=(None, None)), _side(old, second, found), _side(new, first, found)))
 
 
 def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
@@ -114,8 +123,7 @@ def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
         while sum(map(_shown_faces, kept)) > MAX_ALL_FACES and most > 1:
             most //= 2
             kept = [_at_most(one, most) for one in kept]
-    order = {"unreadable": 0, "different": 1, "missing": 2, "extra": 3}
-    kept.sort(key=lambda each: (order[each.verdict], -each.amount, each.name))
+    kept.sort(key=lambda each: (REPORTED.index(each.verdict.word), -each.amount, each.name))
     return Review(names, tuple(kept), same)
 
 
@@ -156,7 +164,7 @@ def _framed(change: Change) -> Change:
         reason = f"{large} is {ratio:.4g} times as large as {small}"
     else:
         reason = f"{small} is a dot beside {large}"
-    return replace(change, frames=(Frame.around(points[0]), Frame.around(points[1])), reasons=(*change.reasons, reason))
+    return replace(change, frames=(Frame.around(points[0]), Frame.around(points[1])), scale=reason)
 
 
 def _shown_faces(change: Change) -> int:

@@ -16,7 +16,7 @@ def markdown(review: Review, page: str = "", pictures: Mapping[str, str] | None 
 
     `page` is the name of the page about the same, and `pictures` has the address of one for some of the changes.
     """
-    counts = ", ".join(f"{count} {name}" for name, count in review.counts.items() if count or name == "same")
+    counts = ", ".join(f"{count} {word}" for word, count in review.counts.items())
     text = f"### {_code(review.names[0])} → {_code(review.names[1])}\n\n{counts}.\n"
     if page and review.changes:
         text += f"Old and new side by side: {_code(page)}.\n"
@@ -27,7 +27,7 @@ def markdown(review: Review, page: str = "", pictures: Mapping[str, str] | None 
     table = f"\n| {' | '.join(head)} |\n|{'---|' * len(head)}\n" if tables else ""
     below = ""
     for k, (change, numbers) in enumerate(zip(review.changes, tables, strict=True)):
-        cells = [_code(change.name).replace("|", "\\|"), change.verdict, amount(change)]
+        cells = [_code(change.name).replace("|", "\\|"), change.verdict.word, amount(change)]
         cells.append("" if change.found is None else f"{change.found.tolerance:.3g}")
         for label in labels:
             row = numbers.get(label)

@@ -25,7 +25,7 @@ def page(review: Review) -> str:
 def _data(change: Change) -> dict[str, Any]:
     data: dict[str, Any] = {
         "name": printable(change.name),
-        "verdict": change.verdict,
+        "verdict": change.verdict.word,
         "reasons": [printable(reason) for reason in change.reasons],
         "amount": amount(change),
         "tolerance": "" if change.found is None else f"{change.found.tolerance:.3g}",

@@ -26,7 +26,7 @@ def rows(change: Change) -> list[Row]:
 
     There are none where one file is unreadable: the other one's would look like a change.
     """
-    if change.verdict == "unreadable":
+    if change.verdict.word == "unreadable":
         return []
     old, new = (
         {} if side is None or side.measures is None else labelled(side.measures.record())

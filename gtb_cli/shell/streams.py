@@ -161,6 +161,24 @@ def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
             raise click.UsageError(f"{output} is read by this command, and would be overwritten")
 
 
+def refuse_reports(paths: Iterable[str], folders: Collection[str] = ()) -> None:
+    """Refuse reports that could not be written, or would be among the files of folders, before these are compared."""
+    for path in paths:
+        place = os.path.dirname(path) or os.curdir
+        if os.path.isdir(path) or not os.path.isdir(place):
+            why = "it is a folder" if os.path.isdir(path) else f"the folder {place} does not exist"
+            raise ExportError(f"cannot write {path}: {why}")
+        refuse_within(path, folders)
+
+
+def refuse_within(path: str, folders: Collection[str]) -> None:
+    """Refuse to write a file or folder that would be in one of the folders that are compared."""
+    for folder in folders:
+        inner, outer = (os.path.join(os.path.realpath(each), "") for each in (path, folder))
+        if inner.startswith(outer):
+            raise click.UsageError(f"{path} would be in {folder}, and be compared the next time")
+
+
 def _status(path: str) -> os.stat_result | None:
     """Return the status of an input, or None if it does not exist."""
     try:

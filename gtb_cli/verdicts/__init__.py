@@ -1,1 +1,1 @@
-"""Verdicts on files of meshes and specs: what `gtb diff` compares, tells and reports."""
+"""Verdicts on files of meshes and specs: two files, or all of two folders, compared, and what is said of them."""

@@ -4,42 +4,23 @@ from __future__ import annotations
 
 import filecmp
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from functools import partial
+from typing import TYPE_CHECKING
 
-from gtb_cli.errors import Fault, GtbError
+from gtb_cli.errors import GtbError
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.streams import is_regular, opened, shown_input
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.verdicts.verdict import Verdict
 from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.distances.comparison import Operand
-    from gtb_cli.meshes.difference import Aspect, Difference, Kind
+    from gtb_cli.meshes.difference import Aspect, Kind
     from gtb_cli.meshes.mesh import Mesh
-
-Verdict: TypeAlias = Literal["same", "different", "missing", "extra", "unreadable"]
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The answer about two files; without `found` if only their bytes were compared, or one is missing."""
-
-    name: str  # of the two in their folders; of the second, if these are not folders
-    paths: tuple[str, str]  # as messages show them; also of a file that is missing
-    verdict: Verdict
-    found: Difference | None = None
-    warnings: tuple[str, ...] = ()  # where the answer does not quite fit the question
-    notes: tuple[str, ...] = ()  # what else could be asked
-    errors: tuple[Fault, ...] = ()  # why a file is unreadable
-    meshes: tuple[Mesh | None, Mesh | None] = (None, None)  # None if they are the same, or not meshes
-
-    @property
-    def same(self) -> bool:
-        """Whether the files are the same within the tolerance."""
-        return self.verdict == "same"
 
 
 @dataclass(frozen=True)
@@ -52,12 +33,12 @@ class Comparing:
     ignore: Aspect | Collection[Aspect] = ()
     spec_format: str | None = None
 
-    def files(self, first: str, second: str) -> Answer:
+    def files(self, first: str, second: str) -> Verdict:
         """Compare two files, or standard input with a file; raises `GtbError` if one of them cannot be read."""
         shown = shown_input(first), shown_input(second)
-        answer = Answer(os.path.basename(shown[1]), shown, "same")
+        verdict = Verdict(os.path.basename(shown[1]), shown, "same")
         if _are_equal_meshes(first, second):
-            return answer
+            return verdict
         from gtb_cli.distances.comparison import compared, made_with
 
         a, b = self.read(first), self.read(second)
@@ -71,32 +52,42 @@ class Comparing:
         if self.kind == "auto" and found.method == "surface" and found.same_kind and self.recipe.tolerance is None:
             made = made_with(a, b)
             if made not in (None, self.recipe.resolution):
-                spec, mesh = answer.paths if a.spec is not None else answer.paths[::-1]
+                spec, mesh = shown if a.spec is not None else shown[::-1]
                 notes.append(
                     f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices"
                 )
-        answer = replace(answer, found=found, warnings=found.limits, notes=tuple(notes))
-        return answer if found.same else replace(answer, verdict="different", meshes=(a.known.mesh, b.known.mesh))
+        verdict = replace(verdict, found=found, warnings=found.limits, notes=tuple(notes))
+        return verdict if found.same else replace(verdict, word="different", meshes=(a.known.mesh, b.known.mesh))
 
-    def folders(self, a: str, b: str) -> Iterator[Answer]:
-        """Compare all files of two folders that have the same name, sorted by name."""
+    def each(self, a: str, b: str) -> Iterator[Verdict]:
+        """Compare all files of two folders that have the same name, sorted by name; or two files."""
+        if os.path.isdir(a) and os.path.isdir(b):
+            yield from self._folders(a, b)
+        else:
+            shown = shown_input(a), shown_input(b)
+            yield self._attempted(os.path.basename(shown[1]), shown, partial(self.files, a, b))
+
+    def _folders(self, a: str, b: str) -> Iterator[Verdict]:
         matched, unreadable = pairs(a, b)
         has_meshes = any(suffix_of(path) in FORMATS for pair in matched.values() for path in pair if path)
         for name in sorted({*unreadable, *matched}):
             first, second = matched.get(name, (None, None))
             paths = first or os.path.join(a, name), second or os.path.join(b, name)
             if name in unreadable:
-                yield Answer(name, paths, "unreadable", errors=tuple(GtbError(unreadable[name]).faults))
-                continue
-            if first is None or second is None:
-                yield Answer(name, paths, "extra" if first is None else "missing")
-                continue
-            try:
-                yield replace(self._pair(first, second, has_meshes), name=name)
-            except (GtbError, OSError) as error:
-                yield Answer(name, paths, "unreadable", errors=tuple(faults_about(error)))
+                yield Verdict(name, paths, "unreadable", errors=tuple(GtbError(unreadable[name]).faults))
+            elif first is None or second is None:
+                yield Verdict(name, paths, "extra" if first is None else "missing")
+            else:
+                yield self._attempted(name, paths, partial(self._pair, *paths, has_meshes))
 
-    def _pair(self, first: str, second: str, has_meshes: bool) -> Answer:
+    def _attempted(self, name: str, paths: tuple[str, str], compare: Callable[[], Verdict]) -> Verdict:
+        """Return the verdict on two files, also that they cannot be compared."""
+        try:
+            return replace(compare(), name=name)
+        except (GtbError, OSError) as error:
+            return Verdict(name, paths, "unreadable", errors=tuple(faults_about(error)))
+
+    def _pair(self, first: str, second: str, has_meshes: bool) -> Verdict:
         for path in (first, second):
             if os.path.exists(path) and not os.path.isfile(path):  # reading a pipe would wait for its writer
                 raise GtbError(f"{path}: is not a file")
@@ -105,7 +96,24 @@ class Comparing:
         if suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and specs_count):
             return self.files(first, second)
         same = filecmp.cmp(first, second, shallow=False)
-        return Answer("", (first, second), "same" if same else "different")
+        return Verdict("", (first, second), "same" if same else "different")
+
+    def shown(self, verdict: Verdict) -> Verdict:
+        """Return a verdict with the meshes that there are of a file that could not be compared."""
+        old, new = verdict.meshes
+        if verdict.word in ("missing", "unreadable"):
+            old = self._mesh(verdict.paths[0])
+        if verdict.word in ("extra", "unreadable"):
+            new = self._mesh(verdict.paths[1])
+        return replace(verdict, meshes=(old, new))
+
+    def _mesh(self, path: str) -> Mesh | None:
+        """Return the mesh in a file; None if it cannot be read, or is not a mesh."""
+        try:
+            is_mesh = suffix_of(path) in FORMATS and os.path.isfile(path)  # reading a pipe would wait for its writer
+            return self.read(path).known.mesh if is_mesh else None
+        except (GtbError, OSError):
+            return None
 
     def read(self, path: str) -> Operand:
         """Read a mesh file, or a spec, which becomes a mesh where one is needed."""

@@ -10,8 +10,7 @@ from scipy.spatial import cKDTree
 from gtb_cli import DomainError, Model, Patch, diff, distance, elevate, load, tessellate, write_mesh
 from gtb_cli.distances.shapes import RELATIVE_ERROR
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.verdicts.comparing import Answer
-from gtb_cli.verdicts.differences import text_about
+from gtb_cli.verdicts.verdict import Verdict
 from tests.marks import long, mostly_long
 from tests.patches import NAMES, bumps, named, pentagon
 from tests.shell import SPECS
@@ -120,7 +119,7 @@ def test_the_same_surface_within_a_loose_bound_is_not_called_so_without_it():
     assert not found.limits
     loose = replace(found, bound=0.0101)
     assert loose.limits == ("nothing farther apart than 0 was found, but it is not proved: it could be 0.0101",)
-    text = text_about(Answer("", ("a.toml", "b.toml"), "same", loose))
+    text = Verdict("", ("a.toml", "b.toml"), "same", loose).text
     assert "surfaces 0 apart where they were looked at, themselves (by a search, not proved: at most 0.0101)" in text
 
 

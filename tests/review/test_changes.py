@@ -2,16 +2,33 @@
 
 import base64
 import re
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
 import gtb_cli.review.changes as room
 from gtb_cli import Mesh, Recipe, diff, load
-from gtb_cli.review.changes import change, review
+from gtb_cli.errors import Fault
+from gtb_cli.meshes.difference import Difference
+from gtb_cli.review.changes import Change, review
 from gtb_cli.review.review_page import page
 from gtb_cli.review.simplification import simplified
+from gtb_cli.verdicts.verdict import Verdict, Word
 from tests.specs import SPECS
+
+
+def change(
+    name: str,
+    word: Word,
+    old: Mesh | None = None,
+    new: Mesh | None = None,
+    found: Difference | None = None,
+    reasons: Sequence[str] = (),
+) -> Change:
+    """What is shown of a verdict on two meshes."""
+    errors = tuple(map(Fault, reasons))
+    return room.change(Verdict(name, (name, name), word, found, errors=errors, meshes=(old, new)))
 
 
 def mesh_of(name: str, resolution: int) -> Mesh:
@@ -86,7 +103,7 @@ def test_the_largest_change_comes_first_and_errors_before_it():
     ]
     made = review(("a", "b"), iter(changes))
     assert [each.name for each in made.changes] == ["unreadable", "much", "little", "missing"]
-    assert made.counts == {"same": 1, "different": 2, "missing": 1, "extra": 0, "unreadable": 1}
+    assert made.counts == {"same": 1, "different": 2, "missing": 1, "unreadable": 1}
 
 
 def test_a_mesh_that_cannot_be_shown_has_its_count_of_faces():
@@ -168,11 +185,11 @@ def test_a_mesh_that_would_be_a_dot_is_drawn_at_its_own_scale():
         (Mesh(0 * old.vertices + 1, old.cells), "new is a dot beside old"),
     ):
         made = change("x", "different", old, new, diff(old, new, kind="vertices"))
-        assert made.reasons == (reason,)
+        assert made.reasons[-1] == reason
         for side, frame in zip((made.old, made.new), made.frames, strict=True):
             assert np.abs(frame.inside(side.mesh.vertices)).max() >= 0.5 or reason.startswith("new is a dot")
         assert '"alone":true' in page(review(("a", "b"), iter([made])))
-    made = change("x", "different", old, Mesh(5 * old.vertices, old.cells))
+    made = change("x", "extra", old, Mesh(5 * old.vertices, old.cells))
     assert made.reasons == ()
     assert made.frames[0] is made.frames[1]
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from gtb_cli import Mesh, diff
-from gtb_cli.review.changes import change
 from gtb_cli.review.drawing import drawing
 from tests.marks import long, mostly_long
-from tests.review.test_changes import mesh_of, moved
+from tests.review.test_changes import change, mesh_of, moved
 from tests.shell import PENTAGON, gtb
 
 pyplot = pytest.importorskip("matplotlib.pyplot")

@@ -4,9 +4,9 @@ import pytest
 from markdown_it import MarkdownIt
 
 from gtb_cli import diff
-from gtb_cli.review.changes import change, review
+from gtb_cli.review.changes import review
 from gtb_cli.review.markdown import MAX_BYTES, markdown
-from tests.review.test_changes import mesh_of, moved
+from tests.review.test_changes import change, mesh_of, moved
 
 HOSTILE = [
     "a|b.obj",

@@ -1,23 +1,16 @@
-"""Reports on the difference of two meshes: as text, as plain data, and as warnings."""
+"""The difference of two meshes in words, and as plain data."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gtb_cli.vocabulary import printable
-
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
-    from gtb_cli.verdicts.comparing import Answer
 
 
-def record(answer: Answer) -> dict[str, Any]:
-    """Return an answer as plain data, ready for ``json.dumps``."""
-    found = answer.found
-    if found is None:
-        files = {key: {"file": path} for key, path in zip("ab", answer.paths, strict=True)}
-        return {"same": answer.same, "distance": 0.0 if answer.same else None, "method": "bytes", **files}
-    report: dict[str, Any] = {
+def difference_record(found: Difference) -> dict[str, Any]:
+    """Return a difference as plain data, ready for ``json.dumps``."""
+    return {
         "same": found.same,
         "distance": found.distance,
         "tolerance": found.tolerance,
@@ -27,7 +20,6 @@ def record(answer: Answer) -> dict[str, Any]:
         "turned_faces": found.turned,
         "remarks": [*found.units, *found.remarks],
         "ignored": list(found.ignored),
-        "warnings": [*answer.warnings, *answer.notes],
         "mean": found.mean,
         "asked_tolerance": found.asked,
         "resolution": found.resolution,
@@ -37,23 +29,15 @@ def record(answer: Answer) -> dict[str, Any]:
         "a_to_b": {"distance": found.forward.distance, "at": list(found.forward.at)},
         "b_to_a": {"distance": found.backward.distance, "at": list(found.backward.at)},
     }
-    for key, path, measures in zip("ab", answer.paths, (found.first, found.second), strict=True):
-        report[key] = {"file": path, **(measures.record() if measures else {})}
-    return report
 
 
-def text_about(answer: Answer) -> str:
-    """Return a line with the verdict and, if the meshes are not the same, a table of what differs."""
-    first, second = map(printable, answer.paths)
-    found = answer.found
-    text = f"{'same' if answer.same else 'different'}: {first} and {second}: "
-    if found is None:
-        return f"{text}{'equal' if answer.same else 'other'} bytes\n"
+def difference_text(found: Difference) -> str:
+    """Return what follows the names of two meshes: how far they are apart, and what else differs, in a table."""
     what = "surfaces" if found.same_kind else "a curve and a surface,"
     tolerance = f"tolerance {found.tolerance:.3g}\n"
     faults = "".join(f"  {fault}\n" for fault in found.faults)
     if found.method == "vertices":
-        text += f"the same faces, vertices up to {found.distance:.3g} apart (mean {found.mean:.3g}), {tolerance}"
+        text = f"the same faces, vertices up to {found.distance:.3g} apart (mean {found.mean:.3g}), {tolerance}"
         if found.same or not found.distance:
             return text + faults
         where = f" of {found.group}" if found.group else ""
@@ -62,12 +46,12 @@ def text_about(answer: Answer) -> str:
     if found.method == "patches":
         apart = f"{found.distance:.3g} apart{' where they were looked at' if found.is_loose else ''}"
         proof = f"not proved{f': at most {found.bound:.3g}' if found.is_loose else ''}"
-        text += f"{what} {apart}, themselves (by a search, {proof}), {tolerance}{faults}"
+        text = f"{what} {apart}, themselves (by a search, {proof}), {tolerance}{faults}"
         return text if found.same else text + _farthest(found)
     at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
     if not found.is_proved:
         at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
-    text += f"other faces, {what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
+    text = f"other faces, {what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
     from gtb_cli.meshes.measures import labelled
 
     rows = [labelled(measures.record()) for measures in (found.first, found.second) if measures is not None]
