@@ -77,13 +77,12 @@ FORMATS = {
 
 CAD_FORMATS = ("step", "iges", "brep")  # surface formats for CAD programs
 CAD_SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep"}
-CELL_FORMATS = ("vtu", "gismo")  # formats of curved cells for ParaView, and of Bézier pieces for G+Smo
-CELL_SUFFIXES = {"vtu": "vtu", "xml": "gismo"}
+CELL_FORMATS = ("vtu",)  # formats of curved cells, for ParaView; also the suffixes of their files
 # Units of length in metres, the default first, and the formats of files that have one
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 UNIT_FORMATS = ("step", "iges", "3mf", "glb")
 SPEC_FORMATS = ("toml", "json")  # formats of specs; also the suffixes of their files
-IMPORTS = ("trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl")  # formats of other programs
+IMPORTS = ("trp", "bv", "bpt", "bzr", "iges")  # formats of other programs
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")  # scalars that a mesh may have at each vertex
 BASIS = "basis:"  # prefix of the index of a basis function, whose values are a further scalar
 PARAMETRIZATIONS = ("linear", "toric")  # placements of the vertices of a mesh, the default first

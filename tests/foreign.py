@@ -1,12 +1,8 @@
 """Small files in the formats of other programs, written here, and their surfaces' own formulas in exact fractions."""
 
-import functools
-import json
 import math
-import tempfile
 from collections.abc import Sequence
 from fractions import Fraction
-from pathlib import Path
 
 Rows = Sequence[Sequence[Fraction]]
 
@@ -102,33 +98,6 @@ def floats(knots: Sequence[str]) -> list[float]:
     return [float(Fraction(x)) for x in knots]
 
 
-def geomdl() -> bytes:
-    """The surface as geomdl's export_json writes it."""
-    data = {
-        "rational": True,
-        "dimension": 3,
-        "degree_u": DEGREES[0],
-        "degree_v": DEGREES[1],
-        "knotvector_u": floats(KNOTS[0]),
-        "knotvector_v": floats(KNOTS[1]),
-        "size_u": 4,
-        "size_v": 3,
-        "control_points": {"points": POINTS, "weights": WEIGHTS},
-        "name": "sheet",
-    }
-    return json.dumps({"shape": {"type": "surface", "count": 1, "data": [data]}}, indent=1).encode()
-
-
-def geomdl_curve() -> bytes:
-    """A planar B-spline curve with an inner knot."""
-    data = {
-        "degree": 2,
-        "knotvector": [0, 0, 0, 0.5, 1, 1, 1],
-        "control_points": {"points": [[0, 0], [1, 1], [2, 0], [3, 1]]},
-    }
-    return json.dumps({"shape": {"type": "curve", "count": 1, "data": [data]}}).encode()
-
-
 def iges() -> bytes:
     """The surface turned and moved by a transformation, a curve, one in a parameter plane, and a line."""
     order = [i * 3 + j for j in range(3) for i in range(4)]
@@ -168,27 +137,8 @@ def iges() -> bytes:
 
 FILES = {
     "toric.trp": TRP, "shapes.bv": BV, "two.bpt": BPT, "one.bzr": BZR,
-    "sheet.json": geomdl(), "bow.json": geomdl_curve(), "part.igs": iges(),
+    "part.igs": iges(),
 }  # fmt: skip
-
-
-@functools.cache
-def rhino() -> bytes:
-    """A .3dm file, in millimetres: a ball, a point, a line and a curve of two spans."""
-    import rhino3dm
-
-    file = rhino3dm.File3dm()
-    file.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Millimeters
-    named = rhino3dm.ObjectAttributes()
-    named.Name = "ball"
-    file.Objects.Add(rhino3dm.Sphere(rhino3dm.Point3d(1, 2, 3), 2.0).ToNurbsSurface(), named)
-    file.Objects.AddPoint(rhino3dm.Point3d(0, 0, 0))
-    file.Objects.AddLine(rhino3dm.Point3d(0, 0, 0), rhino3dm.Point3d(1, 0, 0))
-    file.Objects.Add(rhino3dm.NurbsCurve.Create(False, 3, [rhino3dm.Point3d(i, i * i % 3, 0) for i in range(5)]))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "x.3dm")
-        file.Write(str(path), 7)
-        return path.read_bytes()
 
 
 def bernstein(n: int, i: int, t: Fraction) -> Fraction:

@@ -21,15 +21,9 @@ def test_what_is_made_by_rules_gives_what_it_should(judged, count):
 
 
 @pytest.mark.parametrize("count", mostly_long([40, 400]))
-@pytest.mark.parametrize("name", sorted(set(foreign_files()) - {"objects.3dm"}))
+@pytest.mark.parametrize("name", sorted(foreign_files()))
 def test_mutated_files_of_other_programs_are_read_or_refused(name, count):
     assert imports(count, seed=1, names=[name]) is None
-
-
-@long
-def test_mutated_files_of_rhino_are_read_or_refused():
-    """Each is read by a process of its own."""
-    assert imports(12, seed=1, names=["objects.3dm"]) is None
 
 
 @long

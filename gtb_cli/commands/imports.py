@@ -27,9 +27,8 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
     Print a file of another program as a spec: a patch, or a model of several.
 
     Formats: toric patches (.trp), BezierView (.bv), Bézier nets (.bpt, .bzr), and, exactly, span by span, B-splines and
-    NURBS from IGES (.igs, .iges: entities 126 and 128), from Rhino (.3dm, with the extra gtb-cli[rhino]) and from
-    geomdl (.json). A message names what a patch cannot hold, such as trimming and units. Boundaries of holes (.gbp,
-    .lop) are filled as gtb fill does.
+    NURBS from IGES (.igs, .iges: entities 126 and 128). A message names what a patch cannot hold, such as trimming and
+    units. Boundaries of holes (.gbp, .lop) are filled as gtb fill does.
     """
     from gtb_cli.filling.loops import SUFFIXES, loop_from_text
     from gtb_cli.filling.one_patch import fill_loop

@@ -42,7 +42,7 @@ from gtb_cli.shell.streams import (
 )
 from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfaces
 from gtb_cli.shell.workers import Workers, workers_option
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, CELL_SUFFIXES, FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
@@ -55,7 +55,7 @@ class GroupedOptions(click.Command):
 
     GROUPS: ClassVar = {
         "What is made": "parametrization radius thickness rim weld normals uv attributes",
-        "How fine": "resolution tolerance certify max_faces",
+        "How fine": "resolution tolerance max_faces",
         "What must hold": "require",
         "Where it goes, and how it is written": "output format ascii up unit",
         "For CI": "manifest resume prune deps",
@@ -128,8 +128,8 @@ def mesh(
     status is 2; it is 1 if only what --require asks for is missing.
 
     STEP, IGES and BREP files (extra gtb-cli[cad]) hold surfaces: the exact rational Bézier pieces of each patch that
-    has them, or pieces fitted within --tolerance. They are sewn, and are a solid if closed. Files for G+Smo hold exact
-    pieces; VTU files, for ParaView, such pieces as curved cells or, without any, quadratic ones.
+    has them, or pieces fitted within --tolerance. They are sewn, and are a solid if closed. VTU files, for ParaView,
+    hold such pieces as curved cells or, without any, quadratic ones.
     """
     output, console, spec_format = streams.output, streams.console, streams.spec_format
     if (surfaces := surface_format(options.format, output)) is not None:
@@ -145,7 +145,7 @@ def mesh(
     if prune and not (resume and folder is not None):
         raise click.UsageError("--prune needs --resume and a folder of meshes")
     place = output if folder is None else os.path.join(folder, "")
-    kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_SUFFIXES))
+    kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_FORMATS))
     check_unit(options, kind)
     book = None
     if manifest is not None:

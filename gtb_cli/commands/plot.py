@@ -18,8 +18,8 @@ from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SEQUENCE_
 if TYPE_CHECKING:
     from gtb_cli.plots.panels import Approach
 
-FIGURE_FORMATS = ("png", "svg", "pdf", "pgf")  # the default first
-FILM_FORMATS = ("gif", "apng", "mp4")
+FIGURE_FORMATS = ("png", "svg", "pdf")  # the default first
+FILM_FORMAT = "gif"
 
 
 def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., tuple[float, ...]]:
@@ -56,7 +56,7 @@ def variation_of(
     metavar="FIG",
     default=STANDARD,
     type=OUTPUT,
-    help="Write to this file: PNG, SVG, PDF, PGF or a film, by its suffix. Without it, or with -, to standard output.",
+    help="Write to this file: PNG, SVG, PDF or a film, by its suffix. Without it, or with -, to standard output.",
 )
 @click.option(
     "--what", type=click.Choice(PLOT_KINDS), help="What to draw; by default a curve, a surface or a sequence."
@@ -64,7 +64,7 @@ def variation_of(
 @click.option(
     "-f",
     "--format",
-    type=click.Choice((*FIGURE_FORMATS, *FILM_FORMATS)),
+    type=click.Choice((*FIGURE_FORMATS, FILM_FORMAT)),
     help="Format, whatever FIG is called; png on standard output.",
 )
 @click.option(
@@ -141,8 +141,7 @@ def plot(
 
     Draw a spec, or a sequence of meshes, as a figure or a film.
 
-    Figures for print are PNG, SVG, PDF or, for LaTeX, PGF (without surfaces); films, of sequences only, are .gif, .apng
-    or, where ffmpeg is installed, .mp4.
+    Figures are PNG, SVG or PDF; films, of sequences only, are GIF.
 
     \b
     curve, surface  with control points and the net of the lifting or, without one, of the lattice;
@@ -162,8 +161,8 @@ def plot(
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
     output = streams.output
-    kind = format_of(output, format, (*FIGURE_FORMATS, *FILM_FORMATS))
-    if kind not in ("svg", "pgf"):
+    kind = format_of(output, format, (*FIGURE_FORMATS, FILM_FORMAT))
+    if kind != "svg":
         refuse_terminal(output, kind, "-o FIG")
     from gtb_cli.plots.look import encoded, settings
 
@@ -180,7 +179,7 @@ def plot(
         refuse_limit(limit, spec)
         if what not in (None, "sequence", "distance"):
             raise click.UsageError(f"{spec} is a sequence, and --what {what} is for a spec")
-    film = kind if kind in FILM_FORMATS else None
+    film = kind == FILM_FORMAT
     if film and what not in (None, "sequence"):
         raise click.UsageError(f"a film shows a sequence, and this is {what}")
     if is_folder:
@@ -199,7 +198,7 @@ def plot(
             else:
                 figure = figure_of(loaded, picture)
     if film:
-        data = encoded_film(film_of_frames(frames, look), film)
+        data = encoded_film(film_of_frames(frames, look))
     else:
         with settings():
             data = encoded(figure, kind)

@@ -28,11 +28,9 @@ READERS = {
     "bpt": "bezierview",
     "bzr": "bezierview",
     "iges": "iges",
-    "3dm": "rhino",
-    "geomdl": "geomdl_json",
 }
 
-SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": name for name in READERS}
+SUFFIXES = {".igs": "iges"} | {f".{name}": name for name in READERS}
 
 # Formats that hold little but numbers: a file has the one whose reader gets to its end
 NUMBER_FORMATS = ("trp", "bv", "bpt", "bzr")
@@ -44,7 +42,7 @@ def import_file(path: str | os.PathLike[str], format: str | None = None) -> Impo
     Parameters
     ----------
     path : path
-    format : {"trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl"}, optional
+    format : {"trp", "bv", "bpt", "bzr", "iges"}, optional
         By default it is found from the content or the suffix.
 
     Returns
@@ -111,10 +109,6 @@ def _with(format: str, data: bytes, path: str) -> tuple[list[Patch], list[str]]:
 
 
 def _by_content(data: bytes) -> str | None:
-    if data.startswith(b"3D Geometry File Format"):
-        return "3dm"
-    if data.lstrip()[:1] == b"{":
-        return "geomdl"
     first = data[:82].replace(b"\r", b"\n").partition(b"\n")[0]
     if len(first) >= 80 and first[72:73] == b"S" and first[73:80].strip() == b"1":
         return "iges"

@@ -13,7 +13,7 @@ from gtb_cli.language.entries import MAX_SIZE, name_fault
 from gtb_cli.language.loading import parse
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import CAD_SUFFIXES, CELL_SUFFIXES, FORMATS, suffix_of
+from gtb_cli.vocabulary import CAD_SUFFIXES, CELL_FORMATS, FORMATS, suffix_of
 
 
 def to_dict(spec: Patch | Model) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
     data = to_dict(spec)
     target = os.fspath(path)
     suffix = suffix_of(target)
-    if suffix in {*FORMATS, *CAD_SUFFIXES, *CELL_SUFFIXES}:
+    if suffix in {*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS}:
         raise SpecError(f"{target}: expected a name that ends in .toml or .json, this is that of a mesh or CAD file")
     is_json = suffix == "json"
     text = json.dumps(data, indent=1) + "\n" if is_json else _toml(data)

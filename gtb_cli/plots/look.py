@@ -196,33 +196,12 @@ def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> lis
 
 
 def encoded(figure: Figure, kind: str) -> bytes:
-    """Return a figure as "png", "svg", "pdf" or "pgf" bytes, the same for the same figure, matplotlib and fonts.
-
-    An `ExportError` says that PGF, for LaTeX, needs LaTeX here too, or that it cannot hold the image of a surface.
-    """
+    """Return a figure as "png", "svg" or "pdf" bytes, the same for the same figure, matplotlib and fonts."""
     # Metadata that would change from day to day, or from one version of matplotlib to the next
     changing = {"png": ["Software"], "svg": ["Date", "Creator"], "pdf": ["CreationDate"]}
-    if kind == "pgf":
-        return _pgf(figure)
     buffer = io.BytesIO()
     figure.savefig(buffer, format=kind, metadata=dict.fromkeys(changing[kind]))
     return buffer.getvalue()
-
-
-def _pgf(figure: Figure) -> bytes:
-    import shutil
-
-    import matplotlib
-
-    if any(ax.images for ax in figure.axes):
-        raise ExportError("PGF holds lines and text, and a shaded surface is an image: use PDF, which LaTeX takes too")
-    systems = [name for name in ("xelatex", "lualatex", "pdflatex") if shutil.which(name)]
-    if not systems:
-        raise ExportError("PGF needs LaTeX to measure its texts, and none is installed: use PDF, which LaTeX takes too")
-    text = io.StringIO()
-    with matplotlib.rc_context({"pgf.texsystem": systems[0], "pgf.rcfonts": False}):
-        figure.savefig(text, format="pgf")
-    return text.getvalue().encode("utf-8")
 
 
 def subscript(symbol: str, index: int) -> str:

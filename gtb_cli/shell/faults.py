@@ -44,7 +44,6 @@ def in_options(message: str) -> str:
     """Return a message of the library with options in place of the arguments that it names in backticks."""
     options = {
         "ascii": "--ascii",
-        "certify": "--certify",
         'continuity="g0"': "--continuity g0",
         "distances=False": "--no-distance",
         "fit": "gtb fit",

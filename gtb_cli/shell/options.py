@@ -181,14 +181,6 @@ parametrization_option = click.option(
 )
 
 
-threads_option = click.option(
-    "--threads",
-    type=WholeNumber(0, 256),
-    metavar="N",
-    expose_value=False,
-    help="Accepted for scripts: one thread makes a mesh, as a second one saves nothing.",
-)
-
 resolution_option = click.option(
     "-n",
     "--resolution",
@@ -347,12 +339,6 @@ def mesh_options(*more: str) -> Option:
         recipe_of,
         resolution_option,
         tolerance_option,
-        click.option(
-            "--certify",
-            is_flag=True,
-            help="Make --tolerance certain for surfaces, too, everywhere and not only at samples, for the numbers in "
-            "the file, or refuse after at most 50 seconds of the processor. Slower.",
-        ),
         parametrization_option,
         click.option("--normals", is_flag=True, help="Write the unit normals of the surface at each vertex."),
         max_faces_option,
@@ -373,7 +359,6 @@ def mesh_options(*more: str) -> Option:
     file = gathered(
         "options",
         MeshOptions,
-        threads_option,
         click.option(
             "-f",
             "--format",

@@ -236,7 +236,7 @@ def _is_animation(options: MeshOptions, output: str) -> bool:
             "--parametrization toric: the meshes of a sequence have the same faces only in the linear one; "
             "toric parameters would run together"
         )
-    options.refuse("is for single meshes, of gtb mesh", "certify", "radius", "thickness", "attributes", "require")
+    options.refuse("is for single meshes, of gtb mesh", "radius", "thickness", "attributes", "require")
     return animated
 
 

@@ -1,4 +1,4 @@
-"""Files of surfaces in place of meshes: STEP, IGES and BREP, and cells for ParaView and G+Smo."""
+"""Files of surfaces in place of meshes: STEP, IGES and BREP, and curved cells for ParaView."""
 
 from collections.abc import Sequence
 
@@ -7,21 +7,20 @@ import click
 from gtb_cli.shell.folders import are_several
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import Streams, is_folder, write_blocks
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, CELL_SUFFIXES, UNIT_FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, UNIT_FORMATS, UNITS, suffix_of
 
 
 def surface_format(format: str | None, output: str) -> str | None:
     """Return the surface format that -f or the suffix of the output names; None for meshes."""
     kinds = {name: name for name in (*CAD_FORMATS, *CELL_FORMATS)}
-    return kinds.get(format) if format is not None else (CAD_SUFFIXES | CELL_SUFFIXES).get(suffix_of(output))
+    return kinds.get(format) if format is not None else (kinds | CAD_SUFFIXES).get(suffix_of(output))
 
 
 def write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, streams: Streams) -> None:
     """Write the surfaces of one spec as STEP, IGES, BREP or VTU, and say what is exact."""
     if are_several(specs) or is_folder(streams.output):
         raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
-    names = ["normals", "uv", "ascii", "certify", "radius"]
-    names += ["thickness"] * (kind in CELL_FORMATS) + ["attributes"] * (kind != "vtu")
+    names = ["normals", "uv", "ascii", "radius", "thickness" if kind in CELL_FORMATS else "attributes"]
     options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", *names)
     if options.recipe.rim == "flat":
         raise click.UsageError(f"--rim flat is for meshes, and not for {kind.upper()}")
@@ -35,7 +34,7 @@ def write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, stream
     with streams.spec_of(specs[0]) as given:
         spec = with_y_up(given) if options.up == "y" else given
         if kind in CELL_FORMATS:
-            data, size, warnings = encode_cells(spec, kind, recipe)
+            data, size, warnings = encode_cells(spec, recipe)
         else:
             from gtb_cli.tessellation.cad_walls import wall_of
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.formats.gismo import encode_gismo
 from gtb_cli.formats.kinds_of_surfaces import shortened
 from gtb_cli.formats.vtu import QuadraticCells, encode_quadratic, encode_vtu
 from gtb_cli.meshes.mesh import Mesh
@@ -17,16 +16,9 @@ from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.patch import Patch
 
 
-def encode_cells(spec: Patch | Model, kind: str, recipe: Recipe) -> tuple[bytes, str, list[str]]:
-    """Return a "vtu" or "gismo" file, what it holds, and warnings.
-
-    VTU holds exact cells or, for attributes or without any, quadratic ones. A `DomainError` says that G+Smo's format
-    cannot hold a patch.
-    """
-    if kind == "gismo":
-        data, size, warnings = encode_gismo(spec)
-        return data, size, [*warnings, *unused(recipe)]
-    warnings = []
+def encode_cells(spec: Patch | Model, recipe: Recipe) -> tuple[bytes, str, list[str]]:
+    """Return a VTU file, of exact cells or, for attributes or without any, quadratic ones; its size, and warnings."""
+    warnings: list[str] = []
     if not recipe.attributes:
         try:
             data, count, warnings = encode_vtu(spec)

@@ -55,8 +55,6 @@ class Recipe:
     weld : float, str or None
         Replaces the model's own: edges within this distance of each other are joined, in model units or as ``"0.01%"``
         of the size.
-    certify : bool
-        Whether the tolerance is certain for a surface, too, and not only seen at samples.
 
     Raises
     ------
@@ -75,7 +73,6 @@ class Recipe:
     require: tuple[str, ...] = ()
     max_faces: int = MAX_FACES
     weld: float | str | None = None
-    certify: bool = False
 
     def __post_init__(self) -> None:
         from gtb_cli.tessellation.tessellate import check_fineness
@@ -89,8 +86,6 @@ class Recipe:
             raise DomainError(f"thickness: must be a number other than zero, got {self.thickness!r}")
         if self.tolerance is not None and self.resolution != RESOLUTION:
             raise DomainError("resolution: excludes a tolerance, give one of them")
-        if self.certify and (self.tolerance is None or self.radius is not None or self.thickness is not None):
-            raise DomainError("certify: needs a tolerance, and a surface or curve: tubes and solids are not certified")
         if self.radius is not None and self.thickness is not None:
             raise DomainError("radius: excludes thickness, as a curve becomes a tube and a surface a solid")
         if self.rim not in RIMS:
@@ -140,7 +135,6 @@ class Recipe:
                 self.parametrization,
                 normals=self.normals or self.thickness is not None,
                 max_faces=self.max_faces // around,
-                certify=self.certify,
                 rounding=rounding,
             )
         except ToleranceError as error:
@@ -257,14 +251,13 @@ class Recipe:
         return tolerance_for(spec, self.tolerance)
 
     def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
-        """Say how sure the tolerance is: certified for curves and on request, else sampled; None without a tolerance.
+        """Say how sure the tolerance is: certified for curves, sampled for surfaces; None without a tolerance.
 
         The middle line of a tube is certified, its surface is not.
         """
         if self.tolerance is None:
             return None
-        certain = self.certify or (spec.dimension == 1 and self.radius is None)
-        return "certified" if certain else "sampled"
+        return "certified" if spec.dimension == 1 and self.radius is None else "sampled"
 
     def leaves_open(self, spec: Patch | Model) -> bool:
         """Tell whether the mesh has a boundary: it is no tube, no solid, and the spec is not a closed model."""

@@ -3,19 +3,18 @@
 Edges carry the state: each is sampled once, when it is made, and split in the middle if the surface is farther from it
 than the tolerance. Both cells beside an edge see the same decision, so there are no hanging vertices. When all edges
 hold, segments of curves are certified, and triangles that were not sampled yet are sampled densely; the worst edge of
-each that fails is split. Triangles are certified last, if that is asked for.
+each that fails is split.
 """
 
 from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, point_text, rows_of
-from gtb_cli.certificates.cells import Certificates
-from gtb_cli.certificates.deadline import Deadline, Uncertified
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, groups, rows_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
+from gtb_cli.tessellation.chords import CurveCertificate
 from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.peaks import Peaks
 from gtb_cli.tessellation.sampler import Sampler
@@ -38,50 +37,37 @@ def refine(
     tolerance: float,
     max_cells: int,
     points_in_all: int = MIN_SAMPLES,
-    deadline: Deadline | None = None,
 ) -> tuple[Complex, FloatArray]:
     """Refine a simplicial complex until a curve, or samples of a surface, are within a tolerance of their cells.
 
     Returned are the complex, with the edges it started from or parts of them, and the (v, 3) points of its vertices.
     The sampler takes linear parameters: toric ones are too close to tell apart where exponents are small.
 
-    Segments are certified; triangles only up to a `deadline`, if there is one. They are
-    sampled at the quarters of their sides, at their centroids, and at and between knots; on a lattice of
-    `FINE_LATTICE_STEPS` steps, if samples differ from a quadratic surface; and on one on which all have about
-    `points_in_all` points, if cells are few.
+    Segments are certified. Triangles are sampled at the quarters of their sides, at their centroids, and at and between
+    knots; on a lattice of `FINE_LATTICE_STEPS` steps, if samples differ from a quadratic surface; and on one on which
+    all have about `points_in_all` points, if cells are few.
 
     Raises
     ------
     ToleranceError
         More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached.
-    Uncertified
-        Surfaces are not certified in time, or not at all.
     """
-    mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all, deadline).finished()
+    mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all).finished()
     return mesh.result(), mesh.points
 
 
 class _Refinement:
     """A subdivision, and what decides which of its edges are split."""
 
-    def __init__(
-        self,
-        start: Complex,
-        sampler: Sampler,
-        tolerance: float,
-        max_cells: int,
-        points_in_all: int,
-        deadline: Deadline | None,
-    ) -> None:
+    def __init__(self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int) -> None:
         sample_share = 0.9  # of the tolerance: between samples near creases, distances up to 6 % larger were seen
         self.sampler, self.asked, self.max_cells, self.points_in_all = sampler, tolerance, max_cells, points_in_all
         self.mesh = Subdivision(start, sampler)
         refuse_rounding(tolerance, self.mesh.points)
         is_surface = self.mesh.is_surface
         self.tolerance = sample_share * tolerance if is_surface else tolerance
-        self.certify, self.rounds, self.deadline = deadline is not None or not is_surface, 0, deadline or Deadline()
-        self.samples = Sampling(self.mesh, sampler, self.deadline)
-        self.certificates = Certificates(sampler.patches, self.deadline)
+        self.samples = Sampling(self.mesh, sampler)
+        self.curves = [] if is_surface else [CurveCertificate(patch) for patch in sampler.patches]
         self.peaks = Peaks(self.mesh.domains, self.mesh.kinds) if is_surface else None
         self.sizes = np.array([domain.size for domain in self.mesh.domains])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
@@ -90,12 +76,7 @@ class _Refinement:
         self.nearby = 0.0  # part of Δ's size by which a sample may be off along the surface
 
     def is_flat(self, index: int) -> bool:
-        """Tell whether a point of a surface may slide out of its cell, as all cells together hold it.
-
-        Without a certificate, all control points, and so the surface, are within a tenth of the tolerance of a plane.
-        """
-        if self.certify:
-            return self.certificates.is_plane(index, self.asked)
+        """Tell whether a patch is within a tenth of the tolerance of a plane, as all of its control points are."""
         points = self.sampler.patches[index].control_points
         centred = points - points.mean(axis=0)
         return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= self.asked / 10)
@@ -104,7 +85,6 @@ class _Refinement:
         """Split edges until all cells are within the tolerance."""
         changed = np.arange(len(self.mesh))
         while True:
-            self.deadline.refuse_late()
             self.sample_middles()
             marked = self.far()
             self.mark_worst(marked, changed[self.bulge(changed) > self.tolerance])
@@ -188,20 +168,15 @@ class _Refinement:
         return np.asarray(np.abs(quadratic_heights(quarters / 4) @ self.heights(rows)).max(axis=0))
 
     def marks_of_certificates(self) -> BoolArray:
-        """Mark the worst edge, of (e,), of each cell that must be certified and cannot be."""
-        max_rounds = 40  # of certifying triangles, and splitting those that fail, before this gives up
-        mesh, marked = self.mesh, np.zeros(len(self.mesh.edges.ends), dtype=bool)
-        todo = np.flatnonzero(~mesh.cells.certified) if self.certify else np.empty(0, dtype=np.int64)
-        if not len(todo):
-            return marked
-        cells, corners = rows_of(mesh.cells, todo), np.stack(mesh.corners(todo), axis=1)
-        fails = self.certificates.failing(cells.patch, cells.corners, corners, self.asked)
-        self.rounds += 1
-        if mesh.is_surface and self.rounds > max_rounds and fails.any():
-            place = point_text(corners[fails][0].mean(axis=0), mesh.points)
-            raise Uncertified(f"cannot be certified for {fails.sum()} of {len(mesh)} faces, the first near {place}")
-        mesh.cells.certified[todo] = ~fails
-        self.mark_worst(marked, todo[fails])
+        """Mark the segments, of (e,), that are not certain to be within the tolerance of their curves."""
+        marked, cells = np.zeros(len(self.mesh.edges.ends), dtype=bool), self.mesh.cells
+        todo = np.flatnonzero(~cells.certified)
+        for index, rows in groups(cells.patch[todo]) if self.curves else []:
+            own = todo[rows]
+            chords = np.stack(self.mesh.corners(own), axis=1)
+            fails = self.curves[index].failing(cells.corners[own, :, 0], chords, self.asked)
+            cells.certified[own] = ~fails
+            self.mark_worst(marked, own[fails])
         return marked
 
     def marks_of_samples(self) -> BoolArray:

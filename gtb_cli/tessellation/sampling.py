@@ -9,7 +9,6 @@ from collections.abc import Callable
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
-from gtb_cli.certificates.deadline import Deadline
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import NearestCells, cell_distances
 from gtb_cli.moment.torus import block_length
@@ -45,10 +44,10 @@ def quadratic_heights(places: FloatArray) -> FloatArray:
 
 
 class Sampling:
-    """Samples over the edges and cells of a subdivision, by a sampler of linear parameters, up to a deadline."""
+    """Samples over the edges and cells of a subdivision, by a sampler of linear parameters."""
 
-    def __init__(self, mesh: Subdivision, sampler: Sampler, deadline: Deadline) -> None:
-        self.mesh, self.sampler, self.deadline = mesh, sampler, deadline
+    def __init__(self, mesh: Subdivision, sampler: Sampler) -> None:
+        self.mesh, self.sampler = mesh, sampler
         self.block_rows = block_length(max(len(patch.knots) for patch in sampler.patches))
 
     def along(self, rows: IntArray, fractions: FloatArray, within: float) -> list[FloatArray]:
@@ -129,10 +128,7 @@ class Sampling:
         """Columns of (k, w, ...) samples of edges or cells, whose numbers are given once, and once for each place."""
         length = max(self.block_rows // w, 1)
         blocks = [rows[begin : begin + length] for begin in range(0, max(len(rows), 1), length)]
-        found = []
-        for block in blocks:
-            self.deadline.refuse_late()
-            found.append(sample(block, np.repeat(block, w)))
+        found = [sample(block, np.repeat(block, w)) for block in blocks]
         columns = [np.concatenate(column) for column in zip(*found, strict=True)]
         return [column.reshape(len(rows), w, *column.shape[1:]) for column in columns]
 

@@ -18,7 +18,7 @@ from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.meshes.topology import compacted, sides_of
-from gtb_cli.models.model import Model, diagonal_of
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.complexes import Complex, farthest_move, joined_complex, welded_points
 from gtb_cli.tessellation.sampler import Sampler, evenly, torically, torically_inside
 from gtb_cli.theory.parametrization import Parametrization
@@ -26,7 +26,6 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
 if TYPE_CHECKING:
-    from gtb_cli.certificates.deadline import Deadline
     from gtb_cli.models.joints import Joints
 
 Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
@@ -60,9 +59,7 @@ def tessellate(
     *,
     normals: bool = True,
     max_faces: int = MAX_FACES,
-    certify: bool = False,
     rounding: float = 0.0,
-    seconds: float = 50.0,
 ) -> Mesh:
     """Mesh a patch or a model, as ``gtb mesh`` does. `Recipe` has tubes, solids and attributes, too.
 
@@ -72,7 +69,8 @@ def tessellate(
     resolution : int, optional
         Segments along each edge of the domain, default 32; not together with a tolerance.
     tolerance : float or str, optional
-        Largest distance from the surface to the mesh, in model units, or as ``"1%"`` of the bounding box's diagonal.
+        Largest distance from the surface to the mesh, in model units, or as ``"1%"`` of the bounding box's diagonal;
+        certain for a curve, sampled for a surface.
     parametrization : {"linear", "toric"}
         Where vertices are put: evenly (linear), or at the paper's parameters, which crowd where edge functions have
         large exponents. With a tolerance always linear.
@@ -80,12 +78,8 @@ def tessellate(
         Whether a surface's mesh gets its unit normals, which take longer than its points.
     max_faces : int
         More faces than this are refused before they are made.
-    certify : bool
-        Whether the tolerance must be certain for a surface, too, as it is for a curve; else it is sampled.
     rounding : float
         How far vertices may move afterwards: the tolerance then holds for the moved ones.
-    seconds : float
-        Time of the processor after which a tolerance that is not certified yet is refused, and a larger one named.
 
     Returns
     -------
@@ -125,16 +119,9 @@ def tessellate(
         sampler = Sampler(patches)
         if moved > tolerance:
             raise ToleranceError(f"welding moves vertices by up to {moved:.3g}, more than the tolerance {tolerance:g}")
-        if certify:  # welding, and the numbers of a file, move vertices of a certified mesh, too
-            mosaic, points = certified(patches, joints, sampler, float(tolerance), moved + rounding, max_faces, seconds)
-        else:
-            mosaic, points = refined(patches, joints, sampler, float(tolerance) - rounding, max_faces)
+        mosaic, points = refined(patches, joints, sampler, float(tolerance) - rounding, max_faces)
     if joints and moved:
-        before, points = points, welded_points(mosaic, points, patches, joints)
-        farthest = float(np.linalg.norm(points - before, axis=1).max())
-        # Distances of seams are measured, and may be larger between their samples.
-        if certify and tolerance is not None and farthest > moved:
-            raise ToleranceError(f"tolerance: is not certified, as welding moves vertices by {farthest:.3g}")
+        points = welded_points(mosaic, points, patches, joints)
     return _mesh(mosaic, points, sampler, shape, joints, normals)
 
 
@@ -183,61 +170,19 @@ def tolerance_for(shape: Patch | Model, percent: str) -> float:
 
 
 def refined(
-    patches: Sequence[Patch],
-    joints: Joints | None,
-    sampler: Sampler,
-    tolerance: float,
-    max_faces: int,
-    deadline: Deadline | None = None,
+    patches: Sequence[Patch], joints: Joints | None, sampler: Sampler, tolerance: float, max_faces: int
 ) -> tuple[Complex, FloatArray]:
-    """Refine the coarsest complex that serves until it holds a tolerance; return it with the points of its vertices.
-
-    With a deadline the tolerance is certain for surfaces, too; see `gtb_cli.tessellation.refinement.refine`.
-    """
+    """Refine the coarsest complex that serves until it holds a tolerance; return it with the points of its vertices."""
     from gtb_cli.tessellation.refinement import refine
 
     for coarsest in FIRST_RESOLUTIONS:
         start = joined_complex(patches, joints, coarsest)
         if not start.is_simplicial and coarsest < FIRST_RESOLUTIONS[-1]:
             continue
-        mosaic, points = refine(start, sampler, tolerance, max_faces, deadline=deadline)
+        mosaic, points = refine(start, sampler, tolerance, max_faces)
         if mosaic.is_whole:
             break
     return mosaic, points
-
-
-def certified(
-    patches: Sequence[Patch],
-    joints: Joints | None,
-    sampler: Sampler,
-    tolerance: float,
-    moved: float,
-    max_faces: int,
-    seconds: float,
-) -> tuple[Complex, FloatArray]:
-    """Refine until a tolerance is certain also after vertices are moved; else raise, and say which tolerance is.
-
-    Larger ones are tried from the size of the control points downwards, each a third of the last one.
-    """
-    from gtb_cli.certificates.deadline import Deadline, Uncertified
-
-    first_share = 0.6  # of the seconds: for the tolerance; what is left is for larger ones
-    if moved >= tolerance:
-        raise ToleranceError(f"tolerance: {tolerance:g} is not more than {moved:.2g}, by which vertices are rounded")
-    try:
-        return refined(patches, joints, sampler, tolerance - moved, max_faces, Deadline(first_share * seconds))
-    except Uncertified as error:
-        why = f"tolerance: {tolerance:g} {error}"
-    # A surface and its mesh are within the box of the control points: its diagonal is certain, rounded to two digits.
-    least = float(f"{1.1 * diagonal_of(patches) + moved:.2g}")
-    deadline, size, remark = Deadline((1 - first_share) * seconds), least / 3, ", which says nothing: it is the size"
-    while (larger := float(f"{size:.2g}")) > tolerance:
-        try:
-            refined(patches, joints, sampler, larger - moved, max_faces, deadline)
-        except ToleranceError:
-            break
-        least, size, remark = larger, size / 3, ""
-    raise ToleranceError(f"{why}: {least:g} is certified{remark}, and without `certify` it is sampled")
 
 
 def _mesh(

@@ -32,10 +32,10 @@ def refused(folder, *arguments):
     "words",
     [
         (*HUGE, "-o", "old.obj"),
-        ("mesh", SPECS / "teapot.toml", "--tolerance", "0.001%", "--certify", "-o", "old.obj"),
+        ("mesh", SPECS / "teapot.toml", "--tolerance", "0.00001%", "-o", "old.obj"),
         ("mesh", "-j", "2", PENTAGON, BICUBIC, *HUGE[2:], "-o", "new/"),
     ],
-    ids=["numpy", "certify", "processes"],
+    ids=["numpy", "refinement", "processes"],
 )
 @long
 def test_what_takes_longer_is_stopped(words, tmp_path):

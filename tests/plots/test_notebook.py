@@ -125,18 +125,17 @@ def test_before_a_knot_moves_the_net_is_the_patchs_own():
 
 @long
 def test_a_film_shows_each_mesh_once(tmp_path):
-    for kind in ("gif", "apng"):
-        films = [tmp_path / f"{name}.{kind}" for name in "ab"]
-        for film in films:
-            gtb("plot", SPECS / "example-3.4.toml", "-x", 2, "-x", 9, "--size", "2,1", "-o", film, status=0)
-        assert films[0].read_bytes() == films[1].read_bytes()
-        with Image.open(films[0]) as image:
-            assert (image.n_frames, image.size) == (3, (300, 150))
-            pictures = []
-            for number in range(3):
-                image.seek(number)
-                pictures.append(np.asarray(image.convert("RGB")).copy())
-        assert all((one != other).any() for one, other in pairwise(pictures))
+    films = [tmp_path / f"{name}.gif" for name in "ab"]
+    for film in films:
+        gtb("plot", SPECS / "example-3.4.toml", "-x", 2, "-x", 9, "--size", "2,1", "-o", film, status=0)
+    assert films[0].read_bytes() == films[1].read_bytes()
+    with Image.open(films[0]) as image:
+        assert (image.n_frames, image.size) == (3, (300, 150))
+        pictures = []
+        for number in range(3):
+            image.seek(number)
+            pictures.append(np.asarray(image.convert("RGB")).copy())
+    assert all((one != other).any() for one, other in pairwise(pictures))
 
 
 def test_decompositions_domains_and_reports_show_themselves():

@@ -98,7 +98,7 @@ def models(count: int, seed: int) -> str | None:
 def foreign_files() -> dict[str, bytes]:
     """A file of each format that is imported."""
     loops = {name: (REPOSITORY / "tests/filling" / name).read_bytes() for name in ("cagd86.gbp", "pocket3sided.lop")}
-    return foreign.FILES | loops | {"objects.3dm": foreign.rhino()}
+    return foreign.FILES | loops
 
 
 def imports(count: int, seed: int, names: Iterable[str] | None = None) -> str | None:

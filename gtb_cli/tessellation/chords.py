@@ -10,8 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, joined, rows_of
-from gtb_cli.certificates.deadline import Deadline
-from gtb_cli.certificates.surface import SPENT_SHARE
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length
 from gtb_cli.theory.patch import Patch
 
@@ -55,8 +53,8 @@ class CurveCertificate:
     knot, and D ≥ V_0. The bounds include rounding.
     """
 
-    def __init__(self, patch: Patch, deadline: Deadline) -> None:
-        self.basis, domain, self.deadline = patch.rational_basis, patch.domain, deadline
+    def __init__(self, patch: Patch) -> None:
+        self.basis, domain = patch.rational_basis, patch.domain
         knots = patch.knots[:, 0].copy()
         for end in (0, 1):
             knots[domain.incidence[:, end]] = domain.vertices[end, 0]
@@ -68,7 +66,7 @@ class CurveCertificate:
         self.steps = [float(np.log(4.0) / gaps[gaps > 0].min()) for gaps in self.gaps]
         self.reach = [self._reach(side) for side in (0, 1)]
 
-    def torus_coordinates(self, u: FloatArray) -> FloatArray:
+    def _torus_coordinates(self, u: FloatArray) -> FloatArray:
         """Find the torus coordinates of parameters in an array of any shape, infinite at the ends of the curve."""
         places, inverse = np.unique(u, return_inverse=True)
         s = np.empty(len(places))
@@ -76,22 +74,24 @@ class CurveCertificate:
             s[location.rows] = location.s[0] if len(location.s) else (-np.inf, np.inf)[location.face.index]
         return s[inverse.reshape(u.shape)]
 
-    def failing(self, s: FloatArray, chords: FloatArray, tolerance: float) -> BoolArray:
+    def failing(self, u: FloatArray, chords: FloatArray, tolerance: float) -> BoolArray:
         """Mark the (k, 2, 3) chords that are not within the tolerance of their parts of the curve, or may not be.
 
-        Given are the (k, 2) torus coordinates of the ends of these parts, infinite at the ends of the curve.
-        Raises `Uncertified` once the deadline has passed.
+        Each part lies between two of the (k, 2) parameters; the ends of its chord are nearly the points there.
         """
         max_halvings = 200  # all but a few rounds halve intervals; those still open then fail
         alive = 8  # arrays as large as T
-        start, end = s.T * self.size
+        # A curve and its chords are in the convex hull of the control points, but for rounding of the ends.
+        hull = np.concatenate([self.points, *chords.swapaxes(0, 1)])
+        if np.linalg.norm(np.ptp(hull, axis=0)) * (1 + 8 * EPS) <= tolerance:
+            return np.zeros(len(u), dtype=bool)
+        start, end = self._torus_coordinates(u).T * self.size
         fails = np.zeros(len(start), dtype=bool)
         todo = Intervals(np.arange(len(start)), start, end)
         length = max(64, block_length(len(self.knots)) // alive)
         for _ in range(max_halvings):
             left = [rows_of(todo, slice(0))]
             for begin in range(0, len(todo.row), length):
-                self.deadline.refuse_late()
                 block = rows_of(todo, slice(begin, begin + length))
                 far, open_ = self._compared(block, chords[block.row], tolerance)
                 fails[block.row[far]] = True
@@ -163,6 +163,7 @@ class CurveCertificate:
 
     def _compared(self, intervals: Intervals, chords: FloatArray, tolerance: float) -> tuple[BoolArray, BoolArray]:
         """Tell which parts of the curve are farther than the tolerance from (m, 2, 3) chords, and which are open."""
+        spent_share = 0.02  # of the tolerance: a bound that is known this well, yet does not hold, will not hold
         seen_from = self._seen_from(chords)
         first, last = ends = [self._at(s, seen_from) for s in (intervals.start, intervals.end)]
         across, beyond = np.zeros((2, 2, len(chords)))  # of both ends
@@ -180,7 +181,7 @@ class CurveCertificate:
         bound = np.hypot(*(np.stack([across.max(axis=0), beyond.max(axis=0)]) + more)) + seen_from.rounding
         holds = bound <= tolerance
         is_seen = np.hypot(across, beyond).max(axis=0) > tolerance
-        far = ~holds & (is_seen | (np.hypot(*more) <= SPENT_SHARE * tolerance))
+        far = ~holds & (is_seen | (np.hypot(*more) <= spent_share * tolerance))
         return far, ~holds & ~far
 
     def _between(self, intervals: Intervals, first: _Ends, last: _Ends, chords: _Chords) -> FloatArray:

@@ -1,1 +1,0 @@
-"""Bounds that hold for every point of a surface, and not for samples only."""
