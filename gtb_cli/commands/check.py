@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import Fault, GtbError, RequirementError
+from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.options import require_option
 from gtb_cli.shell.several import ReportRequest, report_options
@@ -56,13 +57,13 @@ def check(request: ReportRequest, require: tuple[str, ...], console: Console) ->
 
 
 def _checked(
-    spec: str, spec_format: str | None, weld: float | str | None, require: tuple[str, ...]
+    spec: str, reading: Reading, weld: float | str | None, require: tuple[str, ...]
 ) -> tuple[Report | ModelReport, list[Fault]]:
     """Return the report on a spec, and the requirements that its mesh does not meet."""
     from gtb_cli.checks.properties import check as measure
     from gtb_cli.tessellation.recipe import Recipe, welded
 
-    with spec_of(spec, spec_format) as read:
+    with spec_of(spec, reading) as read:
         loaded = welded(read, weld)
         report = measure(loaded)
         try:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import GtbError
+from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD, Console, complain
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
@@ -103,7 +104,7 @@ def diff(
     max_faces: int,
     as_json: bool,
     output: str,
-    spec_format: str | None,
+    reading: Reading,
     console: Console,
 ) -> None:
     """\b
@@ -142,7 +143,7 @@ def diff(
         inputs = [a, b] = _two_files(a, b)
     refuse_overwriting(inputs, [output, *reports])
     refuse_reports(reports, folders if len(folders) == 2 else ())
-    comparing = Comparing(recipe, tolerance, kind, ignore, spec_format)
+    comparing = Comparing(recipe, tolerance, kind, ignore, reading)
     verdicts: list[Verdict] = []
 
     def told() -> Iterator[Verdict]:

@@ -99,7 +99,7 @@ def fill(
     from gtb_cli.models.model import Model
 
     source = shown_input(loop)
-    found = read_loop(read_bytes(loop), source, streams.spec_format)  # type: ignore[arg-type]
+    found = read_loop(read_bytes(loop), source, streams.reading)
     with about(source):
         name = None if isinstance(found, Model) else stem_of(loop)
         filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import GtbError
+from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.several import ReportRequest, report_options
@@ -67,15 +68,13 @@ def _kind(found: dict[str, Any]) -> str:
     return str(found["kind"]) + (" of degree " + " × ".join(map(str, degree)) if degree else "")
 
 
-def _found(
-    spec: str, spec_format: str | None, weld: float | str | None, in_full: bool, with_extents: bool
-) -> dict[str, Any]:
+def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool, with_extents: bool) -> dict[str, Any]:
     """Return all that is reported about a spec, or a mesh; unless in full, only the joints that are listed."""
     from gtb_cli.checks.extents import extents
     from gtb_cli.tessellation.recipe import welded
 
-    if spec_format is not None or suffix_of(spec) in SPEC_FORMATS:
-        with spec_of(spec, spec_format) as read:
+    if reading != AS_SEEN or suffix_of(spec) in SPEC_FORMATS:
+        with spec_of(spec, reading) as read:
             found: Spec | dict[str, Any] = read
     else:
         found = spec_or_report(spec)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
+from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.meshing import MeshOptions, summary
@@ -22,7 +23,7 @@ from gtb_cli.shell.options import (
     gathered,
     mesh_options,
     output_option,
-    spec_format_option,
+    reading_option,
     specs_argument,
 )
 from gtb_cli.shell.several import attempted, inputs_of
@@ -54,7 +55,7 @@ class GroupedOptions(click.Command):
     """A command whose help lists its options in groups."""
 
     GROUPS: ClassVar = {
-        "What is made": "parametrization radius thickness rim weld normals uv attributes",
+        "What is made": "let parametrization radius thickness rim weld normals uv attributes",
         "How fine": "resolution tolerance max_faces",
         "What must hold": "require",
         "Where it goes, and how it is written": "output format ascii up unit",
@@ -107,7 +108,7 @@ class GroupedOptions(click.Command):
     help=f"Unit of length of STEP, IGES and 3MF files, {next(iter(UNITS))} without this option; GLB files, which are "
     "in metres, are scaled from it.",
 )
-@gathered("streams", Streams, spec_format_option, console_option)
+@gathered("streams", Streams, reading_option, console_option)
 def mesh(
     specs: tuple[str, ...],
     options: MeshOptions,
@@ -131,7 +132,7 @@ def mesh(
     has them, or pieces fitted within --tolerance. They are sewn, and are a solid if closed. VTU files, for ParaView,
     hold such pieces as curved cells or, without any, quadratic ones.
     """
-    output, console, spec_format = streams.output, streams.console, streams.spec_format
+    output, console, reading = streams.output, streams.console, streams.reading
     if (surfaces := surface_format(options.format, output)) is not None:
         if manifest is not None or deps is not None:
             raise click.UsageError(f"--manifest and --deps are for meshes, and {surfaces.upper()} holds surfaces")
@@ -151,13 +152,14 @@ def mesh(
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest
 
-        settings = replace(options, format=kind).settings | {"spec_format": spec_format}
+        read = {"spec_format": reading.spec_format, "set": dict(reading.let)}
+        settings = replace(options, format=kind).settings | read
         book = Manifest(manifest, settings, place, resume=resume)
 
     errors: list[GtbError] = []  # of specs: none stops the others
     plan: list[Task] = []
     for path in paths:
-        task = attempted(path, lambda path: _planned(path, place, options, kind, spec_format, book), path)
+        task = attempted(path, lambda path: _planned(path, place, options, kind, reading, book), path)
         errors.append(task) if isinstance(task, GtbError) else plan.append(task)
     if folder is not None:
         _check_targets(plan)
@@ -194,9 +196,9 @@ def mesh(
     if deps is not None:
         from gtb_cli.shell.manifest import rules
 
-        write_text(deps, rules([(task.output, task.path) for task, *_ in written], spec_format))
+        write_text(deps, rules([(task.output, task.path) for task, *_ in written], reading.spec_format))
     for task, size, warnings in written:
-        console.report(task.output, size, warnings)
+        console.report(task.output, f"{size}, with {reading}" if reading.let else size, warnings)
     if errors:
         raise _joined(errors)
 
@@ -235,9 +237,7 @@ def _joined(errors: list[GtbError]) -> GtbError:
     return kind(*(arg for error in errors for arg in error.args))
 
 
-def _planned(
-    path: str, place: str, options: MeshOptions, kind: str, spec_format: str | None, book: Manifest | None
-) -> Task:
+def _planned(path: str, place: str, options: MeshOptions, kind: str, reading: Reading, book: Manifest | None) -> Task:
     """Read a spec, unless its mesh is up to date according to the manifest."""
     sums = None
     if book is not None:
@@ -246,8 +246,8 @@ def _planned(
         output = _output(place, kind, stem_of(path))
         if path != STANDARD and (entry := book.kept(output, path)) is not None:
             return Task(output, path, kept=entry)
-        sums = input_sums(path, spec_format)  # before the spec is read: it may change meanwhile
-    with spec_of(path, spec_format) as spec:
+        sums = input_sums(path, reading.spec_format)  # before the spec is read: it may change meanwhile
+    with spec_of(path, reading) as spec:
         options.recipe.check_size(spec)
     return Task(_output(place, kind, stem_of(path) or file_stem(spec.name)), path, spec, sums)
 

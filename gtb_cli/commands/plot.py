@@ -11,7 +11,7 @@ import click
 
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.limit_options import limit_options, refuse_limit
-from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, gathered, numbers_of, spec_format_option
+from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, gathered, numbers_of, reading_option
 from gtb_cli.shell.streams import Streams, about, format_of, refuse_terminal, write_blocks
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SEQUENCE_RECORD, SIZE_LIMITS, STRETCH_LIMITS
 
@@ -126,7 +126,7 @@ def variation_of(
     help="Segments along each edge of the domain; by default as fine as the figure can show.",
 )
 @limit_options
-@gathered("streams", Streams, spec_format_option, console_option)
+@gathered("streams", Streams, reading_option, console_option)
 def plot(
     spec: str,
     what: str | None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import ToleranceError
+from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.limit_options import all_decompositions, limit_options, refuse_limit
@@ -19,9 +20,9 @@ from gtb_cli.shell.options import (
     WholeNumber,
     console_option,
     gathered,
+    reading_option,
     recipe_of,
     solid_options,
-    spec_format_option,
     tolerance_option,
     weld_option,
 )
@@ -80,7 +81,7 @@ def _recipe(**values: Any) -> Recipe | None:
 )
 @click.option("--limits", is_flag=True, help="Show all regular control surfaces of a patch, one at a time.")
 @limit_options
-@spec_format_option
+@reading_option
 @console_option
 def view(
     paths: tuple[str, ...],
@@ -92,7 +93,7 @@ def view(
     port: int,
     limits: bool,
     limit: Approach,
-    spec_format: str | None,
+    reading: Reading,
     console: Console,
 ) -> None:
     """\b
@@ -127,9 +128,9 @@ def view(
         raise click.UsageError("--compare takes two files, and neither --watch nor the options of a limit")
     if limits and (compare or limit.given or len(paths) != 1):
         raise click.UsageError("--limits takes one spec, and neither --compare nor the options of a limit")
-    see = partial(content_of_paths, paths, recipe, spec_format, limit)
+    see = partial(content_of_paths, paths, recipe, reading, limit)
     if limits:
-        see = partial(content_of_all_limits, paths[0], recipe, spec_format, console)
+        see = partial(content_of_all_limits, paths[0], recipe, reading, console)
     if watch:
         if output is not None or STANDARD in paths:
             raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
@@ -139,7 +140,7 @@ def view(
     from gtb_cli.pages.page import page_of
 
     content = None if compare else see()
-    page = _comparison(paths, recipe or Recipe(), spec_format) if content is None else page_of(content)
+    page = _comparison(paths, recipe or Recipe(), reading) if content is None else page_of(content)
     remarks = () if content is None else content.remarks
     if output is not None:
         write_text(output, page)
@@ -149,27 +150,25 @@ def view(
     _show(page, console, opens=not no_open)
 
 
-def _comparison(paths: tuple[str, ...], recipe: Recipe, spec_format: str | None) -> str:
+def _comparison(paths: tuple[str, ...], recipe: Recipe, reading: Reading) -> str:
     from gtb_cli.review.reports import reviewed
     from gtb_cli.review.review_page import page
     from gtb_cli.verdicts.comparing import Comparing
 
-    comparing = Comparing(recipe, spec_format=spec_format)
+    comparing = Comparing(recipe, reading=reading)
     verdict = comparing.files(*paths)
     return page(reviewed(verdict.paths, [verdict], comparing))
 
 
-def content_of_paths(
-    paths: tuple[str, ...], recipe: Recipe | None, spec_format: str | None, limit: Approach
-) -> Content:
+def content_of_paths(paths: tuple[str, ...], recipe: Recipe | None, reading: Reading, limit: Approach) -> Content:
     """Return what a page shows of files and folders, or of the way to a limit."""
     from gtb_cli.pages.page_scene import joined
 
-    content = joined([_content(path, recipe, spec_format, limit) for path in paths])
+    content = joined([_content(path, recipe, reading, limit) for path in paths])
     return replace(content, remarks=tuple(map(in_options, content.remarks)))
 
 
-def content_of_all_limits(path: str, recipe: Recipe | None, spec_format: str | None, console: Console) -> Content:
+def content_of_all_limits(path: str, recipe: Recipe | None, reading: Reading, console: Console) -> Content:
     """Return what a page shows of all regular control surfaces of a patch, lexicographic by cells."""
     most = 5000  # limits of a page
     if os.path.isdir(path) or suffix_of(path) in FORMATS:
@@ -178,7 +177,7 @@ def content_of_all_limits(path: str, recipe: Recipe | None, spec_format: str | N
     from gtb_cli.pages.all_limits import content_of_limits, parts_of
 
     _refuse_solid(recipe, "shows one mesh, and --limits several")
-    with spec_of(path, spec_format) as spec:
+    with spec_of(path, reading) as spec:
         patch = single(spec)
         cones = all_decompositions(patch, console, most=most)
         parts = parts_of(patch, cones)
@@ -190,7 +189,7 @@ def content_of_all_limits(path: str, recipe: Recipe | None, spec_format: str | N
     return replace(found, limits={**(found.limits or {}), "command": command})
 
 
-def _content(path: str, recipe: Recipe | None, spec_format: str | None, limit: Approach) -> Content:
+def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach) -> Content:
     sequence_resolution = 20  # segments of each edge of each cell in a sequence
     from gtb_cli.pages.page_scene import content_of, content_of_frames, content_of_mesh
 
@@ -212,7 +211,7 @@ def _content(path: str, recipe: Recipe | None, spec_format: str | None, limit: A
         with about(path):
             _refuse_too_many(len(mesh.cells))
             return content_of_mesh(mesh, stem)
-    with spec_of(path, spec_format) as spec:
+    with spec_of(path, reading) as spec:
         if recipe is not None and recipe.tolerance is None:
             _refuse_too_many(recipe.faces(spec))
         name = (spec.name or "patch") if path == STANDARD else stem

@@ -17,7 +17,7 @@ from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES
 from gtb_cli.language.document import spec_format_of
 from gtb_cli.language.loading import parse
-from gtb_cli.language.scanner import Format
+from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
 from gtb_cli.meshes.mesh import KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
@@ -189,15 +189,15 @@ def bytes_at_most(name: str, start: bytes) -> int:
     return MAX_SPEC_BYTES if suffix_of(name) in SPEC_FORMATS else size_limit(start, MAX_SPEC_BYTES)
 
 
-def decoded(data: bytes, name: str, recipe: Recipe, spec_format: Format | None = None) -> Operand:
+def decoded(data: bytes, name: str, recipe: Recipe, reading: Reading = AS_SEEN) -> Operand:
     """Read a mesh or a spec: what the content says, else the suffix of the name; `GtbError` if it is neither."""
     suffix = suffix_of(name)
     kind = None if suffix in SPEC_FORMATS else format_of(data) or (suffix if suffix in FORMATS else None)
     if kind is not None:
         return Operand(decode_mesh(data, name, kind), recipe, name)
-    if b"\0" in data[:BEGINNING_BYTES] and not spec_format:
+    if b"\0" in data[:BEGINNING_BYTES] and not reading.spec_format:
         raise GtbError(f"{name}: is neither a mesh nor a spec")
-    return Operand(parse(data, name, spec_format or spec_format_of(name)), recipe, name)
+    return Operand(parse(data, name, reading.spec_format or spec_format_of(name), dict(reading.let)), recipe, name)
 
 
 def made_with(a: Operand, b: Operand) -> int | None:

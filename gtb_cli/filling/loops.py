@@ -9,9 +9,8 @@ from gtb_cli.filling.sides import MAX_DEGREE, HoleSide
 from gtb_cli.filling.strips import curve_side, strip_side
 from gtb_cli.importers.nurbs import span_matrices
 from gtb_cli.importers.words import Words
-from gtb_cli.language.document import spec_format_of
 from gtb_cli.language.loading import parse_loop
-from gtb_cli.language.scanner import Format
+from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.patch import Patch
@@ -20,15 +19,15 @@ SUFFIXES = (".gbp", ".lop")
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
-def read_loop(data: bytes, source: str, format: Format | None = None) -> list[HoleSide] | Model:
+def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> list[HoleSide] | Model:
     """Read a `.gbp` or `.lop` file, by its suffix, or a spec: curves are the sides of a loop, surfaces are a model.
 
     Raises `SpecError`, with file and line: the file is too large, has words that are not numbers, or too few or too
     many numbers; of specs see `gtb_cli.load`; or a ribbon is not valid.
     """
-    if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
+    if reading.spec_format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
         return loop_from_text(data, source)
-    spec, rows = parse_loop(data, source, format or spec_format_of(source))
+    spec, rows = parse_loop(data, source, reading)
     if isinstance(spec, Patch):
         what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
         raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")

@@ -13,18 +13,21 @@ from gtb_cli.language.document import MAX_BYTES, Document, Faults, error_about, 
 from gtb_cli.language.entries import Budget, Values, valid_name
 from gtb_cli.language.includes import Library
 from gtb_cli.language.model_reader import ModelReader
+from gtb_cli.language.reading import NO_LET, Let, Reading
 from gtb_cli.language.scanner import Format
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
 
-def load(path: str | os.PathLike[str]) -> Patch | Model:
+def load(path: str | os.PathLike[str], let: Let = NO_LET) -> Patch | Model:
     """Read a spec file.
 
     Parameters
     ----------
     path : path
         Its suffix ``.toml`` or ``.json`` decides the format; without either, its first character does.
+    let : mapping
+        Numbers, or expressions over names before them, in place of those that the spec's own ``let`` gives these names.
 
     Returns
     -------
@@ -38,53 +41,54 @@ def load(path: str | os.PathLike[str]) -> Patch | Model:
         path and what was found.
     """
     source = os.fspath(path)
-    return parse(read_file(source, MAX_BYTES + 1), source, spec_format_of(source))
+    return parse(read_file(source, MAX_BYTES + 1), source, spec_format_of(source), let)
 
 
-def load_patch(path: str | os.PathLike[str]) -> Patch:
+def load_patch(path: str | os.PathLike[str], let: Let = NO_LET) -> Patch:
     """Read a spec file of a single patch, as `load` does; a `SpecError` is also raised for a model."""
-    spec = load(path)
+    spec = load(path, let)
     if isinstance(spec, Model):
         raise SpecError(Fault(f"expected a single patch, this is a model of {len(spec)}", os.fspath(path)))
     return spec
 
 
-def load_model(path: str | os.PathLike[str]) -> Model:
+def load_model(path: str | os.PathLike[str], let: Let = NO_LET) -> Model:
     """Read a spec file, as `load` does; a single patch becomes a model of one."""
-    spec = load(path)
+    spec = load(path, let)
     return Model(spec.patches, spec.name) if isinstance(spec, Patch) else spec
 
 
-def parse(text: bytes | str, source: str = "<spec>", format: Format | None = None) -> Patch | Model:
+def parse(text: bytes | str, source: str = "<spec>", format: Format | None = None, let: Let = NO_LET) -> Patch | Model:
     """Read the text of a spec, at most 10 MB of UTF-8; the format by its first character unless given.
 
     The stem of `source` names a nameless patch; included files are in its folder. ``-`` and text in angle brackets are
     not files: they give no name and include nothing. Raises what `load` raises. Any text takes at most about five
     seconds and 300 MB; 300 bicubic patches take a third of a second.
     """
-    return _parse(text, source, format, None)
+    return _parse(text, source, format, let, None)
 
 
 def parse_loop(
-    text: bytes | str, source: str, format: Format | None = None
+    text: bytes | str, source: str, reading: Reading
 ) -> tuple[Patch | Model, tuple[tuple[FloatArray, ...], ...]]:
     """Read the text of a spec whose curves may have the keys ``ribbon`` and ``ribbon2``; otherwise like `parse`.
 
     Also return up to two (n, 3) further rows of control points of each patch, moved with the copies.
     """
-    spec = _parse(text, source, format, 0)
+    format, let = reading.spec_format or spec_format_of(source), dict(reading.let)
+    spec = _parse(text, source, format, let, 0)
     if spec.dimension == 2:
         return spec, ((),) * len(spec.patches)
     rows = [[patch.control_points] for patch in spec.patches]
     for number in (1, 2):
-        for found, patch in zip(rows, _parse(text, source, format, number).patches, strict=True):
+        for found, patch in zip(rows, _parse(text, source, format, let, number).patches, strict=True):
             if not np.array_equal(found[-1], patch.control_points):
                 found.append(patch.control_points)
     return spec, tuple(tuple(found[1:]) for found in rows)
 
 
-def _parse(text: bytes | str, source: str, format: Format | None, row: int | None) -> Patch | Model:
-    """Read a spec and the files that it includes, with `row` as of `Reader`."""
+def _parse(text: bytes | str, source: str, format: Format | None, let: Let, row: int | None) -> Patch | Model:
+    """Read a spec, with `let` as of `load`, and the files that it includes, with `row` as of `Reader`."""
     library, budget = Library(), Budget()
     files: list[Faults] = []
 
@@ -99,7 +103,8 @@ def _parse(text: bytes | str, source: str, format: Format | None, row: int | Non
             found = spec(data, spec_format_of(path), (*readers, path))
             return () if found is None else found.patches
 
-        return ModelReader(Values(faults, budget), include, row).spec(document.data, stem_of(readers[-1]))
+        given = let if len(readers) == 1 else NO_LET
+        return ModelReader(Values(faults, budget), include, row, given).spec(document.data, stem_of(readers[-1]))
 
     result = spec(text, format, (source,))
     if result is None or any(faults.count for faults in files):

@@ -8,6 +8,7 @@ from gtb_cli.language.document import shown
 from gtb_cli.language.entries import POSITIVE, Table, Values
 from gtb_cli.language.names import named_numbers
 from gtb_cli.language.patch_reader import INCLUDE_KEYS, MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
+from gtb_cli.language.reading import NO_LET, Let
 from gtb_cli.language.scanner import Path
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.theory.patch import Patch
@@ -18,12 +19,15 @@ Include = Callable[[str], tuple[Patch, ...]]
 
 
 class ModelReader:
-    """Turns a document's data into a patch or model, and notes all faults; `row` is that of `Reader`."""
+    """Turns a document's data into a patch or model, and notes all faults.
 
-    def __init__(self, values: Values, include: Include, row: int | None = None) -> None:
+    `row` is that of `Reader`, and `given` are numbers in place of those of ``let``.
+    """
+
+    def __init__(self, values: Values, include: Include, row: int | None = None, given: Let = NO_LET) -> None:
         self.values = values
         self.faults = values.faults
-        self._include = include
+        self._include, self._given = include, given
         self._reader = Reader(values, row)
 
     def spec(self, data: object, name: str | None) -> Patch | Model | None:
@@ -31,7 +35,7 @@ class ModelReader:
         if not isinstance(data, dict):
             self.faults.add((), f"must be a table with the keys of a patch, got {shown(data)}")
             return None
-        self.values.names = named_numbers(data, self.values, PATCH_KEYS | MODEL_KEYS)
+        self.values.names = named_numbers(data, self.values, PATCH_KEYS | MODEL_KEYS, self._given)
         if "patches" not in data and "include" not in data:
             return self._reader.patch(data, (), name)
         return self._model(data, name)

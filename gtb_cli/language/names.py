@@ -1,12 +1,16 @@
 """``let``: named numbers; each may use those before it."""
 
 import keyword
+import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
+from gtb_cli.errors import SpecError
 from gtb_cli.language.document import shown
-from gtb_cli.language.entries import FINITE, Values
-from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, names_in
+from gtb_cli.language.entries import FINITE, Values, likely_word, suggestion
+from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, evaluate_expression, names_in
+from gtb_cli.language.reading import Let, Number
 
 NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number
 COUNTER = "k"  # name of a copy's number, in the expressions of copies
@@ -14,8 +18,11 @@ MAX_NUMBER_NAME = 60  # longest name of a number, in characters
 MAX_NAMES = 1000  # named numbers
 
 
-def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[str]) -> dict[str, float]:
-    """Read ``let``, if present; `spec_keys` are keys of the spec that a table [let] swallows by mistake."""
+def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[str], given: Let) -> dict[str, float]:
+    """Read ``let``, if present, with the `given` numbers in place of those of the same names.
+
+    `spec_keys` are keys of the spec that a table [let] swallows by mistake.
+    """
     names: dict[str, float] = {}
     values.names = names
     let = table.get("let", names)
@@ -25,17 +32,40 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
     if len(let) > MAX_NAMES:
         values.faults.add(("let",), f"must have at most {MAX_NAMES} names, got {len(let)}")
         return names
+    for name in given:
+        if name not in let:
+            likely = suggestion(likely_word(name, let)) or f"; there are {', '.join(list(let)[:30]) or 'none'}"
+            values.faults.add((), f"`let` {name}: the spec has no number of this name in its let{likely}")
     for name, value in let.items():
-        needed = names_in(value) if isinstance(value, str) else []
-        late = next((other for other in needed if other in let and other not in names), None)
-        fault = _name_fault(name, value, spec_keys) or (late and f"uses {late}, which must come before it")
-        number = None
-        if fault:
+        number = _given(name, given[name], let, values) if name in given else None
+        if number is None and (fault := _name_fault(name, value, spec_keys) or _late(value, let, names)):
             values.faults.add(("let", name), fault)
-        else:
+        elif number is None:
             number = values.number(value, ("let", name), FINITE)
         names[name] = 1.0 if number is None else number  # so that its users are not reported as well
     return names
+
+
+def _late(value: object, let: Mapping[str, object], names: Mapping[str, float]) -> str | None:
+    """Say which name an expression uses before it has a number."""
+    needed = names_in(value) if isinstance(value, str) else []
+    late = next((other for other in needed if other in let and other not in names), None)
+    return late and f"uses {late}, which must come before it"
+
+
+def _given(name: str, value: Number, let: Mapping[str, object], values: Values) -> float | None:
+    """Evaluate a number that is given in place of the spec's own; None if it is wrong."""
+    try:
+        if isinstance(value, str):
+            if fault := _late(value, let, values.names):
+                raise SpecError(fault)
+            value = evaluate_expression(value, values.names)
+        if math.isfinite(value):
+            return float(value)
+        raise SpecError(f"must be finite, got {value}")
+    except (SpecError, TypeError) as error:
+        values.faults.add((), f"`let` {name}: {error}")
+        return None
 
 
 def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | None:

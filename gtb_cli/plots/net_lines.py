@@ -1,6 +1,7 @@
 """Control nets, boundaries and parameter lines of patches: the lines drawn with a surface."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +24,13 @@ def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, in
     """
     if lifting is None:
         lifting = patch.lifting if patch.lifting is not None else bowl(patch.domain)
-    return control_net(regular_decomposition(patch.knots, lifting))
+    return _net(patch.knots.tobytes(), patch.dimension, np.asarray(lifting, dtype=float).tobytes())
+
+
+@lru_cache(maxsize=256)  # the copies of a patch, and the next picture of a model that is being changed, have its knots
+def _net(knots: bytes, dimension: int, lifting: bytes) -> list[tuple[int, int]]:
+    places = np.frombuffer(knots).reshape(-1, dimension)
+    return control_net(regular_decomposition(places, np.frombuffer(lifting)))
 
 
 def mesh_of_nets(

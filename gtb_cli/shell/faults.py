@@ -49,6 +49,7 @@ def in_options(message: str) -> str:
         "fit": "gtb fit",
         "hole": "--hole EDGE",
         "isoparametric_points": "--polyline",
+        "let": "--set",
         "lifting": "--lifting",
         "max_degree": "--max-degree",
         "max_faces": "--max-faces",

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from gtb_cli.errors import ExportError
+from gtb_cli.language.scanner import Format
 from gtb_cli.process.versions import versions
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks
@@ -119,12 +120,12 @@ class Manifest:
         return name.replace(os.sep, "/")
 
 
-def input_sums(path: str, spec_format: str | None) -> dict[str, str]:
+def input_sums(path: str, spec_format: Format | None) -> dict[str, str]:
     """Return checksums of the files of a spec, by path relative to its folder; none if one cannot be read."""
     from gtb_cli.language.includes import sources
 
     start = len(path) - len(os.path.basename(path))
-    files = sources(path, spec_format)  # type: ignore[arg-type]
+    files = sources(path, spec_format)
     sums = {file[start:].replace(os.sep, "/"): _sum_of(file) for file in files}
     return {name: found for name, found in sums.items() if found is not None} if all(sums.values()) else {}
 
@@ -168,7 +169,7 @@ def _sum_of(path: str) -> str | None:
         return None
 
 
-def rules(targets: Iterable[tuple[str, str]], spec_format: str | None) -> str:
+def rules(targets: Iterable[tuple[str, str]], spec_format: Format | None) -> str:
     """Write rules for make: each output depends on its spec and the included files, which have rules of their own.
 
     A rule without prerequisites and recipe lets make go on after an included file has been deleted.
@@ -177,7 +178,7 @@ def rules(targets: Iterable[tuple[str, str]], spec_format: str | None) -> str:
 
     text, included = "", dict[str, None]()
     for output, spec in targets:
-        files = sources(spec, spec_format)  # type: ignore[arg-type]
+        files = sources(spec, spec_format)
         included |= dict.fromkeys(files[1:])
         text += f"{_target(output)}: {' '.join(map(_escaped, files))}\n"
     return text + "".join(f"{_target(name)}:\n" for name in included)

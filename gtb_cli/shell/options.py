@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import click
 
 from gtb_cli.errors import DomainError, ExportError, SpecError
+from gtb_cli.language.reading import Reading, assignment
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import leads_out
 from gtb_cli.shell.meshing import MeshOptions
@@ -81,6 +82,32 @@ def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     return number
 
 
+def gathered(name: str, made: Callable[..., object], *options: Option, takes: object = None) -> Option:
+    """Add options that the command gets as one argument, `name`.
+
+    It is what `made` returns for those values that are parameters of `takes`, or of `made` itself. What this raises as
+    a `DomainError` about an argument becomes a usage error about the option of that name.
+    """
+    names = signature(takes or made).parameters  # type: ignore[arg-type]
+
+    def decorator(function: Function) -> Function:
+        @functools.wraps(function)
+        def command(**values: Any) -> object:
+            given = {key: values.pop(key) for key in names if key in values}
+            try:
+                values[name] = made(**given)
+            except DomainError as error:
+                raise click.UsageError(f"--{error}") from None
+            return function(**values)
+
+        result: Function = command
+        for option in reversed(options):
+            result = option(result)
+        return result
+
+    return decorator
+
+
 # Names of files that a command reads, and of those that it writes; - is a standard stream
 INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
 
@@ -147,10 +174,31 @@ spec_argument = click.argument("spec", metavar="SPEC", type=INPUT)
 
 specs_argument = click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
 
-spec_format_option = click.option(
-    "--spec-format",
-    type=click.Choice(SPEC_FORMATS),
-    help="Read specs in this format; by default the suffix or the first character decides.",
+
+def _assignments(ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    """Read the values of --set; the last one of a name counts, as of other options."""
+    try:
+        return tuple(dict(map(assignment, given)).items())
+    except ValueError as error:
+        raise click.BadParameter(str(error), ctx, param) from None
+
+
+reading_option = gathered(
+    "reading",
+    Reading,
+    click.option(
+        "--set",
+        "let",
+        multiple=True,
+        metavar="NAME=EXPR",
+        callback=_assignments,
+        help="Give a number of the spec's let another value, such as height=120 or 'turn=2*pi/5'. May be repeated.",
+    ),
+    click.option(
+        "--spec-format",
+        type=click.Choice(SPEC_FORMATS),
+        help="Read specs in this format; by default the suffix or the first character decides.",
+    ),
 )
 
 output_option = click.option(
@@ -266,32 +314,6 @@ def require_option(consequence: str) -> Option:
     )
 
 
-def gathered(name: str, made: Callable[..., object], *options: Option, takes: object = None) -> Option:
-    """Add options that the command gets as one argument, `name`.
-
-    It is what `made` returns for those values that are parameters of `takes`, or of `made` itself. What this raises as
-    a `DomainError` about an argument becomes a usage error about the option of that name.
-    """
-    names = signature(takes or made).parameters  # type: ignore[arg-type]
-
-    def decorator(function: Function) -> Function:
-        @functools.wraps(function)
-        def command(**values: Any) -> object:
-            given = {key: values.pop(key) for key in names if key in values}
-            try:
-                values[name] = made(**given)
-            except DomainError as error:
-                raise click.UsageError(f"--{error}") from None
-            return function(**values)
-
-        result: Function = command
-        for option in reversed(options):
-            result = option(result)
-        return result
-
-    return decorator
-
-
 def _console(quiet: bool) -> Console:
     check_outputs(*named_files(OUTPUT))  # so that a command is not called if it would overwrite what it reads
     return Console(quiet)
@@ -301,13 +323,13 @@ console_option = gathered("console", _console, click.option("-q", "--quiet", is_
 
 
 def text_options(function: Function) -> Function:
-    """Add ``-o``, ``--spec-format`` and ``-q``; the command gets each of them."""
-    return output_option(spec_format_option(console_option(function)))
+    """Add ``-o``, ``--set``, ``--spec-format`` and ``-q``; the command gets them as output, reading and console."""
+    return output_option(reading_option(console_option(function)))
 
 
 # Those of commands that make text, of nothing or of a spec; the commands get them as `streams`
 output_options = gathered("streams", Streams, output_option, console_option)
-streams_options = gathered("streams", Streams, output_option, spec_format_option, console_option)
+streams_options = gathered("streams", Streams, output_option, reading_option, console_option)
 
 
 def spec_from_spec(function: Callable[..., Spec]) -> Function:

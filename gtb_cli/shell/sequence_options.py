@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import ExportError
+from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import (
@@ -20,7 +21,7 @@ from gtb_cli.shell.options import (
     console_option,
     gathered,
     mesh_options,
-    spec_format_option,
+    reading_option,
 )
 from gtb_cli.shell.streams import (
     Streams,
@@ -179,14 +180,14 @@ def _output(
     no_distance: bool,
     output: str | None,
     options: MeshOptions,
-    spec_format: str | None,
+    reading: Reading,
     console: Console,
 ) -> SequenceOutput:
     if output == STANDARD and emit_spec:
         raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
     meshes, place = output is not None or not emit_spec, output or STANDARD
     animated = meshes and _is_animation(options, place)
-    streams = Streams(console, place, spec_format)
+    streams = Streams(console, place, reading)
     return SequenceOutput(streams, meshes, emit_spec, animated, not no_distance, options)
 
 
@@ -209,7 +210,7 @@ def sequence_options(spec_help: str) -> Option:
             help="Write the files into this folder, which is made if missing; or one GLB file with an animation.",
         ),
         mesh_options(),
-        spec_format_option,
+        reading_option,
         console_option,
     )
 

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import click
 
 from gtb_cli.errors import Fault, GtbError
+from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import are_several, specs_among
@@ -65,7 +66,7 @@ class ReportRequest:
     weld: float | str | None
     jobs: int
     output: str
-    spec_format: str | None
+    reading: Reading
 
     @property
     def in_lines(self) -> bool:
@@ -77,13 +78,13 @@ class ReportRequest:
         return are_several(self.specs)
 
     def found(self, report: Callable[..., Found], meshes: bool = False) -> tuple[list[tuple[str, Found]], list[Fault]]:
-        """Return what ``report(path, spec_format=…, weld=…)`` returns for each spec, or mesh, by name, and the errors.
+        """Return what ``report(path, reading=…, weld=…)`` returns for each spec, or mesh, by name, and the errors.
 
         Several processes share the work, so `report` is a function of a module; this one reads standard input. It is a
         `GtbError` if all specs have errors.
         """
         specs = inputs_of(self.specs, self.output, meshes)
-        reported = partial(_reported, report=partial(report, spec_format=self.spec_format, weld=self.weld))
+        reported = partial(_reported, report=partial(report, reading=self.reading, weld=self.weld))
         found: list[tuple[str, Found]] = []
         errors: list[Fault] = []
         with closing(Workers(self.jobs).results(reported, [spec for spec in specs if spec != STANDARD])) as elsewhere:

@@ -15,6 +15,7 @@ from typing import IO, TYPE_CHECKING, Any, TypeAlias
 import click
 
 from gtb_cli.errors import ExportError, Fault, GtbError, SpecError
+from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.console import STANDARD, Console, abandon
 from gtb_cli.vocabulary import SCHEMA, suffix_of
 
@@ -29,15 +30,15 @@ MAX_STEM_BYTES = 200  # longest stem of a file name, in bytes: every file system
 
 @dataclass(frozen=True)
 class Streams:
-    """The output of a command, its messages, and the format of the specs that it reads, None where that is seen."""
+    """The output of a command, its messages, and how it reads specs."""
 
     console: Console
     output: str = STANDARD
-    spec_format: str | None = None
+    reading: Reading = AS_SEEN
 
     def spec_of(self, path: str) -> AbstractContextManager[Spec]:
         """Read a spec, and name it in errors, as the function `spec_of` does."""
-        return spec_of(path, self.spec_format)
+        return spec_of(path, self.reading)
 
     def patch_of(self, path: str) -> Patch:
         """Read a spec of a single patch."""
@@ -50,17 +51,17 @@ class Streams:
 
 
 @contextmanager
-def spec_of(path: str, spec_format: str | None = None) -> Iterator[Spec]:
+def spec_of(path: str, reading: Reading = AS_SEEN) -> Iterator[Spec]:
     """Read a spec from a file, or from standard input, and name it in errors about the shape that it describes.
 
     A `SpecError` has a line for each of its own errors.
     """
     from gtb_cli.language.loading import load, parse
 
-    if path == STANDARD or spec_format is not None:
-        spec = parse(read_bytes(path), shown_input(path), spec_format)  # type: ignore[arg-type]
+    if path == STANDARD or reading.spec_format is not None:
+        spec = parse(read_bytes(path), shown_input(path), reading.spec_format, dict(reading.let))
     else:
-        spec = load(path)
+        spec = load(path, dict(reading.let))
     with about(shown_input(path)):
         yield spec
 

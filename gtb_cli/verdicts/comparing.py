@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from gtb_cli.errors import GtbError
+from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.streams import is_regular, opened, shown_input
@@ -31,7 +32,7 @@ class Comparing:
     tolerance: float | str | None = None
     kind: Kind = "auto"
     ignore: Aspect | Collection[Aspect] = ()
-    spec_format: str | None = None
+    reading: Reading = AS_SEEN
 
     def files(self, first: str, second: str) -> Verdict:
         """Compare two files, or standard input with a file; raises `GtbError` if one of them cannot be read."""
@@ -119,7 +120,7 @@ class Comparing:
         """Read a mesh file, or a spec, which becomes a mesh where one is needed."""
         from gtb_cli.distances.comparison import decoded
 
-        return decoded(mesh_or_spec(path), shown_input(path), self.recipe, self.spec_format)  # type: ignore[arg-type]
+        return decoded(mesh_or_spec(path), shown_input(path), self.recipe, self.reading)
 
 
 def mesh_or_spec(path: str) -> bytes:

@@ -1,0 +1,33 @@
+"""The ways in which the text of a spec may be read: its format, and numbers that take the place of those of ``let``."""
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple, TypeAlias
+
+from gtb_cli.language.scanner import Format
+
+Number: TypeAlias = float | str
+Let: TypeAlias = Mapping[str, Number]
+NO_LET: Let = {}
+
+
+class Reading(NamedTuple):
+    """How a spec is read: its format, None where that is seen, and names of its ``let`` with other expressions."""
+
+    spec_format: Format | None = None
+    let: tuple[tuple[str, Number], ...] = ()
+
+    def __str__(self) -> str:
+        """Return the numbers as a message shows them, or nothing."""
+        return ", ".join(f"{name} = {value}" for name, value in self.let)
+
+
+AS_SEEN = Reading()  # by the suffix or the first character, with the spec's own numbers
+
+
+def assignment(text: str) -> tuple[str, str]:
+    """Read ``NAME=EXPRESSION``; a `ValueError` says what is expected."""
+    name, sign, value = (part.strip() for part in text.partition("="))
+    if not sign or not re.fullmatch(r"\w+", name) or not value:
+        raise ValueError(f"expected NAME=EXPRESSION, such as height=120, got {text[:60]!r}")
+    return name, value

@@ -1,0 +1,98 @@
+"""Sliders: the numbers of a spec's ``let`` that one may turn, with what its comments say of them."""
+
+import math
+import re
+from typing import Any, NamedTuple
+
+from gtb_cli.errors import SpecError
+from gtb_cli.language.document import read
+from gtb_cli.language.expression import FUNCTIONS, evaluate_expression, names_in
+from gtb_cli.language.scanner import Format
+
+_COMMENT = re.compile(r"""(?:[^"'#]|"(?:[^"\\]|\\.)*"|'[^']*')*#\s*(.*)""")
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_RANGE = re.compile(rf"({_NUMBER})\s*(?:…|\.{{2,3}})\s*({_NUMBER})")
+
+
+class Slider(NamedTuple):
+    """A number of ``let``, its value in the spec, and the range of values that are sensible.
+
+    `step` is 1 for a number on which the count of a ``repeat`` depends. `label` is the comment on its line, without a
+    range such as ``10 … 80``, and `text` the line itself.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    step: float
+    label: str
+    line: int
+    text: str
+
+
+def sliders(data: bytes | str, source: str, format: Format | None = None) -> tuple[Slider, ...]:
+    """Return a slider for each number of a spec's own ``let`` that depends on no other; none if it cannot be read."""
+    try:
+        document = read(data, source, format)
+    except SpecError:
+        return ()
+    let = document.data.get("let") if isinstance(document.data, dict) else None
+    if not isinstance(let, dict):
+        return ()
+    free = {name: value for name, entry in let.items() if (value := _free(entry)) is not None}
+    lines = document.lines({("let", name) for name in free})
+    shared = [*lines.values()]
+    texts, whole = document.text.split("\n"), _counts(document.data, let)
+    found = []
+    for name, value in free.items():
+        line = lines[("let", name)]
+        text = texts[line - 1].strip()
+        comment = _COMMENT.match(text) if document.format == "toml" and shared.count(line) == 1 else None
+        label = comment[1] if comment else ""
+        found.append(_slider(name, value, name in whole, label, line, text))
+    return tuple(found)
+
+
+def _free(entry: object) -> float | None:
+    """Return the value of a number, or of an expression of numbers and constants alone."""
+    if isinstance(entry, str):
+        if names_in(entry) or any(re.search(rf"\b{name}\b", entry) for name in FUNCTIONS):
+            return None
+        try:
+            return evaluate_expression(entry)
+        except SpecError:
+            return None
+    is_number = isinstance(entry, int | float) and not isinstance(entry, bool)
+    return float(entry) if is_number and abs(entry) < 1e100 else None  # type: ignore[arg-type, operator]
+
+
+def _counts(spec: dict[str, Any], let: dict[str, Any]) -> set[str]:
+    """Return the names on which the count of a ``repeat`` depends."""
+    tables = [*_tables(spec.get("patches")), *_tables(spec.get("include"))]
+    waiting = [table.get("repeat") for table in tables]
+    found: set[str] = set()
+    while waiting:
+        entry = waiting.pop()
+        new = set(names_in(entry)) - found if isinstance(entry, str) else set()
+        found |= new
+        waiting += [let.get(name) for name in new]
+    return found
+
+
+def _tables(entries: object) -> list[dict[str, Any]]:
+    return [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
+
+
+def _slider(name: str, value: float, is_count: bool, label: str, line: int, text: str) -> Slider:
+    size = abs(value) or 1.0
+    low, high = (math.ceil(value / 2) if is_count and value > 0 else min(0.0, 2 * value)), max(0.0, 2 * value)
+    if value == 0:
+        low, high = -size, size
+    if given := _RANGE.search(label):
+        ends = sorted((float(given[1]), float(given[2])))
+        if math.isfinite(ends[1]) and ends[0] < ends[1]:
+            low, high = ends
+            label = label.replace(given[0], "").strip(" \t,;:()")
+    step = 1.0 if is_count else 10.0 ** math.floor(math.log10((high - low) / 100))
+    return Slider(name, value, min(low, value), max(high, value), step, label, line, text)
