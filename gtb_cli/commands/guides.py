@@ -3,7 +3,8 @@
 import click
 
 from gtb_cli.shell.console import STANDARD
-from gtb_cli.shell.options import OUTPUT, console_option, gathered, output_options
+from gtb_cli.shell.gathering import gathered
+from gtb_cli.shell.options import OUTPUT, console_option, output_options
 from gtb_cli.shell.streams import Streams
 from gtb_cli.vocabulary import COMPLETION_VARIABLE, OUTPUTS, SHELLS
 

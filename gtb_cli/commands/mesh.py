@@ -15,12 +15,12 @@ from gtb_cli.errors import ExportError, GtbError, RequirementError
 from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import (
     OUTPUT,
     check_folder,
     console_option,
-    gathered,
     mesh_options,
     output_option,
     reading_option,
@@ -42,6 +42,7 @@ from gtb_cli.shell.streams import (
     write_text,
 )
 from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfaces
+from gtb_cli.shell.watching import watched
 from gtb_cli.shell.workers import Workers, workers_option
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNITS, suffix_of
 
@@ -58,7 +59,7 @@ class GroupedOptions(click.Command):
         "What is made": "let parametrization radius thickness rim weld normals uv attributes",
         "How fine": "resolution tolerance max_faces",
         "What must hold": "require",
-        "Where it goes, and how it is written": "output format ascii up unit",
+        "Where it goes, and how it is written": "output watch format ascii up unit",
         "For CI": "manifest resume prune deps",
         "For many specs and machines": "jobs cluster",
     }
@@ -109,6 +110,7 @@ class GroupedOptions(click.Command):
     "in metres, are scaled from it.",
 )
 @gathered("streams", Streams, reading_option, console_option)
+@watched
 def mesh(
     specs: tuple[str, ...],
     options: MeshOptions,

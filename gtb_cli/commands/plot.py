@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options, refuse_limit
-from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, gathered, numbers_of, reading_option
+from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, reading_option
 from gtb_cli.shell.streams import Streams, about, format_of, refuse_terminal, write_blocks
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SEQUENCE_RECORD, SIZE_LIMITS, STRETCH_LIMITS
 

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.errors import ToleranceError
-from gtb_cli.language.reading import Reading
+from gtb_cli.language.reading import Numbers, Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import all_decompositions, limit_options, refuse_limit
 from gtb_cli.shell.options import (
     INPUT,
     OUTPUT,
     WholeNumber,
     console_option,
-    gathered,
     reading_option,
     recipe_of,
     solid_options,
@@ -122,24 +121,30 @@ def view(
     decompose --all. With --compare, for git difftool, the page is that of gtb diff --report.
 
     With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
-    the last good picture.
+    the last good picture. It has a slider for each number of a spec's let that depends on no other, labelled by the
+    comment on its line; a range in it, such as 10 … 80, is the slider's. The page never writes the file: it shows the
+    --set options, or the lines of the spec, that make what is seen.
     """
     if compare and (watch or limit.given or len(paths) != 2):
         raise click.UsageError("--compare takes two files, and neither --watch nor the options of a limit")
     if limits and (compare or limit.given or len(paths) != 1):
         raise click.UsageError("--limits takes one spec, and neither --compare nor the options of a limit")
-    see = partial(content_of_paths, paths, recipe, reading, limit)
-    if limits:
-        see = partial(content_of_all_limits, paths[0], recipe, reading, console)
+
+    def see(numbers: Numbers, quick: bool = False) -> Content:
+        how = reading._replace(let=numbers)
+        if limits:
+            return content_of_all_limits(paths[0], recipe, how, console)
+        return content_of_paths(paths, recipe, how, limit, quick)
+
     if watch:
         if output is not None or STANDARD in paths:
             raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
-        from gtb_cli.shell.watching import serve
+        from gtb_cli.shell.serving import Pages, serve
 
-        return serve(paths, see, port, console, opens=not no_open)
+        return serve(Pages(paths, reading, see), paths, port, console, opens=not no_open)
     from gtb_cli.pages.page import page_of
 
-    content = None if compare else see()
+    content = None if compare else see(reading.let)
     page = _comparison(paths, recipe or Recipe(), reading) if content is None else page_of(content)
     remarks = () if content is None else content.remarks
     if output is not None:
@@ -160,11 +165,13 @@ def _comparison(paths: tuple[str, ...], recipe: Recipe, reading: Reading) -> str
     return page(reviewed(verdict.paths, [verdict], comparing))
 
 
-def content_of_paths(paths: tuple[str, ...], recipe: Recipe | None, reading: Reading, limit: Approach) -> Content:
-    """Return what a page shows of files and folders, or of the way to a limit."""
+def content_of_paths(
+    paths: tuple[str, ...], recipe: Recipe | None, reading: Reading, limit: Approach, quick: bool = False
+) -> Content:
+    """Return what a page shows of files and folders, or of the way to a limit; a surface quickly, if so."""
     from gtb_cli.pages.page_scene import joined
 
-    content = joined([_content(path, recipe, reading, limit) for path in paths])
+    content = joined([_content(path, recipe, reading, limit, quick) for path in paths])
     return replace(content, remarks=tuple(map(in_options, content.remarks)))
 
 
@@ -189,7 +196,7 @@ def content_of_all_limits(path: str, recipe: Recipe | None, reading: Reading, co
     return replace(found, limits={**(found.limits or {}), "command": command})
 
 
-def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach) -> Content:
+def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach, quick: bool) -> Content:
     sequence_resolution = 20  # segments of each edge of each cell in a sequence
     from gtb_cli.pages.page_scene import content_of, content_of_frames, content_of_mesh
 
@@ -221,7 +228,7 @@ def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach
             frames = limit.frames(single(spec), fine, x=PAGE_X, steps=PAGE_STEPS, distances=False)
             _refuse_too_many(len(frames.meshes[0].cells))
             return content_of_frames(frames, name)
-        content = content_of(spec, recipe, name)
+        content = content_of(spec, recipe, name, quick=quick)
         _refuse_too_many(len(content.cells))
         return content
 

@@ -1,12 +1,16 @@
 """The ways in which the text of a spec may be read: its format, and numbers that take the place of those of ``let``."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from gtb_cli.language.scanner import Format
+if TYPE_CHECKING:
+    from gtb_cli.language.scanner import Format
 
 Number: TypeAlias = float | str
+Numbers: TypeAlias = tuple[tuple[str, Number], ...]
 Let: TypeAlias = Mapping[str, Number]
 NO_LET: Let = {}
 
@@ -15,7 +19,7 @@ class Reading(NamedTuple):
     """How a spec is read: its format, None where that is seen, and names of its ``let`` with other expressions."""
 
     spec_format: Format | None = None
-    let: tuple[tuple[str, Number], ...] = ()
+    let: Numbers = ()
 
     def __str__(self) -> str:
         """Return the numbers as a message shows them, or nothing."""

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import read
+from gtb_cli.language.entries import MAX_SIZE
 from gtb_cli.language.expression import FUNCTIONS, evaluate_expression, names_in
 from gtb_cli.language.scanner import Format
 
@@ -37,13 +38,14 @@ def sliders(data: bytes | str, source: str, format: Format | None = None) -> tup
         document = read(data, source, format)
     except SpecError:
         return ()
-    let = document.data.get("let") if isinstance(document.data, dict) else None
+    spec = document.data if isinstance(document.data, dict) else {}
+    let = spec.get("let")
     if not isinstance(let, dict):
         return ()
-    free = {name: value for name, entry in let.items() if (value := _free(entry)) is not None}
+    free = {name: value for name, entry in let.items() if (value := plain_value(entry)) is not None}
     lines = document.lines({("let", name) for name in free})
     shared = [*lines.values()]
-    texts, whole = document.text.split("\n"), _counts(document.data, let)
+    texts, whole = document.text.split("\n"), _counts(spec, let)
     found = []
     for name, value in free.items():
         line = lines[("let", name)]
@@ -54,7 +56,7 @@ def sliders(data: bytes | str, source: str, format: Format | None = None) -> tup
     return tuple(found)
 
 
-def _free(entry: object) -> float | None:
+def plain_value(entry: object) -> float | None:
     """Return the value of a number, or of an expression of numbers and constants alone."""
     if isinstance(entry, str):
         if names_in(entry) or any(re.search(rf"\b{name}\b", entry) for name in FUNCTIONS):
@@ -63,8 +65,9 @@ def _free(entry: object) -> float | None:
             return evaluate_expression(entry)
         except SpecError:
             return None
-    is_number = isinstance(entry, int | float) and not isinstance(entry, bool)
-    return float(entry) if is_number and abs(entry) < 1e100 else None  # type: ignore[arg-type, operator]
+    if isinstance(entry, bool) or not isinstance(entry, int | float) or not abs(entry) < MAX_SIZE:
+        return None
+    return float(entry)
 
 
 def _counts(spec: dict[str, Any], let: dict[str, Any]) -> set[str]:

@@ -9,7 +9,7 @@ const VIEWS = { t: ["top", -90, 90], v: ["front", -90, 0], s: ["side", 0, 0], h:
 
 const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0, limit: 0, patches: true, net: false, knots: false,
   edges: true, open: true, folds: true, axes: true, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, from: "", to: "", back: true, theme: "" };
-let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "";
+let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "", offered = ["shaded"];   // modes
 
 function read(data) {
   const frames = data.frames.map(f => ({ label: f.label, positions: decoded(f.positions, Float32Array),
@@ -33,7 +33,7 @@ function read(data) {
 
 const redraw = () => { if (scene && !wanted) { wanted = true; requestAnimationFrame(() => draw()); } };
 const isDark = () => (state.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
-const modes = () => scene.curve ? ["shaded"] : Object.keys(MODES)
+const modes = () => scene.quick ? offered : scene.curve ? ["shaded"] : Object.keys(MODES)
   .filter(name => name === "overhangs" ? scene.closed : scene.scalars[name] || !["mean", "gaussian", "wall"].includes(name));
 
 // ---- state and address
@@ -265,15 +265,17 @@ addEventListener("hashchange", () => { if (scene) { const placed = recall(locati
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
 function present(data) {
-  const first = !scene;
+  const first = !scene, before = scene;
   scene = read(data);
+  if (!scene.quick) offered = modes();
+  offer(data.numbers || []);
   version += 1;
   made.clear();
   $("title").textContent = scene.name;
   $("facts").textContent = scene.facts;
   $("measures").replaceChildren(...scene.measures.flatMap(([name, text]) => [["dt", name], ["dd", text]].map(([tag, own]) => Object.assign(document.createElement(tag), { textContent: own }))));
   $("remarks").replaceChildren(...scene.remarks.map(text => Object.assign(document.createElement("li"), { textContent: text })));
-  $("mode").replaceChildren(...modes().map(name => new Option(MODES[name], name)));
+  if (!scene.quick) $("mode").replaceChildren(...modes().map(name => new Option(MODES[name], name)));
   $("mode").hidden = $("sections").hidden = scene.curve;
   const there = { patches: scene.groups.length > 1 && !scene.curve, net: !!scene.frames[0].net, knots: scene.spots.length > 0,
     edges: scene.lines.border.length > 0, open: scene.lines.open.length > 0, folds: scene.lines.folds.length > 0, axes: true, measure: scene.frames.length < 2 };
@@ -286,18 +288,26 @@ function present(data) {
     if (data.curve) state.net = true;
     defaults = { ...state };
     recall(location.hash.slice(1)) ? set({ zoom: state.zoom }) : (show(), fit());
-  } else set({});
+  } else set(placed(before));
+}
+
+function placed(before) {   // as large as before, and in the same place, unless it is much larger or smaller
+  const ratio = scene.size / before.size;
+  if (!(ratio > 0.3 && ratio < 3) || before.plane !== scene.plane) return {};
+  const moved = axes().map(row => row.reduce((sum, x, i) => sum + x * (scene.middle[i] - before.middle[i]), 0) / before.size * 0.875 * state.zoom);
+  return ratio === 1 && !moved[0] && !moved[1] ? {} : { zoom: state.zoom * ratio, panX: state.panX + moved[0], panY: state.panY + moved[1] };
 }
 
 function complain(text) { $("error").hidden = !text; $("error").textContent = text || ""; }
 
-// While `gtb view --watch` runs, it is asked four times a second whether there is something new.
+// While `gtb view --watch` runs, it is asked four times a second whether there is something new, and while a slider
+// moves, at once and for a quick picture.
 async function watch(have) {
   for (;;) {
-    await new Promise(done => setTimeout(done, 250));
+    await pause(250);
     let news;
-    try { news = await (await fetch(`state?have=${have}`)).json(); }
-    catch { complain("gtb view has ended: the page shows what it had last."); continue; }
+    try { news = await (await fetch(`state?have=${have}${asked()}`, { signal: asking() })).json(); }
+    catch (error) { if (error.name !== "AbortError") complain("gtb view has ended: the page shows what it had last."); continue; }
     if (news.version === have) { if ($("error").textContent.startsWith("gtb view has ended")) complain(news.error); continue; }
     have = news.version;
     complain(news.error);
@@ -319,6 +329,7 @@ function start() {
   }
   if (innerWidth < 560) $("panel").open = false;
   const data = JSON.parse($("data").textContent);
+  Object.assign(chosen, data.given);
   if (data.frames) present(data);
   complain(data.error);
   if (data.watch !== undefined) watch(data.watch);

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.shell.faults import in_options
-from gtb_cli.shell.options import evaluated, gathered, numbers_of
+from gtb_cli.shell.gathering import gathered
+from gtb_cli.shell.options import evaluated, numbers_of
 
 if TYPE_CHECKING:
     from gtb_cli.knots.all_decompositions import LiftingCone

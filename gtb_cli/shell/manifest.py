@@ -6,16 +6,18 @@ import math
 import os
 import time
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.errors import ExportError
-from gtb_cli.language.scanner import Format
 from gtb_cli.process.versions import versions
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks
 from gtb_cli.vocabulary import SCHEMA
+
+if TYPE_CHECKING:
+    from gtb_cli.language.scanner import Format
 
 
 class Manifest:

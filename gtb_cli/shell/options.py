@@ -3,8 +3,7 @@
 import functools
 import os
 from collections.abc import Callable, Sequence
-from inspect import signature
-from typing import Any, TypeAlias
+from typing import Any
 
 import click
 
@@ -12,6 +11,7 @@ from gtb_cli.errors import DomainError, ExportError, SpecError
 from gtb_cli.language.reading import Reading, assignment
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import leads_out
+from gtb_cli.shell.gathering import Function, Option, gathered
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import Spec, Streams, refuse_overwriting
 from gtb_cli.tessellation.recipe import Recipe
@@ -27,9 +27,6 @@ from gtb_cli.vocabulary import (
     UP,
     percentage,
 )
-
-Function: TypeAlias = Callable[..., object]
-Option: TypeAlias = Callable[[Function], Function]
 
 
 def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
@@ -80,32 +77,6 @@ def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     if number == 0:
         raise click.BadParameter(f"{value!r} is zero", ctx, param)
     return number
-
-
-def gathered(name: str, made: Callable[..., object], *options: Option, takes: object = None) -> Option:
-    """Add options that the command gets as one argument, `name`.
-
-    It is what `made` returns for those values that are parameters of `takes`, or of `made` itself. What this raises as
-    a `DomainError` about an argument becomes a usage error about the option of that name.
-    """
-    names = signature(takes or made).parameters  # type: ignore[arg-type]
-
-    def decorator(function: Function) -> Function:
-        @functools.wraps(function)
-        def command(**values: Any) -> object:
-            given = {key: values.pop(key) for key in names if key in values}
-            try:
-                values[name] = made(**given)
-            except DomainError as error:
-                raise click.UsageError(f"--{error}") from None
-            return function(**values)
-
-        result: Function = command
-        for option in reversed(options):
-            result = option(result)
-        return result
-
-    return decorator
 
 
 # Names of files that a command reads, and of those that it writes; - is a standard stream

@@ -13,13 +13,12 @@ import click
 from gtb_cli.errors import ExportError
 from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import (
     OUTPUT,
-    Option,
     check_folder,
     console_option,
-    gathered,
     mesh_options,
     reading_option,
 )

@@ -13,7 +13,8 @@ from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import are_several, specs_among
-from gtb_cli.shell.options import INPUT, Option, gathered, json_option, text_options, weld_option
+from gtb_cli.shell.gathering import Option, gathered
+from gtb_cli.shell.options import INPUT, json_option, text_options, weld_option
 from gtb_cli.shell.streams import refuse_overwriting, shown_input, write_json, write_text
 from gtb_cli.shell.workers import Workers, jobs_option
 from gtb_cli.vocabulary import printable

@@ -7,7 +7,8 @@ import click
 
 from gtb_cli.process.memory import divided_among
 from gtb_cli.process.processes import MAX_JOBS, in_processes, processors
-from gtb_cli.shell.options import WholeNumber, gathered
+from gtb_cli.shell.gathering import gathered
+from gtb_cli.shell.options import WholeNumber
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -7,15 +7,15 @@ import struct
 import threading
 import urllib.error
 import urllib.request
-from functools import partial
 from http.server import ThreadingHTTPServer
 
 import pytest
 
 from gtb_cli.commands.view import content_of_paths
+from gtb_cli.language.reading import AS_SEEN, Numbers, Reading
 from gtb_cli.pages.page_scene import Content
 from gtb_cli.plots.panels import Approach
-from gtb_cli.shell.watching import HOST, Watch, handler
+from gtb_cli.shell.serving import HOST, Pages, handler
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import SPECS, gtb
 
@@ -29,34 +29,70 @@ def spec(tmp_path):
     return path
 
 
-def watch_of(path) -> Watch:
-    def see() -> Content:
-        return content_of_paths((str(path),), Recipe(3), None, Approach())
+def watch_of(path, reading=AS_SEEN) -> Pages:
+    def see(numbers: Numbers, quick: bool) -> Content:
+        return content_of_paths((str(path),), Recipe(3), Reading(None, numbers), Approach(), quick)
 
-    return Watch([str(path)], see)
+    return Pages([str(path)], reading, see)
+
+
+def news(pages: Pages, have: int = 0, *given: str, **more: str) -> dict:
+    return pages.news({"have": [str(have)], "set": list(given)} | {name: [text] for name, text in more.items()})
 
 
 def test_an_edit_is_news_and_nothing_else(spec):
     watch = watch_of(spec)
-    assert watch.state(watch.version) == {"version": 1, "error": ""}
+    assert news(watch, 1) == {"version": 1, "error": ""}
     spec.write_text(GOOD.format(25), encoding="utf-8")
-    news = watch.state(1)
-    assert news["version"] == 2
-    assert news["data"]["box"]["texts"][2] == ("0", "25")
+    made = news(watch, 1)
+    assert made["version"] == 2
+    assert made["data"]["box"]["texts"][2] == ("0", "25")
 
 
 def test_an_error_has_its_line_and_the_last_good_mesh_stays(spec):
     watch = watch_of(spec)
     spec.write_text(GOOD.format('"1 +"'), encoding="utf-8")
-    news = watch.state(1)
-    assert f"{spec}:2: control_points[2][2]" in news["error"]
-    assert "data" not in news
-    assert watch.data["name"] == "x"
+    found = news(watch, 1)
+    assert f"{spec}:2: control_points[2][2]" in found["error"]
+    assert "data" not in found
+    assert "<title>x</title>" in watch.page()
     spec.unlink()
-    assert "No such file" in watch.state(2)["error"]
+    assert "No such file" in news(watch, 2)["error"]
     spec.write_text(GOOD.format(3), encoding="utf-8")
-    assert watch.state(3)["error"] == ""
-    assert "data" in watch.state(0)
+    assert news(watch, 3)["error"] == ""
+    assert "data" in news(watch)
+
+
+NUMBERS = """let = {sides = 3, height = 2}
+[[patches]]
+name = "a"
+knots = [[0, 0], [1, 0], [0, 1]]
+control_points = [[0, 0, 0], [1, 0, 0], [0, 1, "height"]]
+[[patches]]
+copy = "a"
+repeat = "sides-1"
+translate = [0, 0, "k"]
+"""
+
+
+def test_sliders_ask_for_other_numbers_and_the_file_stays(spec):
+    spec.write_text(NUMBERS, encoding="utf-8")
+    watch = watch_of(spec, Reading(None, (("sides", "2+2"),)))
+    assert [(each["name"], each["value"], each["step"]) for each in news(watch)["data"]["numbers"]] == [
+        *(("sides", 3.0, 1.0), ("height", 2.0, 0.01))
+    ]
+    assert '"given":{"sides":4.0}' in watch.page()
+    heights = {}
+    for given in ((), ("sides=5",), ("height=9", "sides=2"), ("height=9", "sides=2")):
+        made = news(watch, 0, *given, **({} if given else {"quick": "1"}))
+        heights[given] = float(made["data"]["box"]["texts"][2][1]), made["version"]
+        assert made["data"]["quick"] == (not given)
+    assert [height for height, _ in heights.values()] == [4, 6, 10]  # 2 + (sides - 1), and so on
+    version = heights["height=9", "sides=2"][1]
+    assert news(watch, version, "height=9", "sides=2") == {"version": version, "error": ""}
+    assert "--set size: the spec has no number" in news(watch, 0, "size=1")["error"]
+    assert "expected NAME=EXPRESSION" in news(watch, 0, "size")["error"]
+    assert spec.read_text(encoding="utf-8") == NUMBERS
 
 
 def test_included_files_are_followed_and_those_that_they_include(spec, tmp_path):
@@ -64,55 +100,54 @@ def test_included_files_are_followed_and_those_that_they_include(spec, tmp_path)
     whole = tmp_path / "whole.toml"
     whole.write_text('include = ["inner.toml"]\n')
     seen = watch_of(whole)
-    assert "inner.toml: No such file" in seen.error
+    assert "inner.toml: No such file" in seen.first.error
     (tmp_path / "inner.toml").write_text(f'include = ["{spec.name}"]\n')
-    assert (seen.state(0)["error"], seen.version) == ("", 2)
-    assert (seen.state(2), seen.version) == ({"version": 2, "error": ""}, 2)
+    assert (news(seen)["error"], news(seen)["version"]) == ("", 2)
+    assert news(seen, 2) == {"version": 2, "error": ""}
     spec.write_text(spec.read_text() + "\n# more\n")
-    assert "data" in seen.state(2)
+    assert "data" in news(seen, 2)
 
 
 def test_a_pipe_in_the_place_of_a_spec_is_not_waited_for(spec):
     seen = watch_of(spec)
     spec.unlink()
     os.mkfifo(spec)
-    assert seen.state(0)["error"] == f"{spec}: is not a file"
+    assert news(seen)["error"] == f"{spec}: is not a file"
     spec.unlink()
     spec.write_text(GOOD.format(1), encoding="utf-8")
-    assert seen.state(0)["error"] == ""
+    assert news(seen)["error"] == ""
 
 
 @pytest.mark.parametrize("name", ["sequence.json", "pentagon-limit.obj"])
 def test_a_pipe_in_a_sequence_is_not_waited_for(name, tmp_path):
     assert gtb("degenerate", SPECS / "pentagon.toml", "--x", "1", "-n", "2", "-o", tmp_path / "made").status == 0
     file = tmp_path / "made" / name
-    see = partial(content_of_paths, (str(file.parent),), None, None, Approach())
-    seen = Watch([str(file.parent)], see)
-    assert seen.error == ""
+    seen = watch_of(file.parent)
+    assert seen.first.error == ""
     text = file.read_bytes()
     file.unlink()
     os.mkfifo(file)
-    assert seen.state(0)["error"] == f"{file}: is not a file"
+    assert news(seen)["error"] == f"{file}: is not a file"
     file.unlink()
     file.write_bytes(text)
-    assert seen.state(0)["error"] == ""
+    assert news(seen)["error"] == ""
 
 
 def test_a_file_that_is_wrong_at_first_is_followed(spec):
     spec.write_text("knots = ", encoding="utf-8")
     watch = watch_of(spec)
-    assert ":1:" in watch.error
+    assert ":1:" in watch.first.error
     assert "@" not in watch.page()[:300]
     spec.write_text(GOOD.format(1), encoding="utf-8")
-    assert "data" in watch.state(1)
+    assert "data" in news(watch, 1)
 
 
 def test_errors_that_are_not_ours_are_not_hidden(spec):
-    def see() -> Content:
+    def see(numbers: Numbers, quick: bool) -> Content:
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        Watch([str(spec)], see)
+        Pages([str(spec)], AS_SEEN, see)
 
 
 @pytest.fixture

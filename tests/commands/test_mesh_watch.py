@@ -1,0 +1,42 @@
+"""`gtb mesh --watch` in a process of its own: edits renew the file, errors leave it, and Ctrl-C ends it."""
+
+import re
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+from tests.shell import command, environment
+
+INNER = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
+
+
+def within_seconds(path: Path, expected: str) -> bool:
+    """Whether a file soon has a text: a second on a machine that does nothing else, ten on one that does."""
+    end = time.monotonic() + 30
+    while time.monotonic() < end:
+        if path.exists() and expected in path.read_text(encoding="utf-8"):
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def test_an_edit_of_an_included_file_renews_the_mesh_and_an_error_leaves_it(tmp_path):
+    inner, mesh = tmp_path / "inner.toml", tmp_path / "x.obj"
+    inner.write_text(INNER.format(2), encoding="utf-8")
+    (tmp_path / "outer.toml").write_text('include = ["inner.toml"]\n', encoding="utf-8")
+    words = command("mesh", "outer.toml", "-n", "1", "--watch", "-o", "x.obj")
+    with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=environment()) as process:
+        try:
+            assert within_seconds(mesh, "v 0.00000000 1.00000000 2.00000000")
+            inner.write_text(INNER.format('"oops"'), encoding="utf-8")
+            lines = [process.stderr.readline() for _ in range(3)]
+            assert re.fullmatch(r"gtb: error: inner\.toml:2: control_points\[2\]\[2\]: .*\n", lines[2]), lines
+            assert within_seconds(mesh, "2.00000000")
+            inner.write_text(INNER.format(3), encoding="utf-8")
+            assert within_seconds(mesh, "v 0.00000000 1.00000000 3.00000000")
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["inner.toml", "outer.toml", "x.obj"]
