@@ -1,5 +1,7 @@
 """`--manifest`, `--resume` and `--deps`: mesh files as records of what made them."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 import math
