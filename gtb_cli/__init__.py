@@ -18,7 +18,7 @@ Other patches
 Meshes
     tessellate, Recipe, Mesh, write_mesh, read_mesh
 Measurements
-    distance, Distance, diff, Difference, joints, Seam, check, Report, ModelReport, Finding
+    distance, Distance, diff, Difference, joints, Joints, Joint, Seam, check, Report, ModelReport, Finding
 Pictures
     plot, page
 Errors
@@ -83,9 +83,11 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference as Difference
     from gtb_cli.meshes.hausdorff import Distance as Distance
     from gtb_cli.meshes.mesh import Mesh as Mesh
+    from gtb_cli.models.joints import Joint as Joint
+    from gtb_cli.models.joints import Joints as Joints
     from gtb_cli.models.model import Model as Model
+    from gtb_cli.models.model import joints as joints
     from gtb_cli.models.seams import Seam as Seam
-    from gtb_cli.models.seams import joints as joints
     from gtb_cli.pages.notebook import frame as frame
     from gtb_cli.pages.page import page as page
     from gtb_cli.plots.figures import plot as plot
@@ -106,7 +108,6 @@ if TYPE_CHECKING:
 else:
     # Public names by the modules that have them
     _ROOMS = {
-        "models.seams": "Seam joints",
         "bezier.elevation": "elevate",
         "bezier.pieces": "bezier_pieces split_curve",
         "checks.properties": "check",
@@ -141,7 +142,9 @@ else:
         "theory.curvature": "Curvature",
         "limits.degeneration": "degenerate regular_control_surface",
         "limits.knot_limit": "Film KnotLimit knot_limit merge_knots move_knots",
-        "models.model": "Model",
+        "models.joints": "Joint Joints",
+        "models.model": "Model joints",
+        "models.seams": "Seam",
         "theory.patch": "Patch",
         "theory.quadrature": "Quadrature quadrature",
     }

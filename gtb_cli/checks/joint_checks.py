@@ -7,9 +7,9 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, point_text
 from gtb_cli.checks.report import Finding, at_most, not_applicable, number
-from gtb_cli.models.joints import FAR_ROUNDING
+from gtb_cli.models.joint_search import FAR_ROUNDING
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import bends, joints
+from gtb_cli.models.seams import bends
 from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_points_at
 from gtb_cli.theory.patch import Patch
 
@@ -34,7 +34,7 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
         ),
     }
     points = np.concatenate([patch.control_points for patch in model])
-    seams = [seam for seam in joints(model) if math.isfinite(seam.angle)]
+    seams = [seam for seam in model.seams if math.isfinite(seam.angle)]
     if seams:
         worst = max(seams, key=lambda seam: seam.angle)
         where = f"where {worst.name(model)} meet, near {point_text(worst.place, points)}"

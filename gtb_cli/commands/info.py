@@ -116,10 +116,9 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     from gtb_cli.models.openings import near_misses
     from gtb_cli.models.seams import bends
-    from gtb_cli.models.seams import joints as seams_of
     from gtb_cli.theory.edges import edge_name
 
-    joints, seams, name = model.joints, seams_of(model), partial(edge_name, model.patches)
+    joints, seams, name = model.joints, model.seams, partial(edge_name, model.patches)
     if not in_full:
         seams = tuple(sorted(seams, key=lambda seam: -(seam.angle if math.isfinite(seam.angle) else 0.0))[:6])
     return {

@@ -11,7 +11,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.hausdorff import Distance, Farthest
-from gtb_cli.models.model import Model
+from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import Complex, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
@@ -53,9 +53,10 @@ def farthest(
 def whole_surface(shape: Patch | Model) -> Surface:
     """A patch or model with points all over it."""
     rough_cells, least = 512, 4  # in all, and along each edge
-    joints = shape.joints if isinstance(shape, Model) else None
     resolution = cells_along_edges(shape.patches, rough_cells, least)
-    return surface_of(shape.patches, layered(joined_complex(shape.patches, joints, resolution), shape.patches))
+    return surface_of(
+        shape.patches, layered(joined_complex(shape.patches, joints_of(shape), resolution), shape.patches)
+    )
 
 
 def layered(mosaic: Complex, patches: Sequence[Patch]) -> Complex:

@@ -15,7 +15,6 @@ from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import joints
 from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.edges import CURVE_TOLERANCE
 from gtb_cli.theory.patch import Patch
@@ -136,7 +135,7 @@ def _copied(patch: Patch, made: Fairing, other: Patch) -> Fairing | None:
 def _kept_edges(model: Model, keep: Keep) -> list[list[Keep]]:
     """Return what stays along each edge of each patch: no less than tangents at points and smooth seams."""
     kept = [[keep] * len(patch.domain.vertices) for patch in model]
-    smooth = [ref for seam in joints(model) if not seam.is_crease for ref in (seam.first, seam.second)]
+    smooth = [ref for seam in model.seams if not seam.is_crease for ref in (seam.first, seam.second)]
     for index, edge in (*smooth, *model.joints.collapsed):
         kept[index][edge] = max("tangents", keep, key=KEEPS.index)
     return kept

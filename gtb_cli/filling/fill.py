@@ -21,7 +21,6 @@ from gtb_cli.filling.sides import HoleSide
 from gtb_cli.filling.strips import curve_side
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import joints
 from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.patch import Patch
 
@@ -152,7 +151,7 @@ def _free(name: str, taken: Sequence[str | None]) -> Iterator[str]:
 def _beside(neighbours: Sequence[Patch], filling: Filling) -> Filling:
     """Measure the differences of curvature across the edges that a filling shares with neighbours, and its cuts."""
     model = Model((*neighbours, *filling.patches))
-    seams = {ref: seam for seam in joints(model) for ref in (seam.first, seam.second)}
+    seams = {ref: seam for seam in model.seams for ref in (seam.first, seam.second)}
     edges = [
         seams.get((len(neighbours) + p, edge_of(part.patch, k)))
         for p, part in enumerate(filling.parts or (filling,))

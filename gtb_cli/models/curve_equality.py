@@ -6,9 +6,10 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, ascending, column_dot, distinct
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve
-from gtb_cli.values import frozen
+from gtb_cli.values import by_value, frozen
 
 
+@by_value
 @frozen
 class Match:
     """Points of one curve at those of another one, which runs in the same direction, if need be `turned` before.

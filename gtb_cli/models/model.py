@@ -11,11 +11,13 @@ import numpy as np
 
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
+from gtb_cli.models.joints import Joints, unjoined
+from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
-    from gtb_cli.models.joints import Joints
+    from gtb_cli.models.seams import Seam
 
 
 @by_value
@@ -83,13 +85,37 @@ class Model:
 
     @cached_property
     def joints(self) -> Joints:
-        """The joints between the edges of the patches."""
-        from gtb_cli.models.joints import find_joints  # not needed to read a model
+        """Which edges of the patches carry the same curve, and which are open."""
+        from gtb_cli.models.joint_search import find_joints  # not needed to read a model
 
         return find_joints(self.patches, self.weld)
 
+    @cached_property
+    def seams(self) -> tuple[Seam, ...]:
+        """How smoothly the patches meet, for each of `joints.shared`; none for a model of curves."""
+        from gtb_cli.models.seams import seams_of
+
+        return seams_of(self.patches, self.joints) if self.dimension == 2 else ()
+
     plot = plot
     _repr_html_ = frame
+
+
+def joints(model: Model | SpecPath) -> Joints:
+    """Return `Model.joints`: which edges of a model's patches carry the same curve, and which are open.
+
+    Raises
+    ------
+    DomainError
+        The argument is neither a model nor the path of one's spec.
+    """
+    found: Model = loaded(model, "Model")
+    return found.joints
+
+
+def joints_of(shape: Patch | Model) -> Joints:
+    """Return the joints of a model; a patch by itself is joined with nothing."""
+    return shape.joints if isinstance(shape, Model) else unjoined(shape)
 
 
 def diagonal_of(patches: Sequence[Patch]) -> float:

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.models.joints import SORTING_DIRECTION, Joints, touching, within
+from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
+from gtb_cli.models.near_ends import meeting, touching
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
 from gtb_cli.theory.patch import Patch
 
@@ -106,17 +107,6 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
     if len(lines) > max_rings:
         lines[max_rings:] = [f"{len(lines) - max_rings} more rings of edges are open"]
     return lines
-
-
-def meeting(curves: Sequence[Curve], reach: float) -> list[list[int]]:
-    """Find, for each curve, those, ascending, with an end within a distance of one of its ends along each axis."""
-    places = np.array([curve.ends for curve in curves]).reshape(-1, 3)
-    pairs: list[set[int]] = [set() for _ in curves]
-    for row, others in within((places - places[:1]) @ SORTING_DIRECTION, np.full(len(places), reach)):
-        for other in (others[np.abs(places[others] - places[row]).max(axis=1) <= reach] // 2).tolist():
-            pairs[row // 2].add(other)
-            pairs[other].add(row // 2)
-    return [sorted(others - {row}) for row, others in enumerate(pairs)]
 
 
 def seam_remarks(model: Model) -> list[str]:

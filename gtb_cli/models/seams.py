@@ -1,7 +1,7 @@
 """Seams of a model: how smoothly patches meet along the edges that they share."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import field
 from functools import cached_property
 from typing import NamedTuple
@@ -11,9 +11,8 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, cross
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
-from gtb_cli.models.model import Model
+from gtb_cli.models.joints import Joints
 from gtb_cli.moment.torus import block_length
-from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
@@ -27,7 +26,7 @@ CORNERS = 0.02  # part of a seam at each end where curvatures are not compared: 
 MAX_CREASE_DEGREES = 1.0  # angle up to which curvatures across a seam are compared; beyond it the seam is a crease
 
 
-class _Rim(NamedTuple):
+class _SeamRim(NamedTuple):
     """The rim of one of two patches at places along a seam, with −1 as sign of a flipped patch."""
 
     patch: Patch
@@ -51,7 +50,7 @@ class Seam:
     angle: float
     _worst: int = field(repr=False)
     _smooth: BoolArray = field(repr=False)
-    _rims: tuple[_Rim, _Rim] = field(repr=False)
+    _rims: tuple[_SeamRim, _SeamRim] = field(repr=False)
 
     @cached_property
     def place(self) -> FloatArray:
@@ -87,32 +86,23 @@ class Seam:
     def _most_bent(self) -> tuple[float, int]:
         return _bends([self])[0]
 
-    def name(self, model: Model) -> str:
+    def name(self, model: Iterable[Patch]) -> str:
         """Return the names of both edges, for messages."""
-        return " and ".join(edge_name(model.patches, ref) for ref in (self.first, self.second))
+        patches = tuple(model)
+        return " and ".join(edge_name(patches, ref) for ref in (self.first, self.second))
 
 
-def joints(model: Model | SpecPath) -> tuple[Seam, ...]:
-    """Measure each joint of a model of surfaces; a model of curves has none.
+def seams_of(patches: Sequence[Patch], joints: Joints) -> tuple[Seam, ...]:
+    """Measure how smoothly surfaces meet at each of their joints.
 
-    Raises
-    ------
-    DomainError
-        The argument is not a model.
-
-    Notes
-    -----
     The angle is computed by formula, not by differences: if the tangent planes agree, it is rounding. In this case the
     normal curvatures along the seam agree as well; by Euler's theorem the normal curvatures across it then differ by
     twice the difference of the mean curvatures.
     """
-    found: Model = loaded(model, "Model")
-    if found.dimension == 1:
-        return ()
     t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
-    shared, is_away = found.joints.shared, np.abs(t - 0.5) <= 0.5 - CORNERS
-    uses = [use for joint in shared for use in ((joint.first, t), (joint.second, joint.across(found.patches, t)))]
-    rims, normals = _rims(found, uses)
+    is_away = np.abs(t - 0.5) <= 0.5 - CORNERS
+    uses = [use for joint in joints.shared for use in ((joint.first, t), (joint.second, joint.across(patches, t)))]
+    rims, normals = _rims(patches, joints.flipped, uses)
     ours, theirs = normals[::2], normals[1::2]
     sines = np.linalg.norm(cross(ours.reshape(-1, 3), theirs.reshape(-1, 3)), axis=1).reshape(ours.shape[:2])
     angles = np.degrees(np.arctan2(sines, (ours * theirs).sum(axis=2)))
@@ -126,7 +116,7 @@ def joints(model: Model | SpecPath) -> tuple[Seam, ...]:
             (row <= MAX_CREASE_DEGREES) & is_away,
             (rims[2 * i], rims[2 * i + 1]),
         )
-        for i, (joint, row, k) in enumerate(zip(shared, angles, worst, strict=True))
+        for i, (joint, row, k) in enumerate(zip(joints.shared, angles, worst, strict=True))
     )
 
 
@@ -137,7 +127,7 @@ def bends(seams: Sequence[Seam]) -> list[float]:
 
 def _bends(seams: Sequence[Seam]) -> list[tuple[float, int]]:
     """Return the bend of each seam, and the number of the place that has it."""
-    alike: dict[tuple[RationalBasis, Face, bytes], list[_Rim]] = {}
+    alike: dict[tuple[RationalBasis, Face, bytes], list[_SeamRim]] = {}
     for rim in (rim for seam in seams if seam._smooth.any() for rim in seam._rims):
         alike.setdefault((rim.patch.rational_basis, rim.place.face, rim.place.s.tobytes()), []).append(rim)
     mean: dict[int, FloatArray] = {}
@@ -161,11 +151,13 @@ def _bends(seams: Sequence[Seam]) -> list[tuple[float, int]]:
     return [bend(seam) for seam in seams]
 
 
-def _rims(model: Model, uses: Sequence[tuple[EdgeRef, FloatArray]]) -> tuple[dict[int, _Rim], FloatArray]:
+def _rims(
+    patches: Sequence[Patch], flipped: Sequence[bool], uses: Sequence[tuple[EdgeRef, FloatArray]]
+) -> tuple[dict[int, _SeamRim], FloatArray]:
     """Return rims at fractions of edges, and (q, m, 3) unit normals there, those on one edge of a domain together."""
     alike: dict[tuple[Domain, int], list[int]] = {}
     for number, ((index, edge), _) in enumerate(uses):
-        alike.setdefault((model.patches[index].domain, edge), []).append(number)
+        alike.setdefault((patches[index].domain, edge), []).append(number)
     rims, normals = {}, np.empty((len(uses), SEAM_PLACES, 3))
     for (shape, edge), numbers in alike.items():
         face, first, last = shape.faces.edge(edge), shape.vertices[edge], shape.vertices[edge + 1 - len(shape.vertices)]
@@ -173,16 +165,16 @@ def _rims(model: Model, uses: Sequence[tuple[EdgeRef, FloatArray]]) -> tuple[dic
         for begin in range(0, len(numbers), step):
             some = numbers[begin : begin + step]
             indices = [uses[number][0][0] for number in some]
-            part = [model.patches[index] for index in indices]
+            part = [patches[index] for index in indices]
             t = np.concatenate([uses[number][1] for number in some])[:, None]
             linear = LinearParametrization(shape, np.array([patch.log_products for patch in part]))
             which = np.repeat(np.arange(len(part)), SEAM_PLACES)
             (whole,) = linear.locations(first + t * (last - first), np.full(len(t), face.number), numbers=which)
             s = whole.s.reshape(len(part), SEAM_PLACES)
             fields = [NormalField(shape, patch.log_products, patch.control_points) for patch in part]
-            signs = np.array([-1.0 if model.joints.flipped[index] else 1.0 for index in indices])
+            signs = np.array([-1.0 if flipped[index] else 1.0 for index in indices])
             normals[some] = signs[:, None, None] * on_edge(fields, edge, s)
             for number, patch, sign, row in zip(some, part, signs.tolist(), s, strict=True):
                 place = Location(slice(0, SEAM_PLACES), face, whole.knots, row[None])
-                rims[number] = _Rim(patch, sign, place)
+                rims[number] = _SeamRim(patch, sign, place)
     return rims, normals

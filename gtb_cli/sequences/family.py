@@ -16,12 +16,11 @@ from gtb_cli.knots.triangulation import cell_count, central_triangulation, trian
 from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.models.joints import Joint, Joints
+from gtb_cli.models.joints import Joint, Joints, unjoined
 from gtb_cli.sequences.membranes import film_mesh
-from gtb_cli.tessellation.complexes import Complex, alone, joined_complex
+from gtb_cli.tessellation.complexes import Complex, alone, coarse_complexes, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.tessellate import FIRST_RESOLUTIONS
 from gtb_cli.theory.edges import EdgeRef
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -36,7 +35,7 @@ class Family:
     samplers: tuple[Sampler, ...]
     members: tuple[Patch, ...]  # without the limit
     is_limit: tuple[bool, ...]  # for each of them whether it is the limit, to rounding
-    joints: Joints | None = None  # of the patches of the limit; None for a single one
+    joints: Joints  # of the patches of the limit
     faces: IntArray | None = None  # (c, f) faces of Δ that hold each face of each patch of the limit; None for one
     # For each sampler the thickness, as a fraction of Δ's size, of the layer along the boundary in which it differs
     # from what it is inside; empty if there is none.
@@ -87,11 +86,7 @@ class Family:
 
     def refined(self, tolerance: float, max_cells: int) -> Complex:
         """Refine the coarsest complex until it is within a tolerance of every member; `ToleranceError` if too large."""
-        for resolution in FIRST_RESOLUTIONS:
-            mosaic = self.uniform(resolution)
-            if mosaic.is_simplicial:
-                break
-        count = 0
+        mosaic, count = next(coarse_complexes(self.limit.patches, self.joints)), 0
         while len(mosaic.cells) > count:
             count = len(mosaic.cells)
             for sampler in reversed(self.samplers):
@@ -107,6 +102,7 @@ def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
         tuple(Sampler((patch,)) for patch in (*members, limit.merged)),
         members,
         (False,) * len(members),
+        unjoined(limit.merged),
         thickness=thickness,
         knot_limit=limit,
     )

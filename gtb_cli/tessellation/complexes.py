@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,12 +13,10 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.topology import are_proper, sides_of
-from gtb_cli.theory.edges import EdgeRef, edge_curves, edge_points_at
+from gtb_cli.models.joints import Joints
+from gtb_cli.theory.edges import EdgeRef
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-
-if TYPE_CHECKING:
-    from gtb_cli.models.joints import Joints
 
 
 @frozen
@@ -101,8 +98,8 @@ def kinds_of(domains: Sequence[Domain]) -> IntArray:
     return np.array([first.setdefault(key, number) for number, key in enumerate(keys)])
 
 
-def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
-    """Triangulate each domain with `resolution` cells along an edge, and join them; without joints, there is one patch.
+def joined_complex(patches: Sequence[Patch], joints: Joints, resolution: int) -> Complex:
+    """Triangulate each domain with `resolution` cells along an edge, and join them.
 
     Patches are cut around their centres if several would have a side inside between the same two vertices, as at the
     corner between two edges that they share. So are patches with a tip, where one more side is halved, and those with
@@ -111,7 +108,7 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     kinds = kinds_of([patch.domain for patch in patches]).tolist()
     made = {kind: triangulation(patches[kind].domain, resolution) for kind in dict.fromkeys(kinds)}
     parts = [made[kind] for kind in kinds]
-    if joints is None:
+    if len(parts) == 1 and not joints.joins:
         return alone(patches[0].domain, parts[0])
     moves = _moves(patches, joints, resolution)
     _move(parts, patches, moves)
@@ -127,6 +124,15 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
         _move(parts, patches, {ref: fractions for ref, fractions in moves.items() if ref[0] in again})
         mosaic, _ = _joined(patches, joints, parts)
     return mosaic
+
+
+def coarse_complexes(patches: Sequence[Patch], joints: Joints) -> Iterator[Complex]:
+    """Yield complexes from which refinement may start, the coarsest first, and the last one whatever it is like."""
+    resolutions = (1, 2, 3, 4)
+    for resolution in resolutions:
+        mosaic = joined_complex(patches, joints, resolution)
+        if mosaic.is_simplicial or resolution == resolutions[-1]:
+            yield mosaic
 
 
 def _moves(patches: Sequence[Patch], joints: Joints, resolution: int) -> dict[EdgeRef, FloatArray]:
@@ -234,64 +240,3 @@ def _repeated(rows: IntArray) -> BoolArray:
     """Mark the rows, (m,), that have the entries of another one in any order."""
     _, kind, count = np.unique(np.sort(rows, axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(count[kind] > 1)
-
-
-def welded_points(mosaic: Complex, points: FloatArray, patches: Sequence[Patch], joints: Joints) -> FloatArray:
-    """Move vertices, (v, 3), of welded seams of surfaces to the mean of their curves, corners to that of all there."""
-    points = points.copy()
-    for index, edge in sorted({joint.first for joint in joints.shared if joint.distance}):
-        domain = patches[index].domain
-        rows = np.flatnonzero((mosaic.patch == index) & (mosaic.face == domain.faces.edge(edge).number))
-        ends = domain.vertices[[(edge + 1) % len(domain.vertices)]]
-        side = domain.along(edge, np.concatenate([mosaic.parameters[rows], ends]))
-        share = side[:-1] / side[-1]
-        curves = [edge_points_at(patches[index], edge, share)]
-        for joint in joints.shared:
-            if joint.first == (index, edge):
-                patch, other = joint.second
-                curves.append(edge_points_at(patches[patch], other, joint.across(patches, share)))
-        points[rows] = np.mean(curves, axis=0)
-    _move_corners(mosaic, points, patches, joints)
-    return points
-
-
-def _move_corners(mosaic: Complex, points: FloatArray, patches: Sequence[Patch], joints: Joints) -> None:
-    """Move vertices at corners that become one, and those of edges that are points, to their mean."""
-    _, means = _corners(patches, joints)
-    for index, patch in enumerate(patches):
-        faces = patch.domain.faces
-        places = dict(zip(faces.corners.tolist(), means[index], strict=True))
-        places |= {faces.edge(edge).number: means[index][edge] for p, edge in joints.collapsed if p == index}
-        own = np.flatnonzero(mosaic.patch == index)
-        for number, place in places.items():
-            points[own[mosaic.face[own] == number]] = place
-
-
-def farthest_move(patches: Sequence[Patch], joints: Joints) -> float:
-    """How far `welded_points` moves points: of seams, of corners that become one, and of edges that become points."""
-    corners, means = _corners(patches, joints)
-    edges = zip(edge_curves(patches, joints.collapsed), joints.collapsed, strict=True)
-    places = [own - mean for own, mean in zip(corners, means, strict=True)]
-    places += [curve.points - means[index][edge] for curve, (index, edge) in edges]
-    moves = [joint.distance for joint in joints.shared]
-    return max([*moves, *(float(np.linalg.norm(place, axis=1).max()) for place in places)])
-
-
-def _corners(patches: Sequence[Patch], joints: Joints) -> tuple[list[FloatArray], list[FloatArray]]:
-    """The corners of each patch, and the means of all that become one with them."""
-    counts = [len(patch.domain.vertices) for patch in patches]
-    offsets = np.cumsum([0, *counts]).tolist()
-
-    def ends(ref: EdgeRef) -> list[int]:
-        index, edge = ref
-        return [offsets[index] + edge, offsets[index] + (edge + 1) % counts[index]]
-
-    pairs = [ends(ref) for ref in joints.collapsed]
-    for joint in joints.shared:
-        first, second = ends(joint.first), ends(joint.second)[:: -1 if joint.opposite else 1]
-        pairs += [[first[0], second[0]], [first[1], second[1]]]
-    label = merged(offsets[-1], np.array(pairs, dtype=np.int64).reshape(-1, 2))
-    corners = [patch.evaluate(patch.domain.vertices) for patch in patches]
-    sums = np.column_stack([np.bincount(label, column) for column in np.concatenate(corners).T])
-    means = sums[label] / np.bincount(label)[label, None]
-    return corners, np.split(means, offsets[1:-1])

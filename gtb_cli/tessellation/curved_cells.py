@@ -7,7 +7,7 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.formats.kinds_of_surfaces import shortened
 from gtb_cli.formats.vtu import QuadraticCells, encode_quadratic, encode_vtu
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.models.model import Model
+from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.attributes import QUALITY_NAME, with_attributes
 from gtb_cli.tessellation.complexes import joined_complex
 from gtb_cli.tessellation.recipe import Recipe
@@ -44,9 +44,8 @@ def quadratic_cells(spec: Patch | Model, recipe: Recipe) -> list[QuadraticCells]
     count = recipe.faces(spec)
     if recipe.tolerance is None and count > recipe.max_faces:
         raise ToleranceError(f"{count} cells are more than {recipe.max_faces}: lower `resolution` or raise `max_faces`")
-    joints = spec.joints if isinstance(spec, Model) else None
     tolerance = recipe.tolerance_for(spec)
-    mosaic = joined_complex(spec.patches, joints, recipe.resolution if tolerance is None else 2)
+    mosaic = joined_complex(spec.patches, joints_of(spec), recipe.resolution if tolerance is None else 2)
     if tolerance is not None:
         mosaic, _ = refine(mosaic, Sampler(spec.patches), tolerance, recipe.max_faces)
     parts = []

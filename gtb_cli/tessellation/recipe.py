@@ -75,7 +75,7 @@ class Recipe:
     weld: float | str | None = None
 
     def __post_init__(self) -> None:
-        from gtb_cli.tessellation.tessellate import check_fineness
+        from gtb_cli.tessellation.fineness import check_fineness
 
         check_fineness(self.resolution, self.tolerance, self.parametrization)
         if isinstance(self.max_faces, bool) or not hasattr(self.max_faces, "__index__") or self.max_faces < 1:
@@ -246,7 +246,7 @@ class Recipe:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
         if not isinstance(self.tolerance, str):
             return self.tolerance
-        from gtb_cli.tessellation.tessellate import tolerance_for
+        from gtb_cli.tessellation.fineness import tolerance_for
 
         return tolerance_for(spec, self.tolerance)
 
@@ -284,7 +284,7 @@ class Recipe:
         """Raise `ToleranceError` for more faces than are allowed, or than the machine's memory holds."""
         if self.tolerance is not None:
             return
-        from gtb_cli.tessellation.tessellate import refuse_faces
+        from gtb_cli.tessellation.fineness import refuse_faces
 
         refuse_faces(self.faces(spec), self.resolution, self.max_faces)
 

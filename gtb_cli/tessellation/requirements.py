@@ -79,12 +79,11 @@ def _creases(spec: Patch | Model, angle: float) -> list[str]:
 
     from gtb_cli.arrays import point_text
     from gtb_cli.models.model import Model
-    from gtb_cli.models.seams import joints
 
     if not isinstance(spec, Model):
         return []
     lines, points = [], np.concatenate([patch.control_points for patch in spec])
-    for seam in joints(spec):
+    for seam in spec.seams:
         if not seam.angle <= angle:
             place = point_text(seam.place, points)
             lines.append(f"not smooth: {seam.name(spec)} meet at {seam.angle:.3g} degrees, near {place}")
@@ -98,7 +97,7 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     count = len(mesh.open_sides)
     if not count:
         return []
-    from gtb_cli.models.joints import find_joints
+    from gtb_cli.models.joint_search import find_joints
     from gtb_cli.models.model import Model
     from gtb_cli.models.openings import obstacles
     from gtb_cli.theory.edges import edge_name

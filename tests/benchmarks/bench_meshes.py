@@ -6,7 +6,7 @@ import numpy as np
 
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.models.model import Model
+from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import Complex, joined_complex
 from gtb_cli.tessellation.sampler import Sampler, evenly, torically
 from gtb_cli.tessellation.tessellate import tessellate
@@ -27,7 +27,7 @@ def beside_evaluation() -> Iterator[Row]:
     fixed = 0.15  # seconds that a mesh may take besides its evaluation
     patch = spec("bicubic")
     n = segments(1000)
-    mosaic = joined_complex((patch,), None, n)
+    mosaic = joined_complex((patch,), joints_of(patch), n)
     for parametrization in ("toric", "linear"):
         points = evaluation(patch, parametrization, mosaic, n)
 
@@ -63,7 +63,7 @@ def beside_toric() -> Iterator[Row]:
         ("hexagon, 19 irrational knots", spec("hexagon")),
     ):
         n = segments(million[len(patch.domain.vertices)])
-        mosaic = joined_complex((patch,), None, n)
+        mosaic = joined_complex((patch,), joints_of(patch), n)
         yield paired(
             f"1M vertices of an even mesh ({what}), linear beside toric",
             evaluation(patch, "linear", mosaic, n),

@@ -15,9 +15,8 @@ from gtb_cli.errors import SpecError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
 from gtb_cli.language.starter import template
-from gtb_cli.models.joints import find_joints
+from gtb_cli.models.joint_search import find_joints
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import joints
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.vocabulary import SHELLS, TEMPLATES
 from tests.marks import mostly_long
@@ -92,7 +91,7 @@ def test_things_are_solid_by_their_own_command(name, sides, coarse, tmp_path, mo
 
 @pytest.mark.parametrize(("name", "sides"), [thing for thing in THINGS if thing[0] in ("bowl", "joint")])
 def test_seams_of_things_are_smooth(name, sides):
-    angles = {seam.name(model): seam.angle for model in [parse(template(name, sides))] for seam in joints(model)}
+    angles = {seam.name(model): seam.angle for model in [parse(template(name, sides))] for seam in model.seams}
     assert len(angles) >= 10
     assert max(angles.values()) < 1e-9
 

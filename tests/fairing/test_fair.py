@@ -8,7 +8,6 @@ from gtb_cli.fairing.energy import energy, energy_at, energy_samples
 from gtb_cli.fairing.fair import fair, kept_knots
 from gtb_cli.language.loading import parse
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import joints
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
@@ -227,11 +226,11 @@ def model(bend: float) -> Model:
 @pytest.mark.parametrize(("bend", "free"), mostly_long([(0.0, 6), (0.5, 9)]))
 def test_patches_of_a_model_meet_as_before(bend, free):
     given = model(bend)
-    (before,) = joints(given)
+    (before,) = given.seams
     assert (before.angle < 1e-6) == (bend == 0)
     made = fair(given)
     assert [part.free for part in made] == [free, free]
-    after = joints(given.replace(patches=tuple(part.patch for part in made)))
+    after = given.replace(patches=tuple(part.patch for part in made)).seams
     assert len(after) == 1
     assert all(part.after.variation < part.before.variation for part in made)
     if bend == 0:

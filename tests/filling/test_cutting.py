@@ -17,7 +17,6 @@ from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bernstein, loop, points_and_tangents, stations
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import joints
 from gtb_cli.theory.patch import Patch
 from tests.filling.loops import homogeneous
 from tests.filling.test_one_patch import PLANES, L, plane_sides
@@ -68,7 +67,7 @@ def test_a_concave_hole_in_a_graph_is_cut_and_its_parts_meet_with_exact_planes()
     assert len(filling.parts) == 2
     assert [patch.name for patch in filling.model] == ["hole-0", "hole-1"]
     assert filling.remarks[0] == "the hole is cut from its concave corner (0.5, 0.5, 0.03125) to (0, 0, 0)"
-    (seam,) = joints(filling.model)
+    (seam,) = filling.model.seams
     assert seam.angle < PLANES
     (bends,) = {contact.bend for contact in filling.contacts if not math.isnan(contact.bend)}
     assert bends == seam.bend
@@ -131,7 +130,7 @@ def test_neighbouring_patches_of_a_sphere_are_filled_in(gone):
         for patch in filling.patches:
             radii = np.linalg.norm(patch.evaluate(energy_samples(patch.domain, 12)[0], "linear"), axis=1)
             np.testing.assert_allclose(radii, 1, atol=0.01)
-    edges = [joint for joint in joints(filling.model) if max(joint.first[0], joint.second[0]) >= len(rest)]
+    edges = [joint for joint in filling.model.seams if max(joint.first[0], joint.second[0]) >= len(rest)]
     assert max(seam.angle for seam in edges) < 1e-6
 
 

@@ -13,7 +13,6 @@ from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bernstein, edge_places
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import joints
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
 from tests.filling.loops import homogeneous
@@ -204,8 +203,8 @@ def test_a_corner_between_rational_patches_has_their_curvature() -> None:
     filling = fill(rest, continuity="g2")
     assert [len(filling.sides), filling.folds] == [3, 0]
     assert max(contact.bend for contact in filling.contacts) < RELATIVE
-    seams = [seam for seam in joints(filling.model) if len(filling.model) - 1 in {seam.first[0], seam.second[0]}]
+    seams = [seam for seam in filling.model.seams if len(filling.model) - 1 in {seam.first[0], seam.second[0]}]
     assert len(seams) == 3
     assert max(seam.bend for seam in seams) < RELATIVE
-    given = [seam.bend for seam in joints(cube) if index in {seam.first[0], seam.second[0]}]
+    given = [seam.bend for seam in cube.seams if index in {seam.first[0], seam.second[0]}]
     assert min(given) > 0.1

@@ -7,11 +7,10 @@ import pytest
 from scipy.special import softmax
 
 from gtb_cli.bezier.elevation import elevate
-from gtb_cli.models import joints as room
 from gtb_cli.models.curve_equality import equal
-from gtb_cli.models.joints import find_joints
+from gtb_cli.models.joint_search import find_joints
 from gtb_cli.models.model import Model
-from gtb_cli.models.openings import meeting
+from gtb_cli.models.near_ends import meeting, touching
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import Curve
 from gtb_cli.theory.patch import Patch
@@ -205,9 +204,9 @@ def test_curves_that_touch_and_meet_are_those_that_all_pairs_show(seed):
     ends = np.array([curve.ends for curve in curves])
     pairs = [(i, j) for i in range(40) for j in range(i + 1, 40)]
     same = {(i, j): min(np.abs(ends[i] - way).max() for way in (ends[j], ends[j, ::-1])) for i, j in pairs}
-    touching = [pair for pair in pairs if same[pair] <= min(reach[list(pair)])]
-    rows, gaps = room.touching(curves, reach)
-    assert [(*pair, gap) for pair, gap in zip(rows.tolist(), gaps, strict=True)] == [(*p, same[p]) for p in touching]
+    near = [pair for pair in pairs if same[pair] <= min(reach[list(pair)])]
+    rows, gaps = touching(curves, reach)
+    assert [(*pair, gap) for pair, gap in zip(rows.tolist(), gaps, strict=True)] == [(*p, same[p]) for p in near]
     near = [np.abs(ends[i][:, None] - ends[j]).max(axis=2).min() <= 0.01 for i, j in pairs]
     met = [(i, j) for i, others in enumerate(meeting(curves, 0.01)) for j in others]
     assert [(i, j) for i, j in met if i < j] == [pair for pair, is_near in zip(pairs, near, strict=True) if is_near]

@@ -11,7 +11,7 @@ from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.formats.export import held
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import bends, joints
+from gtb_cli.models.seams import bends
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.requirements import requirements
 from gtb_cli.theory.patch import Patch
@@ -38,7 +38,7 @@ def roof(degrees: float) -> Model:
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-7, 0.5, 30.0, 89.0])
 def test_the_angle_of_a_roof(degrees):
-    (seam,) = joints(roof(degrees))
+    (seam,) = roof(degrees).seams
     assert seam.angle == pytest.approx(degrees, rel=1e-8, abs=1e-12)
     assert abs(seam.place[0]) < 1e-12
     assert seam.name(roof(degrees)) == "left edge 1 and right edge 3"
@@ -48,11 +48,11 @@ def test_the_difference_of_curvatures_of_two_parabolas():
     """z = x² beside z = −3 x²: 2 + 6 = 8 at x = 0."""
     left = sheet([[x, y, z] for y in (0, 1) for x, z in ((-1, 1), (-0.5, 0), (0, 0))], "left")
     right = sheet([[x, y, z] for y in (0, 1) for x, z in ((0, 0), (0.5, 0), (1, -3))], "right")
-    (seam,) = joints(Model((left, right)))
+    (seam,) = Model((left, right)).seams
     assert seam.angle < 1e-12
     assert seam.bend == pytest.approx(8, rel=1e-12)
     flipped = right.replace(knots=right.knots[:, ::-1], coefficients=right.coefficients)
-    (seam,) = joints(Model((left, flipped)))
+    (seam,) = Model((left, flipped)).seams
     assert seam.angle < 1e-12
     assert seam.bend == pytest.approx(8, rel=1e-12)
 
@@ -62,19 +62,20 @@ def test_the_largest_difference_of_curvatures_does_not_depend_on_how_many_places
 
     The nearest place of both is 2.1 or 2.3 % away from the corner.
     """
-    few = max(bends(joints(load(SPECS / "box-corner.toml"))))
+    model = load(SPECS / "box-corner.toml")
+    few = max(bends(model.seams))
     monkeypatch.setattr("gtb_cli.models.seams.SEAM_PLACES", 98)
-    assert few == pytest.approx(max(bends(joints(load(SPECS / "box-corner.toml")))), rel=0.1)
+    assert few == pytest.approx(max(bends(model.replace().seams)), rel=0.1)
 
 
 def test_curves_have_no_seams():
-    assert joints(Model((load(SPECS / "cubic-bezier.toml"),))) == ()
+    assert Model((load(SPECS / "cubic-bezier.toml"),)).seams == ()
 
 
 def test_the_rounded_cube_is_closed_and_smooth(tmp_path):
     model = load(CUBE)
     assert model.joints.closed
-    assert max(seam.angle for seam in joints(model)) < 1e-6
+    assert max(seam.angle for seam in model.seams) < 1e-6
     everything = ["watertight", "smooth:0.001deg", "unfolded"]
     options = [part for word in everything for part in ("--require", word)]
     assert gtb("mesh", CUBE, "-n", "4", *options, "-o", tmp_path / "cube.stl").status == 0
@@ -147,7 +148,11 @@ def test_a_square_with_two_knots_swapped_is_no_solid(tmp_path):
     assert "the solid passes through itself: " in result.err
     result = gtb("mesh", path, "--thickness", 2, "--require", "watertight", "--ascii", "-o", tmp_path / "closed.ply")
     assert result.status == 1
-    assert "bow.toml: not watertight: faces collapse, 76 of 4352 faces" in result.err  # as trimesh says of the file
+    mesh, _ = Recipe(thickness=2).mesh(load(path))
+    number = np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)[mesh.faces]  # one for each place
+    collapsed = sum(len(set(row)) < 3 for row in number.tolist())
+    assert 60 < collapsed < 80  # the last digits of a processor decide
+    assert f"bow.toml: not watertight: faces collapse, {collapsed} of 4352 faces" in result.err
     result = gtb("mesh", path, "--thickness", 2, "--require", "solid", "-o", tmp_path / "solid.obj")
     assert result.status == 1
     assert "bow.toml: not solid: bow turns back on itself at " in result.err
@@ -285,9 +290,9 @@ def test_sides_that_are_measured_together_are_as_those_measured_alone():
             [row for y in (0, 1) for row in (first[y], (first[y] + second[y]) / 2 + [0, 0, k], second[y])], ""
         )
         patches.append(patch if k % 3 else patch.replace(control_points=patch.control_points[::-1]))
-    together = joints(Model(tuple(patches)))
+    together = Model(tuple(patches)).seams
     assert len(together) == 5
     for k, seam in enumerate(together):
         index = sorted((seam.first[0], seam.second[0]))
-        (alone,) = joints(Model(tuple(patches[i] for i in index)))
+        (alone,) = Model(tuple(patches[i] for i in index)).seams
         np.testing.assert_equal([seam.angle, bends(together)[k]], [alone.angle, alone.bend])

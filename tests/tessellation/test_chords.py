@@ -116,6 +116,13 @@ def test_curves_that_close_each_other_are_certified_too():
     assert len(mesh.cells) == alone == len(mesh.vertices)
 
 
+@pytest.mark.parametrize("options", [{"resolution": 3}, {"tolerance": 1e-3}])
+def test_a_weld_moves_no_ends_of_curves(options):
+    """It joins edges of surfaces. Both ends of each curve were put at one place, in the middle."""
+    curves = Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]]), Patch([0, 1, 2], [[2, 0], [1, -1], [0, 1]])
+    assert tessellate(Model(curves, weld=0.1), **options) == tessellate(Model(curves), **options)
+
+
 @pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
 def test_scale_and_place_of_knots_and_points_do_not_count(scale, shift):
     knots, points = np.array([0, 1, 2, 4.0]), np.array([[0, 0, 0], [1, 2, 0], [2, -1, 1], [3, 0, 0.0]])

@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.models.joints import Joint, find_joints
+from gtb_cli.models.joint_search import find_joints
+from gtb_cli.models.joints import Joint
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import joints
 from gtb_cli.tessellation.complexes import joined_complex
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_points_at
@@ -136,7 +136,7 @@ def test_the_box_corner_is_open_only_where_the_box_goes_on():
 
 @pytest.mark.parametrize(("name", "degrees"), [("hebesphenorotunda", CREASE), ("box-corner", 1e-11)])
 def test_smooth_models_have_the_same_normals_on_both_sides_of_an_edge(name, degrees):
-    assert max(seam.angle for seam in joints(MODELS[name])) < degrees
+    assert max(seam.angle for seam in MODELS[name].seams) < degrees
 
 
 # Meshes of them

@@ -9,13 +9,13 @@ from gtb_cli.bezier.elevation import elevate
 from gtb_cli.checks.joint_checks import joint_findings
 from gtb_cli.language.writer import save
 from gtb_cli.models.curve_equality import equal, measured
-from gtb_cli.models.joints import find_joints
+from gtb_cli.models.joint_search import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import seam_remarks
-from gtb_cli.models.seams import joints
-from gtb_cli.tessellation.complexes import Complex, joined_complex
+from gtb_cli.tessellation.complexes import Complex, coarse_complexes, joined_complex
+from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.tessellate import refined, tessellate
+from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import Curve, edge_curve, edge_points_at
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
@@ -30,6 +30,10 @@ def curve(points: np.ndarray, weights: np.ndarray) -> Patch:
     """A rational Bézier curve."""
     degree = len(points) - 1
     return Patch(np.arange(degree + 1), points, np.asarray(weights) * [comb(degree, i) for i in range(degree + 1)])
+
+
+def refined(model: Model, sampler: Sampler, tolerance: float) -> tuple[Complex, np.ndarray]:
+    return refine(next(coarse_complexes(model.patches, model.joints)), sampler, tolerance, 10**5)
 
 
 def represented(one: Patch, factor: float, by: int, elevated_first: bool = False, reverse: bool = False) -> Patch:
@@ -112,7 +116,7 @@ def test_edges_of_other_parameters_are_joined_in_even_and_refined_meshes(case):
         assert_parameters_are_those_of_points(model, mosaic, points, rounding)
         for parametrization in ("linear", "toric"):
             assert not len(tessellate(model, resolution, parametrization=parametrization).open_sides)
-    mosaic, points = refined(model.patches, model.joints, sampler, 3e-3 * scale, 10**5)
+    mosaic, points = refined(model, sampler, 3e-3 * scale)
     assert_parameters_are_those_of_points(model, mosaic, points, rounding)
     assert not len(tessellate(model, tolerance=3e-3 * scale).open_sides)
 
@@ -130,7 +134,7 @@ def test_they_are_watertight_on_the_command_line(tmp_path):
 def test_a_smooth_seam_is_smooth_at_corresponding_points(factor, by):
     one = curve(ARC, [1, 0.5**0.5, 1])
     model = Model((loft(one, 0 * UP, UP), loft(represented(one, factor, by), UP, 3 * UP)))
-    (seam,) = joints(model)
+    (seam,) = model.seams
     assert seam.angle < 1e-9
     assert seam.bend < 1e-9
 
@@ -164,7 +168,7 @@ def test_three_representations_on_one_edge_meet_in_the_same_vertices():
         sides = np.sort(mesh.cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         assert (np.unique(sides, axis=0, return_counts=True)[1] == 3).sum() >= 5
     sampler = Sampler(model.patches)
-    mosaic, points = refined(model.patches, model.joints, sampler, 1e-3, 10**5)
+    mosaic, points = refined(model, sampler, 1e-3)
     assert_parameters_are_those_of_points(model, mosaic, points, 1e-13)
 
 
@@ -185,7 +189,7 @@ def test_a_patch_is_joined_with_itself_at_other_parameters(order):
     even = joined_complex(model.patches, model.joints, 6)
     for mosaic, found in (
         (even, sampler.points(even.patch, even.parameters, even.face)),
-        refined(model.patches, model.joints, sampler, 1e-2, 10**5),
+        refined(model, sampler, 1e-2),
     ):
         assert_parameters_are_those_of_points(model, mosaic, found, 1e-13)
 

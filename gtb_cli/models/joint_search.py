@@ -1,0 +1,202 @@
+"""The search for the joints of a model: whether two edges carry one curve, and which patches must be turned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache, cached_property
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import EPS
+from gtb_cli.errors import DomainError
+from gtb_cli.models.curve_equality import Match, beside, equal
+from gtb_cli.models.joints import Joint, Joints
+from gtb_cli.models.near_ends import SORTING_DIRECTION, heights, touching
+from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, edge_curves
+from gtb_cli.theory.patch import Patch
+
+ALMOST = 1e-2  # of the smaller edge's size: open edges nearer than this are reported
+
+FAR_ROUNDING = 16 * EPS  # of the largest coordinate: far away, points computed in two ways are rounded in each
+
+
+def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
+    """Find the edges of patches, all curves (joined at their ends) or all surfaces, that carry the same curve.
+
+    Two boundary curves have the same points at the same fractions of the linear parametrisation, in either direction,
+    if their control points agree, an affine map takes the knots of one edge to those of the other, and the weights c ω
+    differ only by factors κ e^{σ a}, which change nothing. Edges with the same ends but different data, such as a
+    higher degree, are the same curve if this is proved: see `gtb_cli.models.curve_equality.equal`.
+
+    Edges of surfaces that are measured to be within the distance `weld` of each other, in model units, are joined as
+    well, the nearest first: all edges that become one were within it. Edges up to this size count as points.
+    """
+    if len({patch.dimension for patch in patches}) != 1:
+        raise DomainError("patches: curves and surfaces cannot be joined")
+    is_surface = patches[0].dimension == 2
+    refs = [(p, e) for p, patch in enumerate(patches) for e in range(len(patch.domain.vertices))]
+    edges = _Edges(edge_curves(patches, refs), _curve_tolerance(patches), weld or 0.0)
+    near = edges.near if is_surface else {}
+    followers = edges.followers(near)
+    shared = tuple(
+        Joint(refs[i], refs[j], turned, *_distance_and_match(match))
+        for i, others in followers.items()
+        for j, turned, match in others
+    )
+    flipped, one_sided = _orientation(len(patches), shared if is_surface else ())
+    alone = {i for i, others in followers.items() if not others}
+    many = [(i, *(other.edge for other in others)) for i, others in followers.items() if len(others) > 1]
+    almost = sorted((i, j, match.distance) for (i, j), match in near.items() if edges.nearly_meet(i, j, match, alone))
+    return Joints(
+        shared=shared,
+        open=tuple(refs[i] for i in followers if i in alone),
+        collapsed=tuple(refs[i] for i in edges.collapsed),
+        crowded=tuple(tuple(refs[i] for i in group) for group in many) if is_surface else (),
+        almost=tuple((refs[i], refs[j], distance) for i, j, distance in almost),
+        flipped=flipped,
+        one_sided=one_sided,
+    )
+
+
+def _curve_tolerance(patches: Sequence[Patch]) -> float:
+    """Return the distance up to which points are one, in model units."""
+    points = np.concatenate([patch.control_points for patch in patches])
+    size = float(np.ptp(points, axis=0).max()) or 1.0
+    return max(CURVE_TOLERANCE * size, FAR_ROUNDING * float(np.abs(points).max()))
+
+
+def _distance_and_match(match: Match | None) -> tuple[float, Match | None]:
+    """Return what a joint says of two curves: 0 if they are equal, None if equal fractions correspond."""
+    if match is None:
+        return 0.0, None
+    return 0.0 if match.proved else match.distance, None if match.even else match
+
+
+class _Follower(NamedTuple):
+    """An edge that carries the curve of an earlier one, in the opposite direction if `turned`."""
+
+    edge: int
+    turned: bool
+    match: Match | None  # None where the data are equal
+
+
+class _Edges:
+    """The curves of all edges, and which of them are compared."""
+
+    def __init__(self, curves: Sequence[Curve], tolerance: float, weld: float) -> None:
+        self.curves, self.tolerance, self.weld = curves, tolerance, weld
+        self.reach = max(tolerance, weld)
+        self.collapsed = [i for i, curve in enumerate(curves) if len(curve.points) > 1 and curve.size <= self.reach]
+        self.compared = cache(self._compared)
+
+    @cached_property
+    def same(self) -> dict[int, list[tuple[int, bool]]]:
+        """For each edge with data of its own: the later edges with the same data, and whether each runs backwards."""
+        found: dict[int, list[tuple[int, bool]]] = {}
+        places = heights(self.curves) / (2 * self.tolerance * SORTING_DIRECTION.sum())
+        bins: dict[int, list[int]] = {}
+        for i in sorted(set(range(len(self.curves))).difference(self.collapsed)):
+            middle = int(np.floor(places[i]))
+            near = sorted(first for k in (middle - 1, middle, middle + 1) for first in bins.get(k, ()))
+            for turned, curve in ((False, self.curves[i]), (True, self.curves[i].reversed())) if near else ():
+                first = next((first for first in near if curve.same_as(self.curves[first], self.tolerance)), None)
+                if first is not None:
+                    found[first].append((i, turned))
+                    break
+            else:
+                found[i] = []
+                bins.setdefault(middle, []).append(i)
+        return found
+
+    @cached_property
+    def near(self) -> dict[tuple[int, int], Match]:
+        """Matches of edges with different data, one of them open, whose ends are within reach, or within `ALMOST`.
+
+        Pairs whose ends are beyond reach are compared in the order of their distance, and only while one of the two
+        edges has no partner that is nearer.
+        """
+        firsts = list(self.same)
+        sizes = np.array([self.curves[i].size for i in firsts])
+        pairs, gaps = touching([self.curves[i] for i in firsts], np.maximum(ALMOST * sizes, self.reach))
+        order = np.argsort(gaps, kind="stable")
+        least, found = dict.fromkeys(firsts, np.inf), {}
+        for (one, other), gap in zip(pairs[order].tolist(), gaps[order].tolist(), strict=True):
+            i, j = firsts[one], firsts[other]
+            if not (self.same[i] and self.same[j]) and (gap <= self.reach or gap < max(least[i], least[j])):
+                found[i, j] = match = self.compared(i, j)
+                least[i], least[j] = min(least[i], match.distance), min(least[j], match.distance)
+        return found
+
+    def followers(self, near: dict[tuple[int, int], Match]) -> dict[int, list[_Follower]]:
+        """Join edges with the same data, then equal ones, then the nearest: the later edges, by the first one.
+
+        Each two that become one must be within the weld of each other: chains would move edges farther.
+        """
+        group = {i: [i] for i in self.same}
+        for (i, j), match in sorted(near.items(), key=lambda pair: (not pair[1].proved, pair[1].distance)):
+            one, other = sorted((group[i], group[j]), key=min)
+            if one is other or not self.is_one(match):
+                continue
+            if match.proved or all(self.is_one(self.compared(*sorted(pair))) for pair in product(one, other)):
+                one += other
+                group.update(dict.fromkeys(other, one))
+        found: dict[int, list[_Follower]] = {}
+        for first in (i for i in self.same if i == min(group[i])):
+            found[first] = [_Follower(j, turned, None) for j, turned in self.same[first]]
+            for k in sorted(group[first])[1:]:
+                match = self.compared(first, k)
+                edges = ((k, False), *self.same[k])
+                found[first] += [_Follower(j, turned ^ match.turned, match) for j, turned in edges]
+            found[first].sort(key=lambda follower: follower.edge)
+        return found
+
+    def is_one(self, match: Match) -> bool:
+        """Tell whether two edges are joined, by a proof or by the weld."""
+        return match.proved or match.distance <= self.weld
+
+    def nearly_meet(self, i: int, j: int, match: Match, alone: set[int]) -> bool:
+        """Tell whether two edges are open, and so near that they were probably meant to be one."""
+        least = min(self.curves[i].size, self.curves[j].size)
+        return {i, j} <= alone and not self.is_one(match) and match.distance <= ALMOST * least
+
+    def _compared(self, i: int, j: int) -> Match:
+        """Compare two curves in the directions in which their ends are near."""
+        one, other = self.curves[i], self.curves[j]
+        most, nearest = max(ALMOST * min(one.size, other.size), self.reach), Match(np.inf, False, True)
+        for turned, curve in ((False, other), (True, other.reversed())):
+            if np.abs(one.ends - curve.ends).max() > most:
+                continue
+            match = equal(one, curve, self.tolerance) or beside(one, curve, self.reach, most)
+            if match.proved or match.distance < nearest.distance:
+                nearest = replace(match, turned=turned)
+            if match.proved:
+                break
+        return nearest
+
+
+def _orientation(count: int, shared: Sequence[Joint]) -> tuple[tuple[bool, ...], tuple[Joint, ...]]:
+    """Walk over the joints, and flip the smaller half of each connected component (the later half if equal)."""
+    neighbours: list[list[tuple[int, bool]]] = [[] for _ in range(count)]
+    for joint in shared:
+        (a, _), (b, _) = joint.first, joint.second
+        neighbours[a].append((b, not joint.opposite))
+        neighbours[b].append((a, not joint.opposite))
+    flipped: list[bool | None] = [None] * count
+    for start in range(count):
+        if flipped[start] is not None:
+            continue
+        flipped[start], part = False, [start]
+        for a in part:
+            for b, differs in neighbours[a]:
+                if flipped[b] is None:
+                    flipped[b] = bool(flipped[a]) != differs
+                    part.append(b)
+        if 2 * sum(bool(flipped[a]) for a in part) > len(part):
+            for a in part:
+                flipped[a] = not flipped[a]
+    final = tuple(bool(flip) for flip in flipped)
+    wrong = tuple(j for j in shared if (final[j.first[0]] != final[j.second[0]]) == j.opposite)
+    return final, wrong
