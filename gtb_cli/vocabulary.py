@@ -50,7 +50,7 @@ class Format(NamedTuple):
 
     curves: bool
     groups: bool  # named parts
-    normals: bool  # these and the next two at vertices
+    normals: Literal["always", "on request", "never"]  # these and the next two at vertices
     uv: bool
     attributes: bool
     text: Literal["always", "on request", "never"]
@@ -61,6 +61,10 @@ class Format(NamedTuple):
         """Tell whether a file is text; `ascii` says whether text is requested."""
         return self.text == "always" or (ascii and self.text == "on request")
 
+    def has_normals(self, asked: bool | None) -> bool:
+        """Tell whether a file holds normals; None leaves it to the format, as viewers shade GLB flat without them."""
+        return self.normals == "always" if asked is None else asked and self.normals != "never"
+
     def is_single(self, ascii: bool) -> bool:
         """Tell whether a file holds 32-bit numbers."""
         return self.digits == "32 bits" and not self.is_text(ascii)
@@ -68,11 +72,11 @@ class Format(NamedTuple):
 
 # Mesh formats by name, the default first
 FORMATS = {
-    "obj": Format(True, True, True, True, False, "always", "9 at the model's size", "z"),
-    "ply": Format(True, False, True, True, True, "on request", "32 bits", "z"),
-    "stl": Format(False, False, False, False, False, "on request", "32 bits", "z"),
-    "glb": Format(True, True, True, True, False, "never", "32 bits", "y"),
-    "3mf": Format(False, True, False, False, False, "never", "32 bits", "z"),
+    "obj": Format(True, True, "on request", True, False, "always", "9 at the model's size", "z"),
+    "ply": Format(True, False, "on request", True, True, "on request", "32 bits", "z"),
+    "stl": Format(False, False, "never", False, False, "on request", "32 bits", "z"),
+    "glb": Format(True, True, "always", True, False, "never", "32 bits", "y"),
+    "3mf": Format(False, True, "never", False, False, "never", "32 bits", "z"),
 }
 
 CAD_FORMATS = ("step", "iges", "brep")  # surface formats for CAD programs

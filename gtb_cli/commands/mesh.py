@@ -130,6 +130,9 @@ def mesh(
     its spec file; a folder stands for the specs in it. A spec with an error is reported and left out, and the exit
     status is 2; it is 1 if only what --require asks for is missing.
 
+    For Blender, -o x.glb: one thing that stands upright, with a part, name and colour for each patch, smooth where the
+    surface is. Its importer of OBJ files takes y for the vertical axis, which --up y makes of z.
+
     STEP, IGES and BREP files (extra gtb-cli[cad]) hold surfaces: the exact rational Bézier pieces of each patch that
     has them, or pieces fitted within --tolerance. They are sewn, and are a solid if closed. VTU files, for ParaView,
     hold such pieces as curved cells or, without any, quadratic ones.

@@ -26,7 +26,7 @@ def write_mesh(
     format: str | None = None,
     *,
     ascii: bool = False,
-    normals: bool = False,
+    normals: bool | None = None,
     uv: bool = False,
     up: Up | None = None,
     unit: str | None = None,
@@ -43,9 +43,10 @@ def write_mesh(
         The default is the format of the path's suffix.
     ascii : bool
         Write PLY and STL as text, with numbers that read back exactly, instead of 32-bit binary. OBJ is always text.
-    normals : bool
-        Write normals: where patches meet, OBJ and GLB (whose nodes have their own vertices) hold each patch's own, PLY
-        the mean. STL always has the normals of its facets.
+    normals : bool, optional
+        Write normals; by default GLB has those that the mesh has, and the others have none. Where patches meet, OBJ
+        and GLB (whose nodes have their own vertices) hold each patch's own, PLY the mean. STL
+        always has the normals of its facets.
     uv : bool
         Write `mesh.parameters`, unchanged, as texture coordinates: OBJ, PLY, GLB. The second coordinate is 0 for a
         curve.
@@ -90,7 +91,7 @@ def encode_mesh(
     format: str,
     *,
     ascii: bool = False,
-    normals: bool = False,
+    normals: bool | None = None,
     uv: bool = False,
     up: Up | None = None,
     unit: str | None = None,
@@ -112,9 +113,9 @@ def encode_mesh(
     if unit is not None and kind not in UNIT_FORMATS:
         raise ExportError(f"unit: {kind.upper()} has none")
     _check_cells(mesh)
-    if not (normals and holds.normals) or mesh.is_curve:
+    if not holds.has_normals(normals) or mesh.is_curve:
         mesh = replace(mesh, normals=None, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
-    elif mesh.normals is None:
+    elif mesh.normals is None and normals:
         raise ExportError("normals: the mesh has none")
     mesh = mesh.split if kind == "glb" else mesh
     coordinates = _texture_coordinates(mesh) if uv and holds.uv else None
@@ -149,7 +150,7 @@ def encode_mesh(
         return threemf_blocks(mesh.vertices, mesh.cells, groups, name, unit or next(iter(UNITS)))
     from gtb_cli.formats.glb import glb_blocks
 
-    return glb_blocks(mesh, groups, mesh.normals, coordinates, up or holds.up, unit)
+    return glb_blocks(mesh, groups, mesh.normals, coordinates, up or holds.up, unit, name)
 
 
 def standing(mesh: Mesh, format: str, up: Up | None = None) -> Mesh:

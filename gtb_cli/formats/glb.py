@@ -12,7 +12,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, Content, segments, single_half_steps, stacked, triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import compacted
-from gtb_cli.vocabulary import FORMATS, UNITS, Up
+from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up
 
 HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its content
 VERTICES, INDICES = 34962, 34963  # glTF's numbers for the content of a view of the buffer
@@ -35,33 +35,35 @@ def glb_blocks(
     uv: FloatArray | None,
     up: Up,
     unit: str | None = None,
+    name: str = "",
 ) -> Iterable[bytes]:
     """Return a GLB file of at most 4 GB with a node for each group. `up` is the vertical axis.
 
-    A unit of length scales the nodes to metres, and the numbers stay.
+    Several groups have a colour each, and are below one node of this name. A unit of length scales the node to metres,
+    and the numbers stay.
     """
     parts = []
-    for name, start, stop in groups:
+    for label, start, stop in groups:
         whole = len(groups) == 1  # then vertices without cells stay
         used, cells = (slice(None), mesh.cells) if whole else compacted(mesh.cells[start:stop])
-        parts.append(Part(name, mesh.vertices[used], cells, *(v if v is None else v[used] for v in (normals, uv))))
+        parts.append(Part(label, mesh.vertices[used], cells, *(v if v is None else v[used] for v in (normals, uv))))
     _check_size(sum(4 * np.size(values) for part in parts for values in part[1:] if values is not None))
     extras: dict[str, Any] = {} if up == FORMATS["glb"].up else {"up": up}  # for `read_glb`
     extras |= {} if unit is None else {"unit": unit}
     extras = {"extras": extras} if extras else {}
-    return _lines(parts, extras) if mesh.is_curve else [_triangles(parts, extras)]
+    return _lines(parts, extras, name) if mesh.is_curve else [_triangles(parts, extras, name)]
 
 
-def _triangles(parts: Sequence[Part], extras: dict[str, Any]) -> bytes:
+def _triangles(parts: Sequence[Part], extras: dict[str, Any], root: str) -> bytes:
     from trimesh import Scene, Trimesh
     from trimesh.exchange.gltf import export_glb
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
-    root = "world"
-    while root in (part.name for part in parts):
-        root += "_"
-    scene = Scene(base_frame=root)
+    frame = "world"
+    while frame in (part.name for part in parts):
+        frame += "_"
+    scene = Scene(base_frame=frame)
     # A patch is open, and viewers leave out its back with the default material.
     material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
     for name, vertices, cells, normals, uv in parts:
@@ -70,10 +72,16 @@ def _triangles(parts: Sequence[Part], extras: dict[str, Any]) -> bytes:
         scene.add_geometry(surface, node_name=name, geom_name=name)
 
     def finish(tree: dict[str, Any]) -> None:
-        """Say which views hold vertices or indices, for viewers that pass them to the graphics card, and the size."""
+        """Say which views hold vertices or indices, as graphics cards want to know, and colour the parts."""
         tree["asset"] |= extras
-        for node in tree["nodes"]:
-            node |= _scale(extras) if "mesh" in node else {}
+        _gather(tree, root, extras)
+        if len(parts) > 1:
+            (plain,) = tree["materials"]
+            tree["materials"] = [_coloured(plain, number, part.name) for number, part in enumerate(parts)]
+            numbers = {part.name: number for number, part in enumerate(parts)}
+            for mesh in tree["meshes"]:
+                for primitive in mesh["primitives"]:
+                    primitive["material"] = numbers[mesh["name"]]
         for mesh in tree["meshes"]:
             for primitive in mesh["primitives"]:
                 for number in primitive["attributes"].values():
@@ -91,7 +99,26 @@ def _triangles(parts: Sequence[Part], extras: dict[str, Any]) -> bytes:
     return data
 
 
-def _lines(parts: Sequence[Part], extras: dict[str, Any]) -> list[bytes]:
+def _gather(tree: dict[str, Any], name: str, extras: dict[str, Any]) -> None:
+    """Put several nodes below one of this name, and scale the topmost node to metres if there is a unit of length."""
+    nodes = tree["nodes"]
+    if len(nodes) > 1:
+        nodes.append({"name": name, "children": [*range(len(nodes))]})
+        tree["scenes"][tree["scene"]]["nodes"] = [len(nodes) - 1]
+    if (unit := extras.get("extras", {}).get("unit")) is not None:
+        nodes[-1]["scale"] = [UNITS[unit]] * 3
+
+
+def _coloured(material: dict[str, Any], number: int, name: str) -> dict[str, Any]:
+    """Return a material with the colour of a patch, which glTF takes as linear light."""
+    hexadecimal = PATCH_COLOURS[number % len(PATCH_COLOURS)]
+    parts = [int(hexadecimal[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    linear = [round(((part + 0.055) / 1.055) ** 2.4, 6) for part in parts]  # sRGB; all are above its linear beginning
+    shading = material["pbrMetallicRoughness"] | {"baseColorFactor": [*linear, 1.0]}
+    return material | {"name": name, "pbrMetallicRoughness": shading}
+
+
+def _lines(parts: Sequence[Part], extras: dict[str, Any], root: str) -> list[bytes]:
     """Return indexed lines.
 
     trimesh's exporter writes every inner vertex of a polyline twice. Its reader takes the vertices for one polyline in
@@ -102,7 +129,7 @@ def _lines(parts: Sequence[Part], extras: dict[str, Any]) -> list[bytes]:
             "asset": {"version": "2.0", **extras},
             "scene": 0,
             "scenes": [{"nodes": list(range(len(parts)))}],
-            "nodes": [{"name": part.name, "mesh": number} | _scale(extras) for number, part in enumerate(parts)],
+            "nodes": [{"name": part.name, "mesh": number} for number, part in enumerate(parts)],
             "meshes": [],
             "accessors": [],
             "bufferViews": [],
@@ -117,13 +144,8 @@ def _lines(parts: Sequence[Part], extras: dict[str, Any]) -> list[bytes]:
         indices = file.add(part.cells.astype("<u4").reshape(-1, 1), INDICES)
         primitive = {"attributes": attributes, "indices": indices, "mode": 1}
         file.tree["meshes"].append({"name": part.name, "primitives": [primitive]})
+    _gather(file.tree, root, extras)
     return file.blocks()
-
-
-def _scale(extras: dict[str, Any]) -> dict[str, Any]:
-    """The scale of a node, which brings a unit of length to metres."""
-    unit = extras.get("extras", {}).get("unit")
-    return {} if unit is None else {"scale": [UNITS[unit]] * 3}
 
 
 class GlbFile:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -67,15 +67,20 @@ class MeshOptions:
                     f"tolerance: {tolerance:g} cannot be certified in {kind.upper()}, whose numbers move vertices by "
                     f"up to {rounding:.2g}: {way_out} all digits"
                 )
-        return self.recipe.mesh(spec, rounding, partial(held, kind=kind, ascii=self.ascii))
+        has_normals = FORMATS[kind].has_normals(self._normals) and spec.dimension == 2
+        recipe = replace(self.recipe, normals=self.recipe.normals or has_normals)
+        return recipe.mesh(spec, rounding, partial(held, kind=kind, ascii=self.ascii))
+
+    @property
+    def _normals(self) -> bool | None:
+        """True if normals are asked for; otherwise None, and the format decides."""
+        return self.recipe.normals or None
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Return the bytes of a mesh in a format, block by block."""
         from gtb_cli.formats.export import encode_mesh
 
-        return encode_mesh(
-            mesh, kind, ascii=self.ascii, normals=self.recipe.normals, uv=self.uv, up=self.up, unit=self.unit
-        )
+        return encode_mesh(mesh, kind, ascii=self.ascii, normals=self._normals, uv=self.uv, up=self.up, unit=self.unit)
 
     def warnings(self, mesh: Mesh, kind: str) -> list[str]:
         """Return what the user should know about such a file."""

@@ -333,7 +333,11 @@ def mesh_options(*more: str) -> Option:
         resolution_option,
         tolerance_option,
         parametrization_option,
-        click.option("--normals", is_flag=True, help="Write the unit normals of the surface at each vertex."),
+        click.option(
+            "--normals",
+            is_flag=True,
+            help="Write the unit normals of the surface at each vertex, which GLB files always have.",
+        ),
         max_faces_option,
         *solid_options,
         click.option(

@@ -18,6 +18,7 @@ from gtb_cli.errors import ExportError
 from gtb_cli.formats.export import encode_mesh, write_mesh
 from gtb_cli.formats.morph import animated_glb
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.vocabulary import PATCH_COLOURS
 from tests.tiny_meshes import curve, encoded, model, surface, two_curves
 
 UNIT = 1e-7  # error of a unit vector in 32 bits
@@ -120,19 +121,39 @@ def test_binary_files_are_what_trimesh_writes(make, options):
         plain = name.replace(" ", "_")
         scene.add_geometry(part, node_name=plain, geom_name=plain)
     expected = export_glb(scene, include_normals="normals" in options)
-    found = encoded(mesh, "glb", **options)
+    found = encoded(mesh, "glb", **{"normals": False} | options)
     tree, wanted = tree_of(found), tree_of(expected)
     for view in tree["bufferViews"]:
         del view["target"]
     length = tree["buffers"][0]["byteLength"]
+    if mesh.groups:  # what is ours: a node above the parts, which have colours
+        assert tree["nodes"].pop() == {"name": mesh.name, "children": wanted["scenes"][0].pop("nodes")}
+        assert tree["scenes"][0].pop("nodes") == [len(mesh.groups)]
+        assert len(tree.pop("materials")) == len(mesh.groups)
+        assert wanted.pop("materials")
+        primitives = [part["primitives"][0] for part in tree["meshes"]]
+        assert [part.pop("material") for part in primitives] == [*range(len(mesh.groups))]
+        assert {part["primitives"][0].pop("material") for part in wanted["meshes"]} == {0}
     assert tree == wanted
     assert found[-length:] == expected[-length:]
 
 
 def test_glb_of_a_group_called_like_the_root_of_a_scene():
     tree = tree_of(encoded(replace(model(), groups=(("world", 0, 18), ("world_", 18, 68))), "glb"))
-    assert [node["name"] for node in tree["nodes"]] == ["world", "world_"]
-    assert tree["scenes"][0]["nodes"] == [0, 1]
+    assert [node["name"] for node in tree["nodes"]] == ["world", "world_", "two"]
+    assert tree["nodes"][2]["children"] == [0, 1]
+
+
+def test_glb_is_smooth_where_the_mesh_has_normals_and_its_parts_have_the_colours_of_3mf():
+    tree = tree_of(encoded(model(), "glb"))
+    assert all("NORMAL" in part["primitives"][0]["attributes"] for part in tree["meshes"])
+    assert [material["name"] for material in tree["materials"]] == ["left_half", "right"]
+    shown = [material["pbrMetallicRoughness"]["baseColorFactor"][:3] for material in tree["materials"]]
+    srgb = [[round(255 * (1.055 * x ** (1 / 2.4) - 0.055)) for x in colour] for colour in shown]  # IEC 61966-2-1
+    assert ["#" + "".join(f"{part:02X}" for part in colour) for colour in srgb] == [*PATCH_COLOURS[: len(shown)]]
+    flat = encoded(model(), "glb", normals=False)
+    assert b"NORMAL" not in flat
+    assert b"NORMAL" not in encoded(replace(model(), normals=None), "glb")
 
 
 def film(mesh: Mesh) -> bytes:
@@ -170,7 +191,7 @@ def test_glb_uv_of_a_curve_run_upwards_from_0():
 
 def test_glb_lines_are_indexed_within_their_part():
     tree = tree_of(encoded(two_curves(), "glb"))
-    assert [node["name"] for node in tree["nodes"]] == [part["name"] for part in tree["meshes"]] == ["a", "b"]
+    assert [node["name"] for node in tree["nodes"][:2]] == [part["name"] for part in tree["meshes"]] == ["a", "b"]
     for part, count in zip(tree["meshes"], (4, 7), strict=True):
         primitive = part["primitives"][0]
         assert primitive["mode"] == 1

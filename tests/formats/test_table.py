@@ -24,8 +24,10 @@ def test_a_format_has_curves_or_refuses_them(format):
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize("values", ["normals", "uv"])
 def test_values_at_vertices_are_written_where_the_format_has_them(format, values):
-    longer = len(encoded(surface(), format, **{values: True})) > len(encoded(surface(), format))
-    assert longer == getattr(FORMATS[format], values)
+    lengths = [len(encoded(surface(), format, **{values: asked})) for asked in (False, True)]
+    assert (lengths[1] > lengths[0]) == (getattr(FORMATS[format], values) not in (False, "never"))
+    if values == "normals":  # without a word about them
+        assert len(encoded(surface(), format)) == lengths[FORMATS[format].normals == "always"]
 
 
 @pytest.mark.parametrize("format", FORMATS)
