@@ -155,7 +155,7 @@ def _turning(points: FloatArray) -> tuple[float, float]:
         return math.nan, 0.0
     chords = np.roll(kept, -1) - kept
     angles = np.angle(np.roll(chords, -1) / chords)
-    angles *= np.sign(angles.sum())
+    angles *= math.copysign(1.0, angles.sum())  # a zigzag may turn by 0 in all
     sines = np.sin(angles)
     return math.nan if np.abs(sines).max() <= PLANE_WIDTH else max(0.0, -float(sines.min())), angles.sum() / (2 * np.pi)
 

@@ -36,7 +36,7 @@ class Document:
         """Find the line of each path, or of the innermost value around it that is there."""
         wanted = {path[:length] for path in paths for length in range(1, len(path) + 1)}
         known: dict[Path, int] = {}
-        for path, line, _ in places(self.text, self.format) if wanted else ():
+        for path, line, _ in places(self.text, self.format, wanted) if wanted else ():
             if path in wanted:
                 known.setdefault(path, line)
                 if len(known) == len(wanted):
@@ -167,7 +167,7 @@ def _measure(text: str, source: str, format: Format) -> tuple[tuple[Path, int, s
     first: dict[Path, int] = {}
     repeated: dict[Path, int] = {}
     try:
-        for path, line, defines in places(text, format, is_measured=True):
+        for path, line, defines in places(text, format):
             if defines and path not in first:
                 first[path] = line
             elif defines and not any(path[:length] in repeated for length in range(1, len(path) + 1)):

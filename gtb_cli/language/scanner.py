@@ -1,28 +1,23 @@
-"""Places of keys and values in the text of a spec, TOML or JSON.
+"""Find the lines of keys and values in the text of a spec, TOML or JSON.
 
 Neither of Python's parsers tells where a value stands, and neither bounds its work: ten megabytes of brackets or dotted
-keys can take minutes or exhaust the stack. One scanner over words does both jobs. It measures every text before a
-parser sees it, and it finds the lines of errors.
+keys can take minutes or exhaust the stack. So every text is read here first, word by word, and measured. What a parser
+would refuse is passed over: it gives the better message, with line and column.
 """
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Literal, NamedTuple, TypeAlias
 
 Format: TypeAlias = Literal["toml", "json"]
 Path: TypeAlias = tuple[str | int, ...]
 
-# values, keys and signs in a spec. A list of numbers, or of lists of numbers, counts as one. A model
-# of 5000 patches has half as many.
-MAX_WORDS = 150_000
-
-# numbers in such lists: 5000 bicubic patches have half as many; reading all takes about two seconds
-# and 100 MB
-MAX_NUMBERS = 1_000_000
+MAX_WORDS = 150_000  # values, keys and signs, a list of numbers being one; 5000 patches have half as many
+MAX_NUMBERS = 1_000_000  # in such lists, which take 2 s and 100 MB to read; 5000 bicubic patches have half as many
 MAX_WORD_LENGTH = 1000  # longest string or number, in characters; an expression has at most 256
 MAX_KEY_PARTS = 4  # parts of a dotted key; a spec needs one
 MAX_NESTING = 16  # deepest nesting of lists and tables; a spec needs four
-
 
 _GAP = r"(?:[ \t\r\n]++|#[^\n]*+)*+"
 _STRING = r'"(?:[^"\\\n]++|\\[^\n])*+"?'
@@ -38,7 +33,7 @@ _WORDS = {
 _SIGNS = frozenset("[]{},=:")
 _ENTRY = r"[-+.\deE_]{1,60}(?![-+.\deE_])|[, \t\r\n]"
 # A list of numbers, or of lists of numbers
-_NUMBERS = re.compile(rf"{_GAP}(?P<word>\[(?:{_ENTRY}|\[(?:{_ENTRY})*+\])*+\])")
+_NUMBERS = re.compile(rf"\[(?:{_ENTRY}|\[(?:{_ENTRY})*+\])*+\]")
 
 
 class TooMuch(Exception):
@@ -53,102 +48,134 @@ class Place(NamedTuple):
     is_definition: bool
 
 
-def places(text: str, format: Format, is_measured: bool = False) -> Iterator[Place]:
-    """Yield the place of every key and list entry; of a text that is not well-formed, some of them.
+def places(text: str, format: Format, wanted: Collection[Path] = ()) -> Iterator[Place]:
+    """Yield the place of every key and list entry, but of numbers only those in lists with a wanted path.
 
-    If the text is measured, numbers in lists of numbers have no places. Raises `TooMuch` with the line of the first
-    place at which a limit is exceeded.
+    A text that is not well-formed has some of them. Unless paths are wanted, `TooMuch` is raised with the line of the
+    first place at which a limit is exceeded.
     """
-    words = re.compile(_WORDS[format], re.DOTALL)
-    around: list[tuple[Path, bool]] = [((), False)]  # tables and lists around the word, and whether each is a list
-    here: Path | None = None if format == "toml" else ()  # path of the value that is expected, or has just ended
-    last_tables: dict[Path, int] = {}  # index of the last [[table]] of each list of tables
-    key: list[str] = []
-    dots = brackets = 0  # in the key, and before it
-    line = key_line = 1
-    position = count = numbers = 0
-    word = ""
+    words = _Words(text, format, wanted)
+    return _statements(words) if format == "toml" else _inside(words, ())
+
+
+class _Words:
+    """The words of a text, one at a time: strings, signs, and what stands between them; "" is the end.
+
+    `line` is the line on which the word starts, and `begins_line` says whether it is the first one there.
+    """
+
+    def __init__(self, text: str, format: Format, wanted: Collection[Path]) -> None:
+        self.wanted = wanted
+        self.max_words = math.inf if wanted else MAX_WORDS
+        self.nesting = 0
+        self._text, self._match = text, re.compile(_WORDS[format], re.DOTALL).match
+        self._count = self._numbers = self._end = 0
+        self._line_of_end = 1
+        self.advance()
+
+    def advance(self) -> None:
+        """Go to the next word."""
+        match = self._match(self._text, self._end)
+        assert match is not None  # it matches anything, and the end
+        self.word = match["word"]
+        newlines = self._text.count("\n", self._end, match.start("word"))
+        self.line = self._line_of_end + newlines
+        self.begins_line = newlines > 0 or self._end == 0
+        self._end = match.end()
+        self._line_of_end = self.line + self.word.count("\n")
+        self._count += 1
+        if self._count > self.max_words:
+            raise TooMuch(self.line, f"is too large, a spec has at most {MAX_WORDS} values, keys and signs")
+        if len(self.word) > MAX_WORD_LENGTH:
+            raise TooMuch(self.line, f"a word of {len(self.word)} characters, at most {MAX_WORD_LENGTH} are allowed")
+
+    def skips_numbers(self, path: Path) -> bool:
+        """Go to the end of a list of numbers, or of lists of numbers, that begins here; unless its path is wanted."""
+        is_deep = self.nesting + 2 > MAX_NESTING
+        match = None if is_deep or path in self.wanted else _NUMBERS.match(self._text, self._end - 1)
+        if match is None:
+            return False
+        self._end = match.end()
+        self._line_of_end += match[0].count("\n")
+        self._numbers += match[0].count(",")
+        if self._numbers > MAX_NUMBERS:
+            raise TooMuch(self.line, f"is too large, a spec has at most {MAX_NUMBERS} numbers")
+        return True
+
+
+def _statements(words: _Words) -> Iterator[Place]:
+    """Yield the places of a TOML text: lines of keys and values, and headers of tables."""
+    table: Path = ()
+    last_entries: dict[Path, int] = {}  # index of the last [[table]] of each list of tables
+    while words.word:
+        if words.word == "[":
+            words.advance()
+            is_entry = words.word == "["
+            if is_entry:
+                words.advance()
+            line, tables = words.line, _tables(_key(words), is_entry, last_entries)
+            table = tables[-1] if tables else ()
+            for path in tables:
+                yield Place(path, line, path == table and not is_entry)
+        else:
+            yield from _pair(words, table)
+        while words.word and not words.begins_line:  # the end of a header, or an error
+            words.advance()
+
+
+def _pair(words: _Words, table: Path) -> Iterator[Place]:
+    """Yield the places of a key of a table and of what its value holds; go to the word after it."""
+    line, key = words.line, _key(words)
+    if not words.word or words.word not in "=:":
+        return
+    for length in range(1, len(key)):
+        yield Place((*table, *key[:length]), line, False)
+    path = (*table, *key)
+    yield Place(path, line, bool(key))
+    words.advance()
+    yield from _inside(words, path)
+
+
+def _inside(words: _Words, path: Path) -> Iterator[Place]:
+    """Yield the places inside the value that begins here; go to the word after it."""
+    opening, index = words.word, 0
+    if opening in ("[", "{") and not words.skips_numbers(path):
+        words.nesting += 1
+        if words.nesting > MAX_NESTING:
+            raise TooMuch(words.line, f"is nested more than {MAX_NESTING} deep")
+        words.advance()
+        while words.word not in ("]", "}", ""):
+            if words.word == ",":
+                index += 1
+                words.advance()
+            elif opening == "{":
+                yield from _pair(words, path)
+            else:
+                yield Place((*path, index), words.line, False)
+                yield from _inside(words, (*path, index))
+        words.nesting -= 1
+    words.advance()
+
+
+def _key(words: _Words) -> list[str]:
+    """Return the parts of a key; go to the sign after it or, if there is none, to the next line."""
+    line, dots = words.line, 0
+    parts: list[str] = []
     while True:
-        count += 1
-        may_be_list = is_measured and here is not None and word in _SIGNS and len(around) < MAX_NESTING
-        match = _NUMBERS.match(text, position) if may_be_list else None
-        if match is not None:
-            numbers += match["word"].count(",")
-        else:
-            match = words.match(text, position)
-            assert match is not None  # it matches anything, and the end
-        word = match["word"]
-        if not word:
-            return
-        newlines = text.count("\n", position, match.start("word"))
-        position = match.end()
-        line += newlines
-        if is_measured and count > MAX_WORDS:
-            raise TooMuch(line, f"is too large, a spec has at most {MAX_WORDS} values, keys and signs")
-        if numbers > MAX_NUMBERS:
-            raise TooMuch(line, f"is too large, a spec has at most {MAX_NUMBERS} numbers")
-        if len(word) > MAX_WORD_LENGTH and word[0] != "[":
-            raise TooMuch(line, f"a word of {len(word)} characters, at most {MAX_WORD_LENGTH} are allowed")
-        if newlines and format == "toml" and len(around) == 1:  # the end of a line ends a key and its value
-            here, key, dots, brackets = None, [], 0, 0
-        path, is_list = around[-1]
-        if here is None and word not in _SIGNS:
-            dots += 0 if word[0] in "\"'" else word.count(".")
-            if dots >= MAX_KEY_PARTS:
-                raise TooMuch(line, f"is not a spec: a key of more than {MAX_KEY_PARTS} parts")
-            key_line = line
-            if len(key) <= MAX_KEY_PARTS:
-                key += _key_parts(word)
-        elif here is None:
-            if word in "=:":
-                for length in range(1, len(key)):
-                    yield Place((*path, *key[:length]), key_line, False)
-                here = (*path, *key)
-                yield Place(here, key_line, bool(key))
-            elif word == "}" and len(around) > 1:
-                here, _ = around.pop()
-            elif word == "[" and len(around) == 1:
-                brackets += 1
-            elif word == "]" and brackets:
-                tables = _header(key, brackets > 1, last_tables)
-                for table in tables:
-                    yield Place(table, key_line, brackets == 1 and table is tables[-1])
-                around[0] = (tables[-1] if tables else ()), False
-                brackets = 0
-            key, dots = [], 0
-        elif word == ",":
-            here = (*path, int(here[-1]) + 1) if is_list else None
-        elif word in ("]", "}"):
-            if len(around) > 1:
-                here, _ = around.pop()
-        else:
-            if is_list:
-                yield Place(here, line, False)
-            if word in ("[", "{"):
-                if len(around) > MAX_NESTING:
-                    raise TooMuch(line, f"is nested more than {MAX_NESTING} deep")
-                around.append((here, word == "["))
-                here = (*here, 0) if word == "[" else None
-        line += word.count("\n")
+        word = words.word
+        dots += word.count(".") if word[:1] not in ('"', "'") else 0
+        if dots >= MAX_KEY_PARTS:
+            raise TooMuch(line, f"is not a spec: a key of more than {MAX_KEY_PARTS} parts")
+        if len(parts) < MAX_KEY_PARTS:
+            parts += _parts(word)
+        words.advance()
+        if not words.word or words.word in _SIGNS or words.begins_line:
+            return parts
 
 
-def _header(key: list[str], is_entry: bool, last_tables: dict[Path, int]) -> list[Path]:
-    """Return the paths of the tables around a [table] or, as an entry of a list, [[table]], and then its own."""
-    path: Path = ()
-    paths = []
-    for number, part in enumerate(key, 1):
-        path = (*path, part)
-        paths.append(path)
-        if is_entry and number == len(key):
-            last_tables[path] = last_tables.get(path, -1) + 1
-        if path in last_tables:
-            path = (*path, last_tables[path])
-            paths.append(path)
-    return paths
-
-
-def _key_parts(word: str) -> list[str]:
-    if word[0] not in "\"'":
+def _parts(word: str) -> list[str]:
+    """Return the parts of a key that a word has: any number, or one if it is quoted."""
+    if word[:1] not in ('"', "'"):
         return [part for part in word.split(".") if part]
     if word[0] == '"' and "\\" in word:
         import json
@@ -158,3 +185,18 @@ def _key_parts(word: str) -> list[str]:
         except ValueError:
             pass  # an escape that only TOML knows: the key as written is good enough to find a line
     return [word[1:-1]]
+
+
+def _tables(key: list[str], is_entry: bool, last_entries: dict[Path, int]) -> list[Path]:
+    """Return the paths of the tables around a [table] or, as an entry of a list, [[table]], and then its own."""
+    path: Path = ()
+    paths = []
+    for number, part in enumerate(key, 1):
+        path = (*path, part)
+        paths.append(path)
+        if is_entry and number == len(key):
+            last_entries[path] = last_entries.get(path, -1) + 1
+        if path in last_entries:
+            path = (*path, last_entries[path])
+            paths.append(path)
+    return paths
