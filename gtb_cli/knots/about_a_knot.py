@@ -1,4 +1,4 @@
-"""Differences about a knot: coordinates in which dominant knots are exactly 0, so that no digits are lost."""
+"""Coordinates about a knot, in which the knots that dominate are exactly 0, so that no digits are lost."""
 
 from functools import cached_property
 
@@ -15,9 +15,9 @@ PARALLEL_SINE = 1e-12
 
 @frozen
 class Differences:
-    """Coordinates of a surface's knots about knot k, along and across lines from it to others, up to positive factors.
+    """Coordinates of a surface's knots about knot k: along lines from it to other knots, and across these lines.
 
-    The columns of (n, m) coordinates are those for lines to (m,) other knots. Across, they are positive to the left,
+    Each is (n, m) for lines to (m,) other knots, up to positive factors. Across, coordinates are positive to the left,
     and exactly 0 for the knots on the line, in particular for those on an edge.
     """
 
@@ -26,21 +26,21 @@ class Differences:
 
     @cached_property
     def steps(self) -> FloatArray:
-        """(n, 2) differences."""
+        """Return the differences of all knots from knot k, (n, 2)."""
         return np.asarray(self.shape.knots - self.shape.knots[self.k])
 
     @cached_property
     def lengths(self) -> FloatArray:
-        """(n,) distances, 0 at the same place, up to rounding."""
+        """Return the distances of all knots from knot k, (n,): 0 at the same place, up to rounding."""
         lengths = np.hypot(self.steps[:, 0], self.steps[:, 1])
         return np.where(lengths > knot_tolerance(self.shape.knots), lengths, 0.0)
 
     def along(self, others: IntArray) -> FloatArray:
-        """(n, m) coordinates along lines."""
+        """Return the coordinates along the lines to (m,) other knots: (n, m)."""
         return np.where(self.lengths[:, None] > 0, self.steps @ self.steps[others].T, 0.0)
 
     def across(self, others: IntArray) -> FloatArray:
-        """(n, m) coordinates across lines."""
+        """Return the coordinates across the lines to (m,) other knots: (n, m)."""
         shape, ends = self.shape, self.steps[others]
         across = self.steps[:, 1:] * ends[:, 0] - self.steps[:, :1] * ends[:, 1]
         across[np.abs(across) <= knot_tolerance(shape.knots) * self.lengths[others]] = 0.0
@@ -51,12 +51,12 @@ class Differences:
 
 
 def coordinate_rounding(points: FloatArray) -> float:
-    """Distance within which points count as equal."""
+    """Return the distance within which points count as equal."""
     # Units in the last place of the largest coordinate by which control points meant to be equal may differ
     coincident_ulps = 8
     return coincident_ulps * EPS * float(np.abs(points).max())
 
 
 def cleared(differences: FloatArray, rounding: FloatArray | float) -> FloatArray:
-    """Differences of points, with exact zeros in place of possible rounding."""
+    """Return differences of points, with exact zeros in place of what may be rounding."""
     return np.where(np.abs(differences) <= rounding, 0.0, differences)

@@ -137,7 +137,7 @@ class _Circuit(NamedTuple):
 
 
 class _Walk:
-    """Knots, and what is common to all their triangulations."""
+    """Knots, and what all their triangulations have in common."""
 
     def __init__(self, knots: ArrayLike) -> None:
         lifted = lifted_knots(knots, np.zeros(len(np.atleast_1d(knots))))
@@ -153,7 +153,7 @@ class _Walk:
         self.free = [i for i in range(self.n) if i not in base]
 
     def start(self) -> Cells:
-        """A regular triangulation."""
+        """Return a regular triangulation."""
         random = np.random.default_rng(0)
         while True:
             cells = regular_decomposition(self.points, random.random(self.n)).cells
@@ -161,11 +161,11 @@ class _Walk:
                 return cells
 
     def quotient(self, a: float, b: float) -> Fraction | float:
-        """Quotient of numbers of rows: exact where they are."""
+        """Divide numbers of rows, exactly where these are exact."""
         return Fraction(a) / Fraction(b) if self.is_exact else a / b
 
     def _volume(self, knots: Simplex) -> float:
-        """Determinant of d + 1 knots, which is 0 if they are collinear, or equal, within the tolerance."""
+        """Return the determinant of d + 1 knots: 0 if they are collinear, or equal, within the tolerance."""
         if self.d == 1:
             (a,), (b,) = (self._at[i] for i in knots)
             return b - a if self.is_exact else (b - a) / self._size
@@ -235,7 +235,7 @@ class _Chamber:
         return tuple(sorted([*kept, *(tuple(sorted(part | link)) for part in new for link in links)]))
 
     def _joined(self, face: Bits) -> Cells:
-        """The cells of liftings inside a face."""
+        """Return the cells of liftings inside a face."""
         group = list(range(len(self._cells)))
         more: list[tuple[int, int]] = []
 
@@ -256,7 +256,7 @@ class _Chamber:
         return tuple(sorted(tuple(sorted(cell)) for cell in cells.values()))
 
     def cone(self, face: Bits, dimension: int) -> LiftingCone:
-        """The cone of a face, whose rays are added up in lengths that make the largest drop of each 1."""
+        """Return the cone of a face; its lifting adds up the rays, each so long that its largest drop is 1."""
         walk, rays = self._walk, list(members(face))
         units = [circuit.unit for circuit in self._circuits]
         largest = [max(map(walk.quotient, self._drops[ray], units)) for ray in rays]

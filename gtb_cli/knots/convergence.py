@@ -1,4 +1,4 @@
-"""How fast a toric degeneration converges: an exponent that the knots and their lifting determine."""
+"""The rate at which a toric degeneration converges: an exponent that the knots and their lifting determine."""
 
 from collections.abc import Iterator
 from functools import reduce
@@ -66,7 +66,7 @@ def convergence_rate(decomposition: RegularDecomposition) -> float:
 
 
 def _neighbours(decomposition: RegularDecomposition) -> list[int]:
-    """For each knot, those with which it has a cell in common, and itself, as bits; none if it is in no cell."""
+    """Return for each knot the knots with which it shares a cell, and itself, as bits; none if it is in no cell."""
     found = [0] * len(decomposition.knots)
     for cell in decomposition.cells:
         bits = sum(1 << i for i in cell)
@@ -76,7 +76,7 @@ def _neighbours(decomposition: RegularDecomposition) -> list[int]:
 
 
 def _highest_above_segments(start: FloatArray, ends: FloatArray) -> FloatArray:
-    """(m,) the largest height of the roof above segments: (k,) gaps at their start, (k, m) at their ends.
+    """Return the largest height of the roof above m segments, from (k,) gaps at their start and (k, m) at their ends.
 
     The roof is the lowest of k planes, so that the height is concave along a segment. Two of the planes, one that rises
     and one that falls, bound it from above where they cross; a lower one there takes the place of one of them.
@@ -103,7 +103,7 @@ def _highest_above_segments(start: FloatArray, ends: FloatArray) -> FloatArray:
 
 
 def _hollow_triangles(decomposition: RegularDecomposition, beside: list[int]) -> Iterator[tuple[int, int, int]]:
-    """Triples of knots of which each two have a cell in common, and all three have not."""
+    """Return the triples of knots of which each two share a cell, but not all three."""
     cells = [sum(1 << i for i in cell) for cell in decomposition.cells]
     for i, j in combinations(range(len(beside)), 2):
         if beside[i] >> j & 1:
@@ -114,7 +114,7 @@ def _hollow_triangles(decomposition: RegularDecomposition, beside: list[int]) ->
 
 
 def _highest_above(decomposition: RegularDecomposition, gaps: FloatArray, triangle: tuple[int, int, int]) -> float:
-    """The largest height of the roof above a triangle whose sides are on it: that at a knot inside."""
+    """Return the largest height of the roof above a triangle whose sides are on it; it is reached at a knot inside."""
     corner, *others = decomposition.knots[list(triangle)]
     sides = np.array(others) - corner
     if np.linalg.matrix_rank(sides) < 2:

@@ -60,7 +60,7 @@ class RegularDecomposition:
         return int(self.knots.shape[1])
 
     def gaps(self, cell: int) -> FloatArray:
-        """(n,) heights of a cell's plane above the lifted knots, exactly 0 for the knots of the cell.
+        """Return the heights of a cell's plane above the lifted knots, (n,), exactly 0 for the knots of the cell.
 
         Under weights x^λ ω, knot i fades like x^-gap relative to the knots of the cell.
         """
@@ -122,7 +122,7 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
 
 
 def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:
-    """The control net that a lifting induces: sorted pairs of knots that are neighbours along the borders of the cells.
+    """Return the control net that a lifting induces: sorted pairs of knots that are neighbours along borders of cells.
 
     For d = 1 it is the control polygon. Knots inside a cell are left out; the lowest index stands for all knots at the
     same place.
@@ -132,7 +132,7 @@ def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:
 
 
 def border_net(decomposition: RegularDecomposition, cell: int) -> list[tuple[int, int]]:
-    """The part of the `control_net` along the border of one cell."""
+    """Return the part of the `control_net` along the border of one cell."""
     polygon, members = decomposition.polygons[cell], np.array(decomposition.cells[cell])
     knots = decomposition.knots - decomposition.knots[0]
     tolerance = knot_tolerance(decomposition.knots)
@@ -157,7 +157,7 @@ def border_net(decomposition: RegularDecomposition, cell: int) -> list[tuple[int
 
 
 def lifting_of_knot(n: int, k: int) -> FloatArray:
-    """(n,) lifting that is 1 at knot k and 0 at the others: its degeneration is the limit ω_k → ∞ (property (g))."""
+    """Return the lifting that is 1 at knot k and 0 at the others, (n,): its degeneration is ω_k → ∞ (property (g))."""
     if not 0 <= k < n:
         raise DomainError(f"knot: expected an index from 0 to {n - 1}, got {k}")
     return read_only(np.arange(n) == k)

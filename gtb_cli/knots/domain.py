@@ -63,7 +63,7 @@ class Domain:
 
     @cached_property
     def center(self) -> FloatArray:
-        """(d,) middle of the bounding box, subtracted before knots are multiplied by anything."""
+        """Middle of the bounding box, (d,), which is subtracted before knots are multiplied by anything."""
         return np.asarray((self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2, dtype=np.float64)
 
     @cached_property
@@ -82,7 +82,7 @@ class Domain:
         return Faces(self.dimension, self.incidence)
 
     def edge_functions(self, u: ArrayLike) -> FloatArray:
-        """(m, r) edge functions h_j(u) ≥ 0 of (m, d) parameters in Δ, exactly 0 within `tolerance` of edge j.
+        """Evaluate the edge functions h_j(u) ≥ 0 in Δ, exactly 0 within `tolerance` of edge j: (m, d) → (m, r).
 
         The relative error is below 1e-12 however near the edge is, and a few roundings for an edge along an axis.
         Raises `DomainError` for a parameter that is not finite or lies outside Δ.
@@ -111,7 +111,7 @@ class Domain:
 
     @np.errstate(over="ignore", invalid="ignore")  # from infinite parameters, which are refused
     def heights_of_columns(self, u: FloatArray, first: int = 0, faces: IntArray | None = None) -> FloatArray:
-        """(r, m) edge functions of (m, d) parameters.
+        """Evaluate the edge functions with a row for each edge: (m, d) parameters → (r, m).
 
         `first` is the index of the first parameter in messages. `faces` has the numbers of the faces on which
         parameters are known to lie, despite rounding.
@@ -143,24 +143,24 @@ class Domain:
         raise DomainError(f"parameters[{index}]: ({place}) is outside the domain, by up to {beyond:.3g}")
 
     def nearest_edge(self, heights: FloatArray) -> IntArray:
-        """(m,) index of the edge nearest to each point, from (r, m) edge functions."""
+        """Return the index of the edge nearest to each point, from edge functions: (r, m) → (m,)."""
         return np.asarray(np.argmin(heights / self.normal_lengths[:, None], axis=0))
 
     def edge_knots(self, edge: int) -> IntArray:
-        """Indices of the knots on an edge, in order along it (equal places in order of index)."""
+        """Return the indices of the knots on an edge, in order along it (equal places in order of index)."""
         members = np.flatnonzero(self.incidence[:, edge])
         if self.dimension == 1:
             return members
         return members[np.argsort(self.along(edge, self.knots[members]), kind="stable")]
 
     def face_knots(self, face: Face) -> FloatArray:
-        """(k, e) coordinates of the knots on a face: along an edge, from its first corner (e = 1); none at a corner."""
+        """Return coordinates of the knots on a face, (k, e): along an edge from its first corner; none at a corner."""
         members = self.knots[face.knots]
         return np.empty((len(members), 0)) if face.is_corner else self.along(face.index, members)[:, None]
 
     @cached_property
     def edge_fractions(self) -> tuple[tuple[IntArray, FloatArray, IntArray], ...]:
-        """Each edge's knots in order, their fractions of it, and the first ones of equal places; or each end's."""
+        """Knots of each edge (or end) in order, their fractions of it, and which knot is the first at its place."""
         found = []
         for edge in range(len(self.vertices)):
             members, length = self.edge_knots(edge), 1.0
@@ -174,29 +174,29 @@ class Domain:
         return tuple(found)
 
     def direction(self, edge: int) -> FloatArray:
-        """(2,) unit vector along an edge, from its first corner to its last."""
+        """Return the unit vector along an edge, (2,), from its first corner to its last."""
         vector = self.vertices[(edge + 1) % len(self.vertices)] - self.vertices[edge]
         return np.asarray(vector / np.hypot(vector[0], vector[1]))
 
     def along(self, edge: int, points: FloatArray) -> FloatArray:
-        """(m,) coordinates of (m, 2) points along an edge, from its first corner, in units of the knots."""
+        """Return how far along an edge points are, from its first corner, in units of the knots: (m, 2) → (m,)."""
         return np.asarray((points - self.vertices[edge]) @ self.direction(edge))
 
     @cached_property
     def normal_lengths(self) -> FloatArray:
-        """(r,) |s_j ξ_j|, which turns edge functions into distances."""
+        """Lengths |s_j ξ_j|, (r,), by which edge functions are divided to give distances."""
         return np.asarray(np.sqrt((self.normals**2).sum(axis=1)))
 
     @cached_property
     def _near(self) -> FloatArray:
-        """(r,) edge functions below which the two products of a slanted edge may cancel, or rounding decides."""
+        """Edge functions, (r,), below which the products of a slanted edge may cancel, or rounding decides."""
         # Fraction of the hull's size below which the distance to an edge is computed again without cancellation
         cancelling_distance = 2.0**-10
         slanted = (self.normals != 0).all(axis=1) if self.dimension == 2 else np.zeros(2, dtype=bool)
         return np.asarray(np.where(slanted, cancelling_distance * self.size, self.tolerance) * self.normal_lengths)
 
     def _distance_without_cancellation(self, edges: IntArray, u: FloatArray) -> FloatArray:
-        """(m,) signed distances of u[k] from edge edges[k], with a relative error of a few roundings."""
+        """Return signed distances of u[k] from edge edges[k], (m,), with a relative error of a few roundings."""
         if self.dimension == 1:
             return np.asarray(np.sign(self.normals[edges, 0]) * (u[:, 0] - self.vertices[edges, 0]))
         start, end = self.vertices[edges], self.vertices[(edges + 1) % len(self.vertices)]
@@ -276,7 +276,7 @@ def _built(
 
 
 def has_integer_corners(vertices: FloatArray) -> bool:
-    """Whether all vertices are integers that floats hold, so that the normals of edges may be primitive."""
+    """Tell whether all vertices are integers that floats hold, so that the normals of edges may be primitive."""
     return bool((vertices == np.rint(vertices)).all()) and float(np.abs(vertices).max()) < 2.0**52
 
 
@@ -294,7 +294,7 @@ def _normals(vertices: FloatArray, edge_normals: EdgeNormals) -> FloatArray:
 
 
 def _cross_of_differences(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """(b - a) × (c - a) for (m, 2) points, in double-double arithmetic (Dekker, Knuth)."""
+    """Return (b - a) × (c - a) for (m, 2) points: (m,), in double-double arithmetic (Dekker, Knuth)."""
     (ex, ex_low), (ey, ey_low) = (_two_difference(b[:, k], a[:, k]) for k in (0, 1))
     (wx, wx_low), (wy, wy_low) = (_two_difference(c[:, k], a[:, k]) for k in (0, 1))
     first, first_low = two_product(ex, wy)

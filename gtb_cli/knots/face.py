@@ -13,7 +13,7 @@ INTERIOR = 0  # number of Δ itself among its faces, and thus of points that do 
 
 @frozen
 class Face:
-    """Δ itself, an edge or a corner of it, of the `dimension` 2 (for a curve 1), 1 or 0; ends of a curve are corners.
+    """A face of Δ: Δ itself, an edge or a corner, of `dimension` 2 (for a curve 1), 1 or 0. A curve's ends are corners.
 
     `number` is its index in `Faces`, by which arrays refer to faces, `index` that among the edges or corners. `knots`,
     (n,), tells which lie on the face, and the edge functions of the (g,) `facets`, edges or ends of a curve, vanish on
@@ -28,12 +28,12 @@ class Face:
 
     @property
     def is_interior(self) -> bool:
-        """Whether it is Δ itself."""
+        """True for Δ itself."""
         return self.number == INTERIOR
 
     @property
     def is_corner(self) -> bool:
-        """Whether it is a corner, or the end of a curve."""
+        """True for a corner, and for an end of a curve."""
         return self.dimension == 0
 
 
@@ -49,24 +49,24 @@ class Faces:
 
     @property
     def edges(self) -> IntArray:
-        """(r,) numbers of the edges; for a curve, of its ends."""
+        """Numbers of the edges, (r,); for a curve, of its ends."""
         return 1 + np.arange(self.incidence.shape[1])
 
     @property
     def corners(self) -> IntArray:
-        """(r,) numbers of the corners; for a curve, of its ends."""
+        """Numbers of the corners, (r,); for a curve, of its ends."""
         return self.edges + (len(self.edges) if self.dimension == 2 else 0)
 
     @cached_property
     def knots(self) -> BoolArray:
-        """(faces, n) whether a knot lies on a face."""
+        """Incidence of faces and knots, (faces, n): true where the knot lies on the face."""
         edges = self.incidence.T
         corners = [edges & np.roll(edges, 1, axis=0)] if self.dimension == 2 else []
         return np.concatenate([np.ones_like(edges[:1]), edges, *corners])
 
     @cached_property
     def vanishing(self) -> BoolArray:
-        """(faces, r) whether an edge function is zero on a face."""
+        """Edge functions that are zero on each face, (faces, r)."""
         edges = np.eye(self.incidence.shape[1], dtype=bool)
         corners = [edges | np.roll(edges, -1, axis=1)] if self.dimension == 2 else []
         return np.concatenate([np.zeros_like(edges[:1]), edges, *corners])
@@ -88,15 +88,15 @@ class Faces:
         return self._all[number]
 
     def edge(self, j: int) -> Face:
-        """Edge j; for a curve, end j."""
+        """Return edge j; for a curve, end j."""
         return self._all[int(self.edges[j])]
 
     def corner(self, k: int) -> Face:
-        """Corner k; for a curve, end k."""
+        """Return corner k; for a curve, end k."""
         return self._all[int(self.corners[k])]
 
     def at(self, heights: FloatArray) -> IntArray:
-        """(m,) number of the face with each point in its relative interior, from the zeros of (r, m) edge functions."""
+        """Return the number of the face that has each point in its relative interior: (r, m) edge functions → (m,)."""
         zero = heights == 0
         count = zero.sum(axis=0)
         edge = zero.argmax(axis=0)
@@ -109,12 +109,12 @@ class Faces:
         return found
 
     def on_boundary(self, heights: FloatArray) -> list[tuple[Face, IntArray]]:
-        """The edges and corners on which points with (r, m) edge functions lie, each with the indices of its points."""
+        """Return the edges and corners on which points lie, each with their indices, from (r, m) edge functions."""
         boundary = np.flatnonzero((heights == 0).any(axis=0))
         found = list(groups(self.at(heights[:, boundary])))
         return [(self._all[number], boundary[members]) for number, members in found]
 
     def smallest(self, knots: int | Sequence[int]) -> Face:
-        """The smallest face that contains the given knots."""
+        """Return the smallest face that contains the given knots."""
         holds = self.knots[:, np.atleast_1d(knots)].all(axis=1)
         return self._all[int(np.flatnonzero(holds)[-1])]

@@ -18,13 +18,13 @@ KNOT_ULPS = 8
 
 
 def knot_tolerance(points: FloatArray) -> float:
-    """Distance within which (n, d) knots count as collinear or equal."""
+    """Return the distance within which (n, d) knots count as collinear or equal."""
     size = float(np.ptp(points, axis=0).max())
     return float(KNOT_TOLERANCE * size + KNOT_ULPS * EPS * np.abs(points).max())
 
 
 def convex_hull(points: FloatArray) -> IntArray:
-    """Indices of the corners of the hull of (n, 2) points, counter-clockwise from the lowest, then leftmost, one.
+    """Return the indices of the hull's corners, counter-clockwise from the lowest, then leftmost, of (n, 2) points.
 
     Points within `knot_tolerance` of an edge are not corners; the first of equal points is taken. Raises `DomainError`
     if all points lie on one line, within the tolerance.
@@ -63,14 +63,14 @@ def convex_hull(points: FloatArray) -> IntArray:
 
 
 def border_of(polygon: Sequence[int]) -> list[tuple[int, int]]:
-    """Directed edges of a polygon; for a segment, the segment itself."""
+    """Return the directed edges of a polygon; for a segment, the segment itself."""
     if len(polygon) == 2:
         return [(polygon[0], polygon[1])]
     return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
 
 
 def depth_in(polygon: FloatArray, points: FloatArray) -> FloatArray:
-    """(m,) smallest signed distance from the lines of the polygon's edges, positive inside."""
+    """Return how deep points lie in a polygon: the least signed distance from the lines of its edges, (m,)."""
     if points.shape[1] == 1:
         return np.asarray(np.minimum(points[:, 0] - polygon[0, 0], polygon[1, 0] - points[:, 0]))
     depth = np.full(len(points), np.inf)

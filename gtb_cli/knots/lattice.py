@@ -29,12 +29,12 @@ class Direction:
 
     @property
     def places(self) -> IntArray:
-        """(n, e) whole numbers i with sum k; the knots have the barycentric coordinates i/k."""
+        """Whole numbers i with sum k, (n, e), such that the knots have the barycentric coordinates i/k."""
         return np.rint(self.degree * self.shares).astype(np.int64)
 
     @property
     def offsets(self) -> FloatArray:
-        """(n,) distance of each knot from the lattice, in steps."""
+        """Distance of each knot from the lattice, (n,), in steps."""
         scaled = self.degree * self.shares
         return np.asarray(np.abs(scaled - np.rint(scaled)).max(axis=1))
 
@@ -49,7 +49,7 @@ def lattice_of(domain: Domain) -> tuple[Direction, ...] | None:
 
 
 def binomial_coefficients(domain: Domain) -> FloatArray:
-    """(n,) coefficients that make a patch on a lattice of knots a classical Bézier curve, triangle or tensor product.
+    """Return the (n,) coefficients that make a patch on a lattice a classical Bézier curve, triangle or tensor product.
 
     ``k!/∏ i_j!`` if the knots are all ``(i_0, …, i_d)/k`` in barycentric coordinates of a segment or triangle; ``C(k,
     i) C(l, j)`` if they are all ``(i/k, j/l)`` of a parallelogram, in any order (the remarks after Def. 2.1 and Def.
@@ -93,7 +93,7 @@ def _representable(degree: int) -> int:
 
 
 def _directions(domain: Domain) -> tuple[Direction, ...]:
-    """The directions of a lattice with this shape and number of knots; empty if no lattice has this shape."""
+    """Return the directions that a lattice with this shape and number of knots would have; none for other shapes."""
     v, n = domain.vertices, len(domain.knots)
     # An edge function divided by its maximum is the share of the opposite corner or edge.
     shares = domain.heights / domain.heights.max(axis=0)

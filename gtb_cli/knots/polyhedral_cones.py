@@ -10,7 +10,7 @@ Bits: TypeAlias = int  # a set of small numbers: of the rows that are 0 on a ray
 
 
 def extreme_rays(rows: Sequence[Vector], size: int, rounding: float) -> list[Vector]:
-    """The extreme rays of the cone of vectors of a size on which no row is negative, once each, largest entry 1.
+    """Return the extreme rays of the cone of vectors x with <row, x> ≥ 0 for all rows, once each, largest entry 1.
 
     The rows span the space, so that the cone holds no line. Whole rows have rays that are whole and have no common
     divisor; a product of others, with largest entries 1, is 0 within `rounding`.
@@ -49,13 +49,13 @@ def extreme_rays(rows: Sequence[Vector], size: int, rounding: float) -> list[Vec
 
 
 def product_of(a: Vector, b: Vector, rounding: float) -> float:
-    """The scalar product, and 0 if it is rounding."""
+    """Return the scalar product, or 0 if it is rounding."""
     total = sum(x * y for x, y in zip(a, b, strict=True))
     return 0 if abs(total) <= rounding and isinstance(total, float) else total
 
 
 def without_divisor(vector: Vector) -> Vector:
-    """A positive multiple of a vector that is not 0: whole without a common divisor, or with the largest entry 1."""
+    """Scale a vector that is not 0: a whole one to no common divisor, any other to a largest entry of 1."""
     if all(isinstance(x, int) for x in vector):
         divisor = math.gcd(*vector)
         return [x // divisor for x in vector]
@@ -72,12 +72,12 @@ def _signed(sign: float, x: Vector) -> Vector:
 
 
 def faces_below(face: Bits, facets: Sequence[Bits]) -> list[Bits]:
-    """The facets of a face of a cone, all as sets of rays."""
+    """Return the facets of a face of a cone, all as sets of rays."""
     return maximal({face & facet for facet in facets} - {face})
 
 
 def maximal(sets: Iterable[Bits]) -> list[Bits]:
-    """Those sets that are not part of others, once each."""
+    """Return the sets that are not part of others, once each."""
     found: list[Bits] = []
     for candidate in sorted(set(sets), key=lambda x: (-x.bit_count(), x)):
         if not any(candidate & larger == candidate for larger in found):

@@ -10,7 +10,7 @@ from gtb_cli.values import frozen
 
 @frozen
 class Triangulation:
-    """(m, d) parameters in Δ and (k, d + 1) cells between them, counter-clockwise, or ascending segments.
+    """Parameters in Δ, (m, d), and cells between them, (k, d + 1): counter-clockwise triangles, or ascending segments.
 
     `boundary`, (r, N), has the vertices on each edge of Δ, from its first corner, included, to its last, excluded; for
     d = 1 the two ends.
@@ -21,12 +21,12 @@ class Triangulation:
     boundary: IntArray
 
     def side(self, edge: int) -> IntArray:
-        """(N + 1,) vertices on an edge, both corners included; for d = 1 the end."""
+        """Return the (N + 1,) vertices on an edge, both corners included; for d = 1 the end."""
         following = self.boundary[(edge + 1) % len(self.boundary), : self.cells.shape[1] - 2]
         return np.append(self.boundary[edge], following)
 
     def faces(self, faces: Faces) -> IntArray:
-        """(m,) numbers of the faces of Δ in whose relative interior the vertices lie."""
+        """Return the numbers of the faces of Δ in whose relative interior the vertices lie, (m,)."""
         face = np.full(len(self.parameters), INTERIOR, dtype=index_type(len(faces)))
         face[self.boundary] = faces.edges[:, None]
         face[self.boundary[:, 0]] = faces.corners
@@ -50,7 +50,7 @@ class Triangulation:
         return Triangulation(u, self.cells, self.boundary)
 
     def is_turned_over(self) -> bool:
-        """Whether a triangle is clockwise, or has no area."""
+        """Tell whether a triangle is clockwise, or has no area."""
         a, b, c = (self.parameters[corner] for corner in self.cells.T)
         return not bool((planar_cross(b - a, c - a) > 0).all())
 
@@ -68,7 +68,7 @@ class Triangulation:
 
 
 def cell_count(domain: Domain | int, resolution: int) -> int:
-    """The number of cells of `triangulation`, without making it; of a domain, or a polygon with so many corners."""
+    """Count the cells of `triangulation` without making it, of a domain or of a polygon with so many corners."""
     corners = domain if isinstance(domain, int) else len(domain.vertices)
     if corners == 2:
         return resolution
@@ -145,7 +145,7 @@ def _quadrilateral(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArra
 
 
 def _squares(n: int) -> tuple[IntArray, IntArray]:
-    """The cells and the boundary of n rows of n squares."""
+    """Return the cells and the boundary of n rows of n squares."""
     side = np.arange(n, dtype=index_type((n + 1) ** 2))
     square = np.array([0, 1, n + 2, 0, n + 2, n + 1], dtype=side.dtype)
     cells = (side * (n + 1))[:, None] + (side[:, None] + square).ravel()

@@ -103,7 +103,7 @@ def _places(points: FloatArray, heights: FloatArray, tolerance: float) -> list[i
 
 
 def upper_hull(points: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex, Plane]:
-    """The simplices of the upper hull of points with d = 1 or 2 coordinates and a height, at distinct places.
+    """Return the simplices of the upper hull of points with d = 1 or 2 coordinates and a height, at distinct places.
 
     Points on a simplex that are not corners are left out; coplanar simplices are not joined.
     """
@@ -124,7 +124,7 @@ def _upper_chain(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex,
 
 
 def _height(plane: Plane, point: tuple[int, ...]) -> int:
-    """Positive above the plane; comparable between points for one plane."""
+    """Return a height above the plane, in a unit of the plane's own."""
     if len(point) == 2:
         return plane[0] * point[0] + plane[1] * point[1] - plane[2]
     return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
@@ -217,7 +217,7 @@ class UpperFace:
         self._rounding = sum(slope * off for slope, off in zip(slopes, lifted.rounding, strict=True))
 
     def holds(self, knot: int) -> bool:
-        """Whether a knot is on the plane, within the tolerance."""
+        """Tell whether a knot is on the plane, within the tolerance."""
         lifted = self._lifted
         drop = -_height(self._plane, lifted.exact[knot])
         if drop <= 0:
@@ -230,13 +230,13 @@ class UpperFace:
         return allowed > 0 and drop / (self._plane[-2] << lifted.bits) <= allowed
 
     def affine(self) -> tuple[list[float], float]:
-        """Gradient and offset of the plane, each rounded once."""
+        """Return the gradient and the offset of the plane, each rounded once."""
         *normal, vertical, constant = self._plane
         return [-n / vertical for n in normal], constant / (vertical << self._lifted.bits)
 
 
 def upper_faces(lifted: Lifted) -> list[UpperFace]:
-    """The upper faces, in lexicographic order of their knots; their polygons tile Δ and meet edge to edge."""
+    """Return the upper faces in lexicographic order of their knots; their polygons tile Δ and meet edge to edge."""
     faces = _joined(lifted, upper_hull(lifted.exact, sorted(set(lifted.places))))
     _share_knots(lifted, faces)
     return sorted(faces, key=lambda face: sorted(face.knots))
@@ -262,7 +262,7 @@ def _joined(lifted: Lifted, hull: dict[Simplex, Plane]) -> list[UpperFace]:
         return found
 
     def is_sliver(simplex: Simplex) -> bool:
-        """Whether a triangle, of which n_λ is twice the area, is due to rounding of knots meant to be collinear."""
+        """Tell whether a sliver comes from rounding knots that were meant to be collinear; n_λ is twice its area."""
         extents = np.ptp(lifted.points[list(simplex)], axis=0)
         return lifted.dimension == 2 and hull[simplex][-2] / 4**lifted.bits <= 2.0 * lifted.tolerance * np.hypot(
             *extents
@@ -287,7 +287,7 @@ def _joined(lifted: Lifted, hull: dict[Simplex, Plane]) -> list[UpperFace]:
 
 
 def _outline(lifted: Lifted, simplices: list[Simplex]) -> list[int] | None:
-    """Corners of the union of simplices if it is convex, otherwise None."""
+    """Return the corners of the union of simplices if it is convex, otherwise None."""
     # Distance, in units of `knot_tolerance`, by which the outline of joined triangles may fall short of their convex
     # hull
     outline_gap = 4.0
