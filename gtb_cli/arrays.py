@@ -72,24 +72,24 @@ def positive(name: str, values: ArrayLike) -> FloatArray:
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m,) scalar products of (m, d) vectors."""
+    """Return the scalar products of rows: (m, d) → (m,)."""
     return np.asarray(np.einsum("ij,ij->i", a, b))
 
 
 def column_dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m,) scalar products of (d, m) columns, faster than a reduction by numpy for up to three rows."""
+    """Return the scalar products of columns: (d, m) → (m,); for d up to 3 faster than a reduction by numpy."""
     return np.asarray(reduce(np.add, map(np.multiply, a, b)))
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m, 3) vector products of (m, 3) vectors."""
+    """Return the vector products of rows: (m, 3)."""
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))
     cross_of_columns(a.T, b.T, result.T)
     return result
 
 
 def cross_of_columns(a: FloatArray, b: FloatArray, out: FloatArray | None = None) -> FloatArray:
-    """(3, m) vector products of (3, m) vectors."""
+    """Return the vector products of columns: (3, m)."""
     result = np.empty_like(a) if out is None else out
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
@@ -98,12 +98,12 @@ def cross_of_columns(a: FloatArray, b: FloatArray, out: FloatArray | None = None
 
 
 def planar_cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(...) third coordinates of the vector products of (..., 2) vectors."""
+    """Return the third coordinates of vector products in the plane: (..., 2) → (...)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def two_product(a: FloatArray, b: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-    """a * b as a float, and its rounding error: Dekker's product, with Veltkamp's splitting of 53 bits into halves."""
+    """Return a * b as a float, and its rounding error: Dekker's product, with Veltkamp's splitting into halves."""
     splitter = 2.0**27 + 1  # factor that splits a float into two halves of 26 bits
     (a_high, a_low), (b_high, b_low) = ((high := x * splitter - (x * splitter - x), x - high) for x in (a, b))
     product = np.asarray(a * b)
@@ -111,13 +111,13 @@ def two_product(a: FloatArray, b: FloatArray | float) -> tuple[FloatArray, Float
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    """(m, d) unit vectors along the given ones; 0 stays 0."""
+    """Scale rows to length 1, (m, d); 0 stays 0."""
     length = np.sqrt(dot(vectors, vectors))[:, None]
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
 
 
 def bounds_of(points: NDArray[Any]) -> NDArray[Any]:
-    """(2, d) lowest and highest coordinates of (m, d) points."""
+    """Return the lowest and the highest coordinates of points: (m, d) → (2, d)."""
     # Column by column: numpy reduces short rows slowly.
     return np.array([[column.min() for column in points.T], [column.max() for column in points.T]])
 
@@ -140,7 +140,7 @@ def distinct(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def rows_of(table: Table, rows: IntArray | BoolArray | slice) -> Table:
-    """Some rows of a named tuple of arrays."""
+    """Return some rows of a named tuple of arrays."""
     if isinstance(rows, slice):
         return tuple.__new__(type(table), [column[rows] for column in table])
     rows = np.flatnonzero(rows) if rows.dtype == bool else rows
@@ -148,17 +148,17 @@ def rows_of(table: Table, rows: IntArray | BoolArray | slice) -> Table:
 
 
 def joined(tables: Sequence[Table]) -> Table:
-    """The rows of several named tuples of arrays, one table after another."""
+    """Return the rows of several named tuples of arrays, one table after another."""
     return tuple.__new__(type(tables[0]), [np.concatenate(columns) for columns in zip(*tables, strict=True)])
 
 
 def index_type(count: int) -> type[np.signedinteger[Any]]:
-    """The type of indices of `count` rows, also if counted from 1: 32 bits where they suffice, as meshes are large."""
+    """Return the type of indices of `count` rows, also if counted from 1: 32 bits where they suffice."""
     return np.int32 if count <= np.iinfo(np.int32).max else np.int64
 
 
 def as_indices(values: NDArray[Any], kind: type[np.signedinteger[Any]]) -> IntArray:
-    """Whole numbers in a type of indices; in 64 bits if a wrong one does not fit, so that it stays wrong."""
+    """Return whole numbers in a type of indices; in 64 bits if a wrong one does not fit, so that it stays wrong."""
     if values.dtype.kind not in "iu":
         raise TypeError(f"whole numbers are expected, these are {values.dtype}")
     indices = values.astype(kind, copy=False)
@@ -166,7 +166,7 @@ def as_indices(values: NDArray[Any], kind: type[np.signedinteger[Any]]) -> IntAr
 
 
 def taken(values: NDArray[Any], indices: IntArray) -> NDArray[Any]:
-    """(k, c) values at (k, c) indices, by blocks: numpy makes 64 bits of all indices that it takes at once."""
+    """Return the values at (k, c) indices, by blocks: numpy makes 64 bits of all indices that it takes at once."""
     result = np.empty(indices.shape, dtype=values.dtype)
     for start in range(0, len(indices), INDEX_ROWS):
         result[start : start + INDEX_ROWS] = values[indices[start : start + INDEX_ROWS]]
@@ -174,17 +174,17 @@ def taken(values: NDArray[Any], indices: IntArray) -> NDArray[Any]:
 
 
 def shifted(indices: IntArray, by: int) -> IntArray:
-    """Indices behind `by` others, in 64 bits."""
+    """Return indices increased by `by`, in 64 bits."""
     return np.add(indices, by, dtype=np.int64)
 
 
 def paired(first: IntArray, second: IntArray, count: int) -> IntArray:
-    """Numbers in the order of pairs of indices, whose second is below `count`; 64 bits, which hold the products."""
+    """Number pairs of indices in their order, the second index below `count`; in 64 bits, which hold the products."""
     return np.multiply(first, count, dtype=np.int64) + second
 
 
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
-    """Each number that occurs among (m,) small numbers from 0, ascending, and its places."""
+    """Yield each number that occurs among small numbers from 0, (m,), ascending, with its places."""
     # Largest number of groups for which an array is searched once for each, which is faster than sorting it
     max_passes = 8
     counts = np.bincount(numbers)
@@ -198,7 +198,7 @@ def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
 
 
 def ascending(costs: FloatArray) -> IntArray:
-    """(m,) columns of (m, k) costs, one for each row, that do not descend and have the least sum of costs."""
+    """Choose a column of (m, k) costs for each row, (m,), so that columns never descend and the sum is least."""
     sums = costs.copy()
     for before, row in pairwise(sums):
         row += np.minimum.accumulate(before)

@@ -4,7 +4,7 @@ from typing import NamedTuple, Self
 
 
 class Fault(NamedTuple):
-    """One thing that is wrong, and where it is, as far as that is known; lines and columns are counted from 1."""
+    """A fault and its place, as far as this is known; lines and columns are counted from 1."""
 
     message: str
     file: str | None = None

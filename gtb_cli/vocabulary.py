@@ -42,7 +42,7 @@ KEEPS: tuple[Keep, ...] = ("boundary", "tangents", "curvature")  # along edges, 
 
 
 class Format(NamedTuple):
-    """What a mesh format can hold beside triangles; its name in `FORMATS` is also its suffix.
+    """A mesh format: what it can hold beside triangles. Its name in `FORMATS` is also its suffix.
 
     `up` is the axis of files that stands for the spec's vertical z axis: glTF prescribes y. Text on request reads back
     exactly.

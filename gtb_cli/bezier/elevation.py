@@ -77,7 +77,7 @@ def multiplier(patch: Patch) -> FloatArray:
 
 
 def _common_steps(shape: Domain) -> int:
-    """The number of equal steps into which knots divide each edge of a surface's Δ; 1 if the steps are not equal."""
+    """Return into how many equal steps knots divide each edge of a surface's Δ; 1 if the steps are not equal."""
     counts = set()
     for edge in range(len(shape.vertices)):
         on_edge = lattice_of(domain(shape.along(edge, shape.knots[shape.edge_knots(edge)])))
@@ -140,7 +140,7 @@ def _with_scale_of(patch: Patch, result: Patch) -> Patch:
 
 
 def _equal(points: FloatArray) -> tuple[IntArray, IntArray]:
-    """The first index of each group of equal (m, d) points, by rows from below, and the group of each point."""
+    """Group equal (m, d) points: the first index of each group, by rows from below, and the group of each point."""
     tolerance = knot_tolerance(points)
     group = np.zeros(len(points), dtype=np.int64)
     for coordinates in points.T[::-1]:

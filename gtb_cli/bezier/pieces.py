@@ -101,7 +101,7 @@ def bezier_degree(values: FloatArray, rounding: float) -> int | None:
 
 
 def _powers(patch: Patch, max_degree: int) -> IntArray:
-    """(n, r) exponents h_j(a_i) in whole steps."""
+    """Return the exponents h_j(a_i) in whole steps, (n, r)."""
     shape = patch.domain
     rounding = KNOT_TOLERANCE * shape.size + 4 * EPS * float(np.abs(shape.knots).max())
     degrees = []
@@ -162,7 +162,7 @@ def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArra
 
 
 def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Log weights and control points of Σ c ω b s^k t^l in Bernstein form, for (n, 2) powers k, l, or (n, 1).
+    """Write Σ c ω b s^k t^l, for (n, 2) powers k, l or (n, 1), in Bernstein form: log weights and control points.
 
     They are (D_1 + 1, D_2 + 1) and (D_1 + 1, D_2 + 1, 3), with D_2 = 0 for a single power. All sums have positive
     terms, among them that of the corner's knot.
@@ -188,7 +188,7 @@ def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _conversion(powers: IntArray) -> FloatArray:
-    """(D + 1, n) logarithms of C(j, k)/C(D, k) for (n,) powers k, D the largest; −inf where k > j."""
+    """Return logarithms of C(j, k)/C(D, k) for (n,) powers k, D the largest, (D + 1, n); −inf where k > j."""
     degree = int(powers.max())
     used, columns = np.unique(powers, return_inverse=True)
     table = np.full((degree + 1, len(used)), -np.inf)

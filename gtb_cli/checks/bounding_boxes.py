@@ -10,11 +10,11 @@ from gtb_cli.theory.patch import Patch
 
 
 def bounds(patches: Sequence[Patch]) -> FloatArray:
-    """(2, 3) lowest and highest coordinates of patches together.
+    """Return the lowest and the highest coordinates of patches together, (2, 3).
 
-    Found from samples, about the best of which smaller and smaller copies of Δ are sampled: exact to eight digits of
-    the size, unless an extremum is narrower than the distance of the first samples, a 48th of an edge, and not near a
-    knot.
+    About the best of some samples, smaller and smaller copies of Δ are sampled. The result is exact to eight digits of
+    the size, unless an extremum is narrower than the distance of the first samples, a 48th of an edge, and far from
+    all knots.
     """
     corners = np.concatenate([patch.evaluate(patch.domain.vertices) for patch in patches])
     boxes = np.array([bounds_of(patch.control_points) for patch in patches])
@@ -32,7 +32,7 @@ def bounds(patches: Sequence[Patch]) -> FloatArray:
 
 
 def _extremes(patch: Patch, ways: IntArray) -> FloatArray:
-    """(k, 3) points of a patch that are farthest along k of six ways: down along the axes, then up."""
+    """Return the points of a patch farthest along k of six ways, down along the axes, then up: (k, 3)."""
     rounds, shrinkage = 20, 0.5  # copies of Δ shrink to 5e-7, and extrema are flat, or at the ends of an edge
     starts, apart = 4, 0.1  # best samples for each way, and their distances as fractions of the size of Δ
     signs = np.repeat(np.concatenate([-np.eye(3), np.eye(3)])[ways], starts, axis=0)
@@ -60,5 +60,5 @@ def _extremes(patch: Patch, ways: IntArray) -> FloatArray:
 
 
 def _points(patch: Patch, u: FloatArray, within: float) -> FloatArray:
-    """(m, 3) points of the patch at (m, d) parameters to `within` of the size of Δ."""
+    """Return points of the patch at parameters, to `within` of the size of Δ: (m, d) → (m, 3)."""
     return patch.points_at(patch.rational_basis.locations(u, "linear", None, within), len(u))

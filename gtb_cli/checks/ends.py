@@ -16,7 +16,7 @@ MAX_NEGLECTED = 0.1  # with a larger neglected share, the limit is not reached w
 
 
 class _End(NamedTuple):
-    """An end of the merged curve, whose control points are moved so that that of the end is 0.
+    """An end of the merged curve, which is moved so that its control point there is 0.
 
     `sign` is 1 at the start and −1 at the end; the arrays have a row for each knot, the nearest to the end first.
     """
@@ -44,7 +44,7 @@ def _ends(probe: Probe) -> list[_End]:
 
 
 def _worst(findings: Iterable[Finding]) -> Finding:
-    """Return one that fails, otherwise one that does not hold, otherwise the one with the largest violation."""
+    """Return a finding that fails, else one that does not hold, else the one with the largest violation."""
     return max(findings, key=lambda one: (one.status == "fails", one.status != "holds", one.value or 0.0))
 
 

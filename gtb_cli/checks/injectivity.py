@@ -76,7 +76,7 @@ def planar(points: FloatArray) -> FloatArray | None:
 
 
 def _triples(n: int) -> IntArray:
-    """Return (m, 3) triples i < j < k: all triples, or up to `MAX_TRIPLES` that are the same every time."""
+    """Return triples i < j < k, (m, 3): all of them, or up to `MAX_TRIPLES`, chosen alike every time."""
     if math.comb(n, 3) > MAX_TRIPLES:
         drawn = np.sort(np.random.default_rng(0).integers(0, n, (MAX_TRIPLES, 3)), axis=1)
         return drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]

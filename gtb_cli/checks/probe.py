@@ -30,7 +30,7 @@ class Probe:
 
     @cached_property
     def u(self) -> FloatArray:
-        """(m, d) parameters: a uniform triangulation with its boundary and corners, and points near the boundary."""
+        """Parameters, (m, d): a uniform triangulation with its boundary and corners, and points near the boundary."""
         domain = self.patch.domain
         # With many knots there are fewer, for a table of about a million values.
         most = max(16, min(1500, 1_000_000 // len(domain.knots)))
@@ -46,7 +46,7 @@ class Probe:
 
     @cached_property
     def heights(self) -> FloatArray:
-        """(r, m) edge functions at `u`."""
+        """Edge functions at `u`, (r, m)."""
         return self.patch.domain.heights_of_columns(self.u)
 
     @cached_property
@@ -56,17 +56,17 @@ class Probe:
 
     @cached_property
     def torus(self) -> FloatArray:
-        """(d, k) torus coordinates of the parameters inside Δ."""
+        """Torus coordinates of the parameters inside Δ, (d, k)."""
         return torus_coordinates(self.patch.domain, self.heights[:, self.inside])
 
     @cached_property
     def basis(self) -> FloatArray:
-        """(m, n) the rational basis at `u`."""
+        """The rational basis at `u`, (m, n)."""
         return self.patch.basis(self.u)
 
     @cached_property
     def points(self) -> FloatArray:
-        """(m, 3) points at `u`."""
+        """Points at `u`, (m, 3)."""
         return self.patch.evaluate(self.u)
 
     @cached_property
@@ -78,7 +78,7 @@ class Probe:
 
     @property
     def has_blurred_edges(self) -> bool:
-        """True if knots count as on an edge of Δ, or at an end of a curve, and are farther from it than by rounding."""
+        """True if a knot counts as on an edge of Δ, or at an end of a curve, but is farther from it than rounding."""
         domain = self.patch.domain
         offsets = np.einsum("ijk,jk->ij", domain.knots[:, None] - domain.vertices, domain.normals)
         rounding = KNOT_ULPS * EPS * float(np.abs(domain.knots).max())

@@ -39,12 +39,12 @@ class Finding:
 
 
 def at_most(value: float, bound: float, reason: str) -> Finding:
-    """Return that a property holds if its largest violation is within a bound, and fails otherwise, also for NaN."""
+    """Judge a property: it holds if its largest violation is within a bound, and fails otherwise, also for NaN."""
     return Finding("holds" if value <= bound else "fails", value, bound, reason)
 
 
 def within_rounding(value: float, bound: float, reason: str) -> Finding:
-    """Return like `at_most`, for a bound that is rounding; not decided if rounding may do too much to tell."""
+    """Judge like `at_most`, by a bound for rounding; not decided if rounding may do too much to tell."""
     vacuous_bound = 0.01  # size, as a fraction of what is compared, above which a bound for rounding proves nothing
     if value <= bound and bound > vacuous_bound:
         return not_decided(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")
@@ -57,17 +57,17 @@ def number(value: float | None, reason: str) -> Finding:
 
 
 def not_applicable(condition: str) -> Finding:
-    """Return that a property is not claimed for this patch, by the condition that fails."""
+    """Say that a property is not claimed for this patch, by the condition that fails."""
     return Finding("not applicable", None, None, condition)
 
 
 def not_decided(reason: str) -> Finding:
-    """Return that a property could not be measured finely enough to tell whether it holds."""
+    """Say that a property could not be measured finely enough to tell whether it holds."""
     return Finding("not decided", None, None, reason)
 
 
 def counts(findings: Iterable[Finding]) -> str:
-    """Return how many properties hold, fail, are measured, not applicable and, if there are any, not decided."""
+    """Say how many properties hold, fail, are measured, not applicable and, if there are any, not decided."""
     count = Counter(found.status for found in findings)
     text = f"{count['holds']} hold, {count['fails']} fail, {count['measured']} measured"
     text += f", {count['not applicable']} not applicable"

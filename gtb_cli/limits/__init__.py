@@ -1,1 +1,1 @@
-"""Limits of patches: toric degenerations, and knots that move to the places of others."""
+"""Limits of patches: toric degenerations, and knots that move to other knots."""

@@ -91,14 +91,14 @@ def cells_of(patch: Patch, decomposition: RegularDecomposition) -> Model:
 
 
 def heights_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
-    """(n,) a lifting as in `lifting_of`, where an index stands for that of the knot whose weight alone grows."""
+    """Return a lifting as `lifting_of` does, (n,), where an index stands for a knot whose weight alone grows."""
     if isinstance(lifting, int | np.integer):
         return lifting_of_knot(len(patch.knots), int(lifting))
     return lifting_of(patch, lifting)
 
 
 def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
-    """(n,) the given lifting or, by default, the patch's own; refuses a missing lifting, and one of wrong length."""
+    """Return the given lifting or, by default, the patch's own, (n,); refuse a missing one, and a wrong length."""
     values = patch.lifting if lifting is None else finite("lifting", lifting)
     if values is None:
         raise DomainError("has no lifting: write one into the spec, or give `lifting`")

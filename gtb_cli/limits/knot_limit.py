@@ -1,5 +1,7 @@
-"""Knots that move to the places of others: the merged patch, which is the limit inside Δ, and the films that the limit
-gains where knots reach the boundary."""
+"""Knots that move to other knots: the merged patch, which is the limit inside Δ, and films where they reach its edge.
+
+A film is the part of the limit set outside the merged patch.
+"""
 
 import math
 from collections.abc import Mapping
@@ -100,7 +102,7 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
 
 
 def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
-    """(n,) the knot at whose place each knot ends: itself, or the end of its chain; errors as in `merge_knots`."""
+    """Return the knot at whose place each knot ends, (n,): itself, or its chain's end; raises like `merge_knots`."""
     n = len(patch.knots)
     if not moves:
         raise DomainError("merging: expected at least one knot to move")
@@ -158,20 +160,20 @@ class Film:
     control_points: FloatArray
 
     def section(self, z: float) -> Patch:
-        """The curve at level z of the film of an edge."""
+        """Return the curve at level z of the film of an edge."""
         assert self.along is not None, "the film of a corner has no sections"
         log_weights = self.log_weights(np.array([[z]]))[0]
         here = np.isfinite(log_weights)
         return Patch(self.along[here], self.control_points[here], log_weights=log_weights[here])
 
     def points(self, z: ArrayLike) -> FloatArray:
-        """(m, 3) points at (m, g) levels z of the film of a corner or end."""
+        """Return points of the film of a corner or end at levels z: (m, g) → (m, 3)."""
         logs = self.log_weights(np.asarray(z, dtype=np.float64))
         weights = np.exp(logs - logs.max(axis=1, keepdims=True))
         return np.asarray(weights @ self.control_points / weights.sum(axis=1, keepdims=True))
 
     def log_weights(self, z: FloatArray) -> FloatArray:
-        """(m, k) logarithms of the weights at (m, g) levels z, −inf for weights 0."""
+        """Return logarithms of the weights at levels z, −inf for weights 0: (m, g) → (m, k)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             powers = self.speeds[None] * np.log(z)[:, None, :]
         return np.asarray(self.log_products + np.where(self.speeds[None] > 0, powers, 0.0).sum(axis=2))
@@ -179,7 +181,7 @@ class Film:
 
 @frozen
 class KnotLimit:
-    """The limit of patches whose knots move to others, each to the place of its one of (n,) `targets`."""
+    """The limit of patches whose knots move to other knots; `targets`, (n,), says to which each one does."""
 
     patch: Patch
     moves: Mapping[int, int]
@@ -197,20 +199,20 @@ class KnotLimit:
 
     @cached_property
     def arrivals(self) -> Mapping[int, int]:
-        """The number of the end, corner or edge that each knot from outside it reaches."""
+        """Numbers of the corner or edge, or of the end of a curve, that knots reach from outside it, by knot."""
         faces = self.patch.domain.faces
         arriving = np.flatnonzero(self._comes.any(axis=1)).tolist()
         return {k: faces.smallest(self.targets[k]).number for k in arriving}
 
     def nearness(self, step: float) -> float:
-        """The smallest distance, at a step, of a knot from a facet that it reaches, as a fraction of Δ's size."""
+        """Return the least distance, at a step, of a knot from a facet that it reaches, as a fraction of Δ's size."""
         shape = self.patch.domain
         least = (shape.heights / shape.normal_lengths).min(where=self._comes, initial=np.inf)
         return float(least) * (1 - step) / shape.size
 
     @cached_property
     def _comes(self) -> BoolArray:
-        """(n, r) whether each knot moves to a facet on which it does not lie at first."""
+        """True where a knot moves to a facet on which it does not lie at first, (n, r)."""
         incidence = self.patch.domain.incidence
         return np.asarray(incidence[self.targets] & ~incidence)
 

@@ -1,1 +1,1 @@
-"""The moment map μ(s), and the one solver of μ(s) = p."""
+"""The moment map μ(s), and the solver of μ(s) = p."""

@@ -1,4 +1,4 @@
-"""The inner vertices of a triangulation as lattices, on which values are solved for on a coarse one first.
+"""The inner vertices of a triangulation as lattices, on which a coarser lattice is solved first.
 
 Smooth values at every fourth vertex in each direction are interpolated to all others, along the columns of a lattice
 and then along its rows, so accurately that one step of Newton's method completes them.
@@ -31,7 +31,7 @@ Solver: TypeAlias = Callable[[FloatArray, FloatArray | None], FloatArray]
 
 
 def _lagrange(first: int, places: ArrayLike) -> FloatArray:
-    """(ORDER, places) values at places of Lagrange's polynomials for consecutive nodes."""
+    """Return the values of Lagrange's polynomials for consecutive nodes: (ORDER, places)."""
     nodes = first + np.arange(ORDER)
     ratio = (np.asarray(places) - nodes[:, None]) / (nodes[:, None] - nodes + np.eye(ORDER))[..., None]
     ratio[np.arange(ORDER), np.arange(ORDER)] = 1.0
@@ -58,7 +58,7 @@ class VertexLattices:
 
     @cached_property
     def counts(self) -> IntArray:
-        """(rows,) number of vertices in each row, in the order of `triangulation`, for all lattices together.
+        """Number of vertices in each row of all lattices together, (rows,), in the order of `triangulation`.
 
         If there are several lattices, they are sectors, and their rows form rings. Inner rings come first, and each
         ring has one end of each sector's row.
@@ -69,7 +69,7 @@ class VertexLattices:
 
     @property
     def is_worth_it(self) -> bool:
-        """Whether a coarser lattice helps with this one."""
+        """True if a coarser lattice helps with this one."""
         return self.last >= STRIDE * MIN_COARSE_STEPS
 
     @property
@@ -78,7 +78,7 @@ class VertexLattices:
         return VertexLattices(self.origin, *steps, self.last // STRIDE, self.triangular)
 
     def solved(self, solve: Solver) -> FloatArray:
-        """(2, c, y, x) values at all places, 0 elsewhere."""
+        """Return the solution at all places, (2, c, y, x), and 0 elsewhere."""
         shape = len(self.origin), self.last + 1, self.last + 1
         y, x = np.ogrid[: shape[1], : shape[2]]
         place = np.flatnonzero(np.broadcast_to(x + y * self.triangular <= self.last, shape))
@@ -91,7 +91,7 @@ class VertexLattices:
         return values.reshape(2, *shape)
 
     def _points(self, place: IntArray) -> FloatArray:
-        """(m, 2) points at (m,) places, numbered by lattice, y and x."""
+        """Return the points at places numbered by lattice, y and x: (m,) → (m, 2)."""
         rest, x = np.divmod(place, self.last + 1)
         sheet, y = np.divmod(rest, self.last + 1)
         return np.stack(
@@ -103,7 +103,7 @@ class VertexLattices:
         )
 
     def lines(self, solve: Solver) -> FloatArray:
-        """(2, c, y, nodes) values at every `STRIDE`-th place of all rows, from values on a coarser lattice."""
+        """Return values at every `STRIDE`-th place of all rows, from a coarser lattice: (2, c, y, nodes)."""
         ends = self.last - np.arange(self.last + 1) * self.triangular
         columns = _extended(np.swapaxes(self._coarse.solved(solve), 2, 3), ends[::STRIDE] // STRIDE)
         return _extended(np.swapaxes(_between(columns)[..., : self.last + 1], 2, 3), ends // STRIDE)
@@ -115,7 +115,7 @@ class VertexLattices:
         return [(slice(a, b), slice(int(ends[a]), int(ends[b]))) for a, b in itertools.pairwise(cuts)]
 
     def values(self, lines: FloatArray, rows: slice) -> FloatArray:
-        """(2, m) approximate values at the vertices of some rows, in the order of `counts`."""
+        """Return approximate values at the vertices of some rows, (2, m), in the order of `counts`."""
         first, end, _ = rows.indices(len(self.counts))
         rings = len(self.origin) > 1
         chosen = lines[:, :, self.last + 1 - end : self.last + 1 - first][:, :, ::-1] if rings else lines[:, :, rows]
@@ -131,7 +131,7 @@ class VertexLattices:
 
 
 def vertex_lattices(domain: Domain, resolution: int) -> VertexLattices:
-    """Return those of the inner vertices of `triangulation`."""
+    """Return the lattices of the inner vertices of `triangulation`."""
     v, n = domain.vertices, resolution
     if len(v) > 4:
         following = np.roll(v, -1, axis=0)
@@ -144,7 +144,7 @@ def vertex_lattices(domain: Domain, resolution: int) -> VertexLattices:
 
 
 def _extended(values: FloatArray, last: IntArray) -> FloatArray:
-    """(k, c, lines, nodes + ORDER) values along lines up to given last nodes, extended as far as `_between` needs."""
+    """Extend values along lines beyond both ends, as far as `_between` needs: (k, c, lines, nodes + ORDER)."""
     weights_before = _lagrange(0, np.arange(-NODES_BEFORE, 0))
     # Weights that extend a line beyond its ends, by the polynomials of its first and of its last nodes
     weights_after = _lagrange(0, np.arange(ORDER, ORDER + NODES_AFTER))
@@ -164,7 +164,7 @@ def _extended(values: FloatArray, last: IntArray) -> FloatArray:
 
 
 def _between(lines: FloatArray) -> FloatArray:
-    """(..., STRIDE * nodes) values at and between the nodes of extended lines."""
+    """Interpolate at and between the nodes of extended lines: (..., STRIDE * nodes)."""
     # Weights of the nodes around a step, at the places between its ends
     inner_weights = _lagrange(-NODES_BEFORE, np.arange(STRIDE) / STRIDE)
     flat = np.ascontiguousarray(lines).ravel()

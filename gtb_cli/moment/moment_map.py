@@ -17,7 +17,7 @@ from gtb_cli.values import frozen
 
 @frozen
 class MomentMap:
-    """``μ(s) = Σ_i T_i(s) a_i`` for (n, d) knots and (n,) log(c_i ω_i), or (w, n) several vectors of them.
+    """The moment map ``μ(s) = Σ_i T_i(s) a_i`` of (n, d) knots and (n,) log(c_i ω_i), or of w weightings, (w, n).
 
     The inverse starts from the torus coordinates of p for the nearest layers of knots alone; where this fails,
     from solutions for tamer weights, and at last from 0. See `gtb_cli.moment.solve`.
@@ -27,7 +27,7 @@ class MomentMap:
     log_weights: FloatArray
 
     def __call__(self, s: FloatArray) -> FloatArray:
-        """(m, d) points μ(s) at (d, m) torus coordinates."""
+        """Return the points μ(s): (d, m) → (m, d)."""
         knots = self._unit_knots
         sums = weighted_sums(knots, self.log_weights, knots, s * self._extents[:, None])
         return np.asarray((sums[1:] / sums[0]).T * self._extents + self._origin)
@@ -39,10 +39,10 @@ class MomentMap:
         start: FloatArray | None = None,
         numbers: IntArray | None = None,
     ) -> FloatArray:
-        """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull, sooner from a good start.
+        """Solve μ(s) = p for points inside the hull, sooner from a good start: (m, d) → (d, m).
 
-        A residual of `within` times the hull's size suffices. Of several vectors of weights, `numbers` has each
-        point's. `ToleranceError` is raised if |μ(s) − p| stays above `RESIDUAL` times the hull's size.
+        A residual of `within` times the hull's size suffices. `numbers` says which of several weightings each point
+        uses. `ToleranceError` is raised if |μ(s) − p| stays above `RESIDUAL` times the hull's size.
         """
         unit, length = self._unit(np.ascontiguousarray(p.T)), block_length(len(self.knots))
         s = layer_starts(self._unit_knots, unit) if start is None else start * self._extents[:, None]
@@ -53,13 +53,13 @@ class MomentMap:
         return np.asarray(s / self._extents[:, None])
 
     def starts(self, p: FloatArray) -> FloatArray:
-        """(d, m) torus coordinates of (d, m) points if only the nearest layers of knots counted."""
+        """Return the torus coordinates that points would have if only the nearest layers of knots counted: (d, m)."""
         return np.asarray(layer_starts(self._unit_knots, self._unit(p)) / self._extents[:, None])
 
     def near(
         self, p: FloatArray, start: FloatArray, within: float = 0.0, numbers: IntArray | None = None
     ) -> tuple[FloatArray, IntArray]:
-        """(d, m) torus coordinates of (d, m) points from nearby ones, and the columns that are not found."""
+        """Solve for (d, m) points from nearby torus coordinates; return all, (d, m), and the columns not found."""
         start, target = start * self._extents[:, None], max(TARGET_RESIDUAL, within)
         s, missing = solve(self._sum(numbers), self._unit(p), start, target)
         return s / self._extents[:, None], missing
@@ -68,7 +68,7 @@ class MomentMap:
         return self._one_sum if numbers is None else LogSum(self._unit_knots, self.log_weights[numbers].T)
 
     def _unit(self, p: FloatArray) -> FloatArray:
-        """(d, m) points in the coordinates of the solver."""
+        """Return (d, m) points in the coordinates of the solver."""
         unit = np.subtract(p, self._origin[:, None], order="C")
         unit /= self._extents[:, None]
         if len(unit) == 1:  # far from the origin, rounding may move points out of the hull
@@ -77,12 +77,12 @@ class MomentMap:
 
     @cached_property
     def _extents(self) -> FloatArray:
-        """(d,) unit of each coordinate, so that thin hulls are solved like others."""
+        """Unit of each coordinate, (d,), so that thin hulls are solved like others."""
         return np.asarray(np.ptp(self.knots, axis=0))
 
     @cached_property
     def _origin(self) -> FloatArray:
-        """(d,) 0 in coordinates whose zeros are exact, as over an edge; otherwise the middle of the hull."""
+        """Origin, (d,): 0 in coordinates whose zeros are exact, as over an edge; otherwise the middle of the hull."""
         low, high = self.knots.min(axis=0), self.knots.max(axis=0)
         far = np.maximum(np.abs(low), np.abs(high)) > 4 * self._extents
         return np.where(far, (low + high) / 2, 0.0)

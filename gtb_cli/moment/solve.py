@@ -27,7 +27,7 @@ MAX_STEPS = 300  # regularised steps after which a point is missing
 
 
 class Moments(NamedTuple):
-    """(d, m) means μ, and (1, m) variances or (3, m) variances and covariance; what `LogSum.value` needs."""
+    """Means μ, (d, m), variances (1, m), or variances and covariance (3, m), and the sums under their shift."""
 
     mean: FloatArray
     spread: FloatArray
@@ -39,7 +39,7 @@ class Moments(NamedTuple):
 class LogSum:
     """``log Σ_i c_i ω_i e^<a_i, s>`` for each column s.
 
-    Knots are (n, d), in units of their extents; log(c_i ω_i) are (n,) for all columns, or (n, m), one vector for each.
+    Knots are (n, d), in units of their extents; log(c_i ω_i) are (n,) for all columns, or (n, m), one for each.
     """
 
     knots: FloatArray
@@ -194,7 +194,7 @@ def _drawn_in(total: LogSum, p: FloatArray, at: State) -> State:
 
 
 def _size(a: FloatArray) -> FloatArray:
-    """(m,) largest absolute entry of (d, m) columns."""
+    """Return the largest absolute entry of each column: (d, m) → (m,)."""
     return np.asarray(np.abs(a).max(axis=0))
 
 

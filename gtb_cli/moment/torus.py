@@ -24,12 +24,12 @@ def block_length(knots: int) -> int:
 
 
 def exponents(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
-    """(n, m) logarithms of `exponentials`: <a_i, s> + log(c_i ω_i)."""
+    """Return the logarithms of `exponentials`: <a_i, s> + log(c_i ω_i), (n, m)."""
     return np.asarray(np.column_stack([knots, log_weights]) @ np.concatenate([s, np.ones((1, s.shape[1]))]))
 
 
 def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
-    """(n, m) numbers proportional, in each column, to the rational basis at (d, m) torus coordinates.
+    """Return numbers proportional, in each column, to the rational basis at torus coordinates: (d, m) → (n, m).
 
     Knots should be centred: only their differences matter. log(c_i ω_i) are (n,) for all columns, or (n, m).
     """
@@ -48,7 +48,7 @@ def scaled_exponentials(e: FloatArray) -> FloatArray:
 
 
 def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray) -> FloatArray:
-    """(1 + k, m) sums of weights and of weighted (n, k) values at (d, m) torus coordinates, up to a common factor."""
+    """Return sums of weights and of weighted (n, k) values, up to a common factor: (d, m) → (1 + k, m)."""
     if len(knots) == 1:
         return np.repeat(np.concatenate([np.ones((1, 1)), values.T]), s.shape[1], axis=1)
     factors = np.concatenate([np.ones((1, len(values))), values.T])
@@ -56,7 +56,7 @@ def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray
 
 
 def shares(e: FloatArray) -> FloatArray:
-    """(…, n, m) softmax of each column of exponents."""
+    """Return the softmax of each column of exponents, (…, n, m)."""
     t = e - e.max(axis=-2, keepdims=True)
     np.maximum(t, UNDERFLOW_EXPONENT, out=t)
     np.exp(t, out=t)
@@ -65,7 +65,7 @@ def shares(e: FloatArray) -> FloatArray:
 
 
 def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatArray) -> FloatArray:
-    """(…, 3, m) sums of T_i η_i (δ_i − mean), up to a positive factor per column; mean is (…, 3, m) Σ_i T_i δ_i.
+    """Return Σ_i T_i η_i (δ_i − mean), up to a positive factor per column, (…, 3, m); mean is Σ_i T_i δ_i, (…, 3, m).
 
     T is given by (…, n, m) logarithms, up to a constant per column. η are (n, m) or (n, 1) coordinates of the knots: a
     knot with an exact 0 does not count, however large its T. δ are (…, n, 3).

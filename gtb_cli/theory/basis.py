@@ -20,11 +20,11 @@ from gtb_cli.knots.face import Face
 
 
 class Location(NamedTuple):
-    """The location of parameters: a face of Δ, and torus coordinates on it.
+    """The place of parameters: a face of Δ, and torus coordinates on it.
 
-    Rows, a slice or (B,) int, are the indices of these parameters; a later location (an edge, a corner) may cover some
-    of them again, and then replaces the earlier one. Knots are the (k, e) coordinates, in the face of dimension e, of
-    the knots on it, and s are the (e, B) torus coordinates, dual to these.
+    `rows`, a slice or (B,) int, are the indices of the parameters; a later location (an edge, a corner) may cover some
+    of them again, and then replaces the earlier one. `knots` are the coordinates of the k knots on the face, (k, e), in
+    the face of dimension e, and `s` the torus coordinates, (e, B), dual to them.
     """
 
     rows: slice | IntArray
@@ -34,12 +34,12 @@ class Location(NamedTuple):
 
 
 def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:
-    """(d, m) torus coordinates s of (r, m) positive edge functions."""
+    """Return torus coordinates s from positive edge functions: (r, m) → (d, m)."""
     return np.asarray(domain.normals.T @ np.log(heights))
 
 
 def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> FloatArray:
-    """(m, n) GT-Bernstein basis ``β_i(u) = c_i ∏_j h_j(u)^{h_j(a_i)}``, with 0⁰ = 1 (eq. 201, eq. 204).
+    """Evaluate the GT-Bernstein basis ``β_i(u) = c_i ∏_j h_j(u)^{h_j(a_i)}``, 0⁰ = 1: (m, n) (eq. 201, eq. 204).
 
     Unlike the rational basis, β depends on the scale of the edge functions and can exceed the range of floats
     (exponents in the hundreds); its entries are then 0 or inf.

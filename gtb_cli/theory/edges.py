@@ -1,4 +1,4 @@
-"""Curves of the edges of patches."""
+"""The curves along the edges of patches, from the knots, weights and control points on each edge alone."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from gtb_cli.values import frozen
 
 EdgeRef = tuple[int, int]  # (patch, edge): edge j of the hull of a patch's knots; for a curve, end j
 
-# Of points relative to the model's size, of knots to their gaps, and of logarithms of weights: edges whose data were
-# typed or computed twice carry one curve, and nothing visible is lost.
+# By this much may points differ (of the model's size), knots (of their gaps) and logarithms of weights: edges whose
+# data were typed or computed twice carry one curve, and nothing visible is lost.
 CURVE_TOLERANCE = 1e-9
 
 
@@ -33,7 +33,7 @@ def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
 
 @frozen
 class Curve:
-    """Data that determine an edge's curve: knots on [0, 1], normalised log weights, points."""
+    """An edge's curve: (k,) knots on [0, 1], (k,) logarithms of weights that are 1 at both ends, (k, 3) points."""
 
     knots: FloatArray
     log_weights: FloatArray
@@ -41,7 +41,7 @@ class Curve:
 
     @property
     def ends(self) -> FloatArray:
-        """(2, 3) points."""
+        """The first and the last control point, (2, 3)."""
         return self.points[[0, -1]]
 
     @property
@@ -54,7 +54,7 @@ class Curve:
         return Curve(1 - self.knots[::-1], self.log_weights[::-1], self.points[::-1])
 
     def same_as(self, other: Curve, tolerance: float) -> bool:
-        """Return whether the data are equal, with points within a distance, and knots within a part of their gaps."""
+        """Tell whether two curves have equal data: points within `tolerance`, knots within a part of their gaps."""
         count = len(self.knots)
         if count != len(other.knots) or np.abs(self.points - other.points).max() > tolerance:
             return False
@@ -67,20 +67,20 @@ class Curve:
         )
 
     def points_at(self, fractions: FloatArray) -> FloatArray:
-        """(m, 3) points at (m,) fractions of the knots' hull, between its ends."""
+        """Return points at fractions of the knots' hull, between its ends: (m,) → (m, 3)."""
         return self._at(fractions)[0]
 
     def points_between(self, fractions: FloatArray) -> FloatArray:
-        """(m, 3) points at ascending fractions, of which the first and the last one are its ends."""
+        """Return points at ascending fractions that begin and end with the ends of the hull: (m,) → (m, 3)."""
         return np.concatenate([self.ends[:1], self.points_at(fractions[1:-1]), self.ends[1:]])
 
     def nearest(
         self, points: FloatArray, start: FloatArray, low: FloatArray, high: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """(m,) fractions between (m,) bounds at which the curve is nearest to (m, 3) points, and its points there.
+        """Find where the curve is nearest to (m, 3) points: (m,) fractions between (m,) bounds, and its points there.
 
-        This projects points of space, which the moment map's solver does not: by the Gauss-Newton method, from (m,)
-        starts between the bounds, which each projection narrows and which are halved where a step leaves them.
+        The Gauss-Newton method starts from (m,) fractions. Each step narrows the bounds; where it leaves them, they are
+        halved instead.
         """
         roundings, most_steps = 16, 100  # of the largest coordinate, or of a fraction; halving alone needs 53 steps
         t, rounding = np.clip(start, EPS, 1 - EPS), roundings * EPS * float(np.abs(self.points).max())
@@ -97,7 +97,7 @@ class Curve:
         return t, place
 
     def _at(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(m, 3) points at (m,) fractions inside, and their derivatives by t."""
+        """Return points at fractions t inside, and their derivatives by t: (m,) → (m, 3) each."""
         knots, middle = self.knots[:, None], self.points.mean(axis=0)
         shares = exponentials(knots, self.log_weights, self.moments.inverse(t[:, None]))
         shares /= shares.sum(axis=0)
@@ -108,12 +108,12 @@ class Curve:
 
     @cached_property
     def moments(self) -> MomentMap:
-        """Map of torus coordinates to fractions."""
+        """The map from torus coordinates to fractions."""
         return MomentMap(self.knots[:, None], self.log_weights)
 
 
 def edge_curve(patch: Patch, edge: int) -> Curve:
-    """Return the data that determine the curve of an edge."""
+    """Return the curve of an edge."""
     return edge_curves([patch], [(0, edge)])[0]
 
 
@@ -136,7 +136,7 @@ def edge_curves(patches: Sequence[Patch], refs: Iterable[EdgeRef]) -> list[Curve
 
 
 def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:
-    """(m, 3) points of a surface's edge at (m,) fractions of its knots' hull, from the edge's own data."""
+    """Return points of a surface's edge at fractions of its knots' hull, from the edge's own data: (m,) → (m, 3)."""
     v, start, end = patch.domain.vertices, edge, (edge + 1) % len(patch.domain.vertices)
     faces = np.full(len(fractions), patch.domain.faces.edge(edge).number)
     faces[fractions == 0] = patch.domain.faces.corners[start]

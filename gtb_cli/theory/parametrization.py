@@ -27,7 +27,7 @@ Parametrization: TypeAlias = Literal["toric", "linear"]
 
 @frozen
 class RationalBasis:
-    """The rational basis ``T_i = c_i ω_i β_i / Σ c ω β`` of a domain and (n,) log(c_i ω_i): eq. (202), eq. (205)."""
+    """The rational basis ``T_i = c_i ω_i β_i / Σ c ω β`` for a domain and (n,) log(c_i ω_i): eq. (202), eq. (205)."""
 
     domain: Domain
     log_weights: FloatArray
@@ -39,7 +39,7 @@ class RationalBasis:
         faces: IntArray | None = None,
         within: float = 0.0,
     ) -> Iterable[Location]:
-        """Locate (m, d) parameters, for `values` and `blend`; numbers of their faces may be known, despite rounding.
+        """Locate (m, d) parameters, for `values` and `blend`. Where their faces are known, rounding cannot change them.
 
         `DomainError` is raised if a parameter lies outside Δ or the parametrisation is unknown, `ToleranceError` if a
         linear one was not found to `RESIDUAL`, or to `within`, a fraction of Δ's size.
@@ -57,7 +57,7 @@ class RationalBasis:
         return LinearParametrization(self.domain, self.log_weights)
 
     def values(self, locations: Iterable[Location], count: int) -> FloatArray:
-        """(count, n) values T_i at the locations of `count` parameters; exact zeros off the face of a location."""
+        """Return the values T_i at located parameters, (count, n), with exact zeros off the face of each location."""
         result = np.zeros((count, len(self.domain.knots)))
         for rows, face, knots, s in locations:
             e = exponentials(knots, self.log_weights[face.knots], s)
@@ -69,7 +69,7 @@ class RationalBasis:
         return result
 
     def blend(self, values: FloatArray, locations: Iterable[Location], count: int) -> FloatArray:
-        """(count, k) sums ``Σ_i T_i values_i`` of (n, k) values, such as control points, without storing T.
+        """Return sums ``Σ_i T_i values_i`` of (n, k) values, such as control points: (count, k), without storing T.
 
         The sum at a corner with one knot is exactly the value of that knot.
         """
@@ -82,7 +82,7 @@ class RationalBasis:
 
 
 class Blend(Protocol):
-    """A patch, for the rooms that it enters itself: control points under a rational basis."""
+    """The part of a patch that its own fields use: control points under a rational basis."""
 
     @property
     def rational_basis(self) -> RationalBasis:
@@ -90,15 +90,16 @@ class Blend(Protocol):
 
     @property
     def control_points(self) -> FloatArray:
-        """(n, 3) b_i."""
+        """The control points b_i, (n, 3)."""
 
 
 def blend_each(
     values: FloatArray, log_weights: FloatArray, numbers: IntArray, locations: Iterable[Location]
 ) -> FloatArray:
-    """(m, k) sums ``Σ_i T_i values_i`` at m parameters, each with its own one of (p, n, k) values, by its number.
+    """Return sums ``Σ_i T_i values_i`` at m parameters, (m, k), where each uses one of p arrays of (n, k) values.
 
-    Numbers ascend, and so do the rows of each location. Logarithms of weights are (n,), or (p, n) with numbers alike.
+    `numbers`, (m,), say which, and ascend, as the rows of each location do. Logarithms of weights are (n,) for all, or
+    (p, n).
     """
     result = np.empty((len(numbers), values.shape[2]))
     for rows, face, knots, s in locations:
@@ -152,8 +153,8 @@ class LinearParametrization:
     ) -> Iterator[Location]:
         """Locate (m, d) points of Δ: find s with |μ(s) − p| at most `RESIDUAL`, or `within`, times the hull's size.
 
-        Points may be the vertices of `triangulation` with a `resolution`: these are found sooner. Of several vectors of
-        weights, `numbers` has each point's. See `RationalBasis.locations`.
+        Vertices of `triangulation` with a `resolution` are found sooner. Where there are several vectors of weights,
+        `numbers` says which one each point uses. See `RationalBasis.locations`.
         """
         rows = None
         if faces is not None and numbers is None:
@@ -185,9 +186,9 @@ class LinearParametrization:
             yield Location(rows, shape.faces[INTERIOR], system.moments.knots, s)
 
     def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray | None]:
-        """Locate most inner vertices of `triangulation`, and return the other rows; None if it does not help.
+        """Locate most inner vertices of `triangulation` and return the other rows, or None where interpolation fails.
 
-        Values interpolated from a few of them are their starts, all in the coordinates of the longest edge.
+        Starts are interpolated from the solutions at a few vertices, all in the coordinates of the longest edge.
         """
         if resolution < 48 or self.shape.dimension == 1:  # interpolation needs 12 nodes in a line
             return None
@@ -227,7 +228,7 @@ class LinearParametrization:
 
     @cached_property
     def _systems(self) -> tuple[EdgeCoordinates, ...]:
-        """Coordinates by their numbers: twice that of an edge, plus 1 from its last corner."""
+        """Coordinates at each edge: number 2 j from the first corner of edge j, 2 j + 1 from its last."""
         numbers = range(2 * len(self.shape.vertices))
         return tuple(EdgeCoordinates(self.shape, self.log_weights, *divmod(number, 2)) for number in numbers)
 
@@ -238,9 +239,9 @@ class LinearParametrization:
         return self._systems[2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax())]
 
     def _nearest(self, heights: FloatArray) -> IntArray:
-        """(m,) numbers of coordinates for points inside: those of the nearest edge.
+        """Choose coordinates for points inside, by number, (m,): those of the nearest edge.
 
-        Points far from all edges lose no digits in any of them, and are located together, in those of the longest edge.
+        Points far from all edges lose no digits in any coordinates; they are located together, at the longest edge.
         """
         shape, columns = self.shape, np.arange(heights.shape[1])
         edge = shape.nearest_edge(heights)
@@ -266,7 +267,7 @@ class EdgeCoordinates:
         return np.asarray(self.shape.vertices[(self.edge + self.last) % len(self.shape.vertices)])
 
     def rows(self, points: FloatArray, heights: FloatArray) -> FloatArray:
-        """(m, d) coordinates of (m, d) points with (r, m) edge functions."""
+        """Return the coordinates of (m, d) points with (r, m) edge functions: (m, d)."""
         shape, edge = self.shape, self.edge
         steps = points - self._corner
         if shape.dimension == 1:
@@ -274,7 +275,7 @@ class EdgeCoordinates:
         return np.column_stack([steps @ shape.direction(edge), heights[edge] / shape.normal_lengths[edge]])
 
     def columns(self, points: FloatArray) -> FloatArray:
-        """(2, m) coordinates of (m, 2) points, to rounding."""
+        """Return the coordinates of points, to rounding: (m, 2) → (2, m)."""
         shape, edge = self.shape, self.edge
         axes = np.array([shape.direction(edge), shape.normals[edge] / shape.normal_lengths[edge]])
         return np.asarray(axes @ (points.T - self._corner[:, None]))

@@ -130,7 +130,7 @@ class Patch:
         return f"<Patch {self.name or 'without a name'}: {kind}, {len(self.knots)} knots>"
 
     def _domain(self) -> Domain:
-        """Δ, that of the given rational basis if knots and edge functions are the same."""
+        """Return Δ, taken from the given rational basis if knots and edge functions are the same."""
         if self.rational_basis is not None:
             shape = self.rational_basis.domain
             same = (np.array_equal(getattr(shape, name), getattr(self, name)) for name in ("knots", "edge_scale"))
@@ -178,7 +178,7 @@ class Patch:
 
     @property
     def log_products(self) -> FloatArray:
-        """(n,) log(c_i ω_i); the rational basis depends on weights and coefficients only through these."""
+        """Logarithms of c_i ω_i, (n,), through which alone weights and coefficients act on the rational basis."""
         return self.rational_basis.log_weights
 
     def evaluate(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
@@ -211,13 +211,13 @@ class Patch:
         return points.reshape(*grid, 3)
 
     def basis(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
-        """(…, n) values T_i(u) of the rational basis (eq. 202, eq. 205); parameters as in `evaluate`."""
+        """Evaluate the rational basis: T_i(u), (…, n), at parameters as in `evaluate` (eq. 202, eq. 205)."""
         columns, grid = self.domain.grid(u)
         basis = self.rational_basis
         return basis.values(basis.locations(columns, parametrization), len(columns)).reshape(*grid, len(self.knots))
 
     def beta(self, u: ArrayLike) -> FloatArray:
-        """(…, n) GT-Bernstein basis ``β_i(u) = c_i Π_j h_j(u)^{h_j(a_i)}``, not normalised (eq. 201, eq. 204).
+        """Evaluate the basis ``β_i(u) = c_i Π_j h_j(u)^{h_j(a_i)}``, not normalised: (…, n) (eq. 201, eq. 204).
 
         Unlike `basis`, it depends on the scale of the edge functions; entries beyond the range of floats are 0 or inf.
         """
@@ -225,17 +225,17 @@ class Patch:
         return gt_bernstein(self.domain, self.coefficients, columns).reshape(*grid, len(self.knots))
 
     def moment(self, u: ArrayLike) -> FloatArray:
-        """(…, d) points ``Σ_i T_i(u) a_i`` of Δ: the linear parameters of toric ones (Birch's theorem)."""
+        """Map toric parameters to linear ones: ``Σ_i T_i(u) a_i``, (…, d), a point of Δ (Birch's theorem)."""
         columns, grid = self.domain.grid(u)
         found = self.rational_basis.blend(self.knots, self.rational_basis.locations(columns), len(columns))
         return found.reshape(*grid, self.dimension)
 
     def points_at(self, locations: Iterable[Location], count: int) -> FloatArray:
-        """(count, 3) points at locations found by any parametrisation."""
+        """Return points at locations found by any parametrisation, (count, 3)."""
         return self.rational_basis.blend(self.control_points, locations, count)
 
     def derivatives(self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric") -> FloatArray:
-        """First derivatives ∂P/∂u, or second ones ∂²P/∂u², also on the boundary of Δ.
+        """Differentiate the patch once, ∂P/∂u, or twice, ∂²P/∂u², also on the boundary of Δ.
 
         Parameters
         ----------
@@ -276,7 +276,7 @@ class Patch:
     def basis_derivatives(
         self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric"
     ) -> FloatArray:
-        """(…, n, d) first or (…, n, d, d) second derivatives of the T_i; everything else is as in `derivatives`."""
+        """Differentiate the T_i once, (…, n, d), or twice, (…, n, d, d); everything else is as in `derivatives`."""
         columns, grid = self.domain.grid(u)
         found = self._derivatives_of_basis.at(columns, order, parametrization)
         return found.reshape(*grid, *found.shape[1:])
@@ -311,7 +311,7 @@ class Patch:
         return normals.reshape(*grid, 3)
 
     def normals_at(self, locations: Iterable[Location], count: int) -> FloatArray:
-        """(count, 3) unit normals, like `normals`, at locations found by any parametrisation."""
+        """Return unit normals at locations found by any parametrisation, (count, 3); see `normals`."""
         return self._normal_field.at(locations, count)
 
     def curvature(self, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
@@ -344,7 +344,7 @@ class Patch:
         return curvature(self, u, parametrization)
 
     def tangents(self, t: ArrayLike | None = None, parametrization: Parametrization = "toric") -> FloatArray:
-        """(…, 3) unit tangents of a curve at (…) parameters, in the direction of increasing ones; by default its ends'.
+        """Return unit tangents of a curve, (…, 3), in the direction of increasing parameters; by default at its ends.
 
         They are NaN where the derivative vanishes. At an end they are limits: the direction from its control point to
         the nearest knot's different control point, where repeated knots count with their mean (property (c) of

@@ -14,7 +14,7 @@ from gtb_cli.theory.parametrization import Blend, Parametrization
 
 
 def tangents(patch: Blend, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
-    """(…, 3) unit tangents of a curve at (…) or (…, 1) parameters; see `Patch.tangents`."""
+    """Return unit tangents of a curve at parameters, (…) or (…, 1) → (…, 3); see `Patch.tangents`."""
     shape = patch.rational_basis.domain
     if shape.dimension != 1:
         raise DomainError("tangents: a surface has many at a point, expected a curve")
@@ -29,7 +29,7 @@ def tangents(patch: Blend, t: ArrayLike, parametrization: Parametrization = "tor
 
 
 def _inside(patch: Blend, location: Location) -> FloatArray:
-    """``Σ_i T_i (a_i − μ)(b_i − P)``, normalised; about the knot with the largest T, to keep digits at the ends."""
+    """Normalise ``Σ_i T_i (a_i − μ)(b_i − P)``, taken about the knot with the largest T to keep digits at the ends."""
     knots = patch.rational_basis.domain.knots
     e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
     leader = e.argmax(axis=0)
@@ -61,13 +61,13 @@ def _at_end(patch: Blend, end: int) -> FloatArray:
 
 
 def _deltas(patch: Blend, k: int) -> tuple[FloatArray, float]:
-    """(n, 3) control points less that of knot k, exactly 0 if they are equal within rounding; and this rounding."""
+    """Return the control points less that of knot k, (n, 3), exactly 0 if equal within rounding; and this rounding."""
     rounding = coordinate_rounding(patch.control_points)
     return cleared(patch.control_points - patch.control_points[k], rounding), rounding
 
 
 def _unit(vectors: FloatArray, smallest: float) -> FloatArray:
-    """(m, 3) unit vectors; NaN if no entry is larger than `smallest`."""
+    """Return unit vectors, (m, 3); NaN if no entry is larger than `smallest`."""
     size = np.abs(vectors).max(axis=1, keepdims=True)
     scaled = np.where(size > smallest, vectors, np.nan) / np.where(size > 0, size, 1.0)
     return np.asarray(scaled / np.sqrt((scaled**2).sum(axis=1, keepdims=True)))

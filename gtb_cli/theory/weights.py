@@ -1,4 +1,4 @@
-"""Weights and coefficients of a patch, in the forms in which they may be given."""
+"""Weights and coefficients of a patch, from any of the forms in which they may be given."""
 
 from typing import Literal, TypeAlias
 
@@ -18,7 +18,7 @@ COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": unity_c
 
 
 def coefficients_of(shape: Domain, values: ArrayLike | str | None) -> FloatArray:
-    """Return (n,) positive coefficients c: the given ones, those of a rule, or by default 1."""
+    """Return the positive coefficients c, (n,), as given, by a rule, or by default 1."""
     if isinstance(values, str):
         if values not in COEFFICIENTS:
             raise DomainError(f"coefficients: expected numbers, {' or '.join(COEFFICIENTS)}, got {values!r}")
@@ -27,7 +27,7 @@ def coefficients_of(shape: Domain, values: ArrayLike | str | None) -> FloatArray
 
 
 def both_weights(weights: ArrayLike | None, logarithms: ArrayLike | None, n: int) -> tuple[FloatArray, FloatArray]:
-    """(n,) weights, and (n,) their logarithms, from either or both; by default 1 and 0."""
+    """Return weights and their logarithms, (n,) each, from either or both; by default 1 and 0."""
     if logarithms is None:
         weights = positive("weights", np.ones(n) if weights is None else weights)
         return weights, read_only(np.log(weights))
