@@ -1,1 +1,1 @@
-"""How work runs: in several processes, on a cluster, within the memory that it may use."""
+"""Processes that share work, here or on a cluster, the memory they may use, and the versions they run."""

@@ -43,7 +43,7 @@ def limit_to(size: int) -> None:
 
 
 def divided_among(jobs: int) -> int:
-    """Return how many of these processes there may be; where --max-memory says so, each then has a part of it."""
+    """Return how many of `jobs` processes there may be; under --max-memory, each gets a part of the memory."""
     if is_scarce():
         return 1
     if _allowed is None:

@@ -1,1 +1,1 @@
-"""The parts that commands share: streams, messages, options, processes, manifests; no mathematics and no geometry."""
+"""Parts that commands share: streams, messages, options, manifests; no mathematics and no geometry."""

@@ -1,7 +1,7 @@
-"""Commands that may cost only so much: ``gtb --max-seconds S --max-memory M``.
+"""Limits of a whole command: ``gtb --max-seconds S --max-memory M``.
 
-The command runs in a copy of this process, and this one waits for it: whatever library the command is in, and whatever
-that library's code blocks, the copy can be killed, and what it leaves unfinished can be removed.
+The command runs in a copy of this process. Whatever it is doing, the copy can be killed, and what it leaves unfinished
+removed.
 """
 
 import math
@@ -41,10 +41,10 @@ def bytes_from(text: str) -> int:
 
 
 def bound(seconds: float | None, size: int | None) -> None:
-    """Return in a copy of this process, which may take so many seconds, and bytes of memory with all its processes.
+    """Go on in a copy of this process that may take so many seconds and, with all its processes, bytes of memory.
 
-    In this process, wait for the copy and raise `click.exceptions.Exit` with its status, or a `GtbError` if it takes
-    too long or is killed. It is then gone, with its unfinished files.
+    This process waits for the copy and raises `click.exceptions.Exit` with its status, or a `GtbError` if it takes too
+    long or is killed. The copy is then gone, with its unfinished files.
     """
     if not hasattr(os, "fork"):
         raise GtbError("--max-seconds and --max-memory are not available on this system, which cannot copy processes")

@@ -21,7 +21,7 @@ FORMS = ("text", "json", "github")
 
 @dataclass
 class _Messages:
-    """The form of the errors and warnings of a command line, its words, and what waits for its end."""
+    """The form of a command line's errors and warnings, its own words, and what is printed at its end."""
 
     form: str = FORMS[0]
     words: Sequence[str] = ()

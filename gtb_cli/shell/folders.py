@@ -58,11 +58,11 @@ def specs_among(paths: Sequence[str], meshes: bool = False) -> tuple[str, ...]:
 
 
 def pairs(a: str, b: str) -> tuple[dict[str, tuple[str | None, str | None]], dict[str, str]]:
-    """Match all files of two folders by name; specs of a folder without meshes and meshes, by name without suffix.
+    """Pair the files of two folders by name; where one has specs and the other meshes, by name without suffix.
 
-    A path is None where a folder lacks the file. Beside meshes, only the specs of such a folder count. Also return what
-    cannot be read, such as links to nothing, by name, with a message for each. Hidden files and manifests are left out:
-    these say which versions made the others.
+    A path is None where a folder lacks the file. Beside meshes, only the specs of the other folder count. What cannot
+    be read, such as links to nothing, is returned, too, by name, with a message for each. Hidden files and manifests,
+    which say which versions made the other files, are left out.
     """
     unreadable: dict[str, str] = {}
     first, second = files_in(a, unreadable), files_in(b, unreadable)

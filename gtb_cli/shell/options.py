@@ -111,7 +111,7 @@ class WholeNumber(click.IntRange):
 
 
 class AttributeName(click.Choice):  # type: ignore[type-arg]
-    """One of the given names, or that of a basis function, such as basis:3."""
+    """A scalar at vertices: one of the given names, or a basis function, such as basis:3."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Read a name; whether the patch has that basis function is checked later."""

@@ -35,10 +35,9 @@ def inputs_of(specs: Sequence[str], output: str, meshes: bool = False) -> tuple[
 def attempted(
     spec: str, function: Callable[[Task], Found], task: Task, passing: tuple[type[Exception], ...] = ()
 ) -> Found | GtbError:
-    """Return ``function(task)``, or the error in this spec: whatever it is, it does not stop the other specs.
+    """Return ``function(task)``, or its error, which does not stop the other specs.
 
-    An error of ours names the spec; any other is called internal, and not an error in the spec. Those of the kinds in
-    `passing` are raised.
+    An error raised on purpose names the spec; others are called internal. Errors of the kinds in `passing` are raised.
     """
     try:
         return function(task)
@@ -71,7 +70,7 @@ class ReportRequest:
 
     @property
     def in_lines(self) -> bool:
-        """Whether each of several specs gets a line."""
+        """True if each of several specs gets one line."""
         return self._are_several and not self.in_full and not self.as_json
 
     @property

@@ -103,7 +103,7 @@ def opened(path: str) -> Iterator[IO[bytes]]:
 def number_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:
     """Yield the numbers in each line of a file, with the number of the line; empty lines and comments are skipped.
 
-    A line with other words is a `SpecError`, and so are more or less numbers than one of the sizes and the first row.
+    `SpecError` is raised for a line with other words, and for a row whose length is not in `sizes` or not the first's.
     """
     max_line_bytes = 10_000
     for number, line in enumerate(iter(partial(file.readline, max_line_bytes + 1), b""), 1):
