@@ -3,6 +3,7 @@
 ``μ(s) = Σ_i T_i(s) a_i`` maps the torus coordinates one-to-one onto the interior of the knots' hull (Birch's theorem).
 """
 
+from collections import OrderedDict
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -13,6 +14,9 @@ from gtb_cli.knots.domain import domain
 from gtb_cli.moment.solve import MAX_STEPS, RESIDUAL, TARGET_RESIDUAL, LogSum, solve
 from gtb_cli.moment.torus import block_length, weighted_sums
 from gtb_cli.values import frozen
+
+# Solutions of the latest questions, by what decides them: patches that share knots and weights ask alike
+_latest: OrderedDict[tuple[object, ...], FloatArray] = OrderedDict()
 
 
 @frozen
@@ -42,8 +46,24 @@ class MomentMap:
         """Solve μ(s) = p for points inside the hull, sooner from a good start: (m, d) → (d, m).
 
         A residual of `within` times the hull's size suffices. `numbers` says which of several weightings each point
-        uses. `ToleranceError` is raised if |μ(s) − p| stays above `RESIDUAL` times the hull's size.
+        uses. `ToleranceError` is raised if |μ(s) − p| stays above `RESIDUAL` times the hull's size. The result is
+        read-only: the latest ones, of up to 4096 points each, are remembered.
         """
+        most_points, most_questions = 4096, 64  # they take 10 MB at most
+        if len(p) > most_points or numbers is not None:
+            return self._inverse(p, within, start, numbers)
+        arrays = (self.knots, self.log_weights, p, start)
+        key = (within, self.knots.shape, *(None if array is None else array.tobytes() for array in arrays))
+        found = _latest.pop(key, None)
+        if found is None:
+            found = self._inverse(p, within, start, None)
+            found.flags.writeable = False
+        _latest[key] = found
+        if len(_latest) > most_questions:
+            _latest.popitem(last=False)
+        return found
+
+    def _inverse(self, p: FloatArray, within: float, start: FloatArray | None, numbers: IntArray | None) -> FloatArray:
         unit, length = self._unit(np.ascontiguousarray(p.T)), block_length(len(self.knots))
         s = layer_starts(self._unit_knots, unit) if start is None else start * self._extents[:, None]
         for begin in range(0, len(p), length):

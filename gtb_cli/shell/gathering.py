@@ -16,8 +16,8 @@ Option: TypeAlias = Callable[[Function], Function]
 def gathered(name: str, made: Callable[..., object], *options: Option, takes: object = None) -> Option:
     """Add options that the command gets as one argument, `name`.
 
-    It is what `made` returns for those values that are parameters of `takes`, or of `made` itself. What this raises as
-    a `DomainError` about an argument becomes a usage error about the option of that name.
+    It is what `made` returns for the values that are parameters of `takes`, or of `made` itself. A `DomainError` about
+    an argument becomes a usage error about the option of that name.
     """
     names = signature(takes or made).parameters  # type: ignore[arg-type]
 

@@ -8,6 +8,7 @@ import pytest
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.moment import moment_map
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.solve import LogSum
 from gtb_cli.theory.parametrization import LinearParametrization, RationalBasis
@@ -353,3 +354,30 @@ def test_what_cannot_be_reached_is_an_error(p):
     moments = MomentMap(pentagon().knots, pentagon().log_products)
     with pytest.raises(ToleranceError, match=r"linear parametrisation: residual .* after 300 steps, 1e-12 is"):
         moments.inverse(np.array([[1.0, 1.0], p]))
+
+
+def test_the_latest_questions_are_remembered_each_for_itself(monkeypatch):
+    """Maps are made anew wherever they are needed, so the contents of their arrays decide."""
+    asked, solve = [], moment_map._solved
+    monkeypatch.setattr(moment_map, "_solved", lambda *question: asked.append(1) or solve(*question))
+    knots, logs = pentagon().knots, pentagon().log_products
+    p = knots.mean(axis=0) + 0.1 * np.random.default_rng(0).random((5, 2))
+
+    def answer(logs=logs, p=p, **options):
+        return MomentMap(knots.copy(), logs.copy()).inverse(p.copy(), **options)
+
+    def count(*answers):
+        before = len(asked)
+        for options in answers:
+            answer(**options)
+        return len(asked) - before
+
+    rough = {"within": 1e-3}
+    assert count({}, rough, {}, rough) == 2
+    exact, loose = (np.abs(MomentMap(knots, logs)(answer(**options)) - p).max() for options in ({}, rough))
+    assert exact < RESIDUAL < loose
+    assert count({"logs": logs + knots[:, 0]}, {"p": p[::-1]}, {"start": answer()}) == 3
+    with pytest.raises(ValueError, match="read-only"):
+        answer()[:] = 0.0
+    assert count(*({"p": p + k * 1e-3} for k in range(1, 100)), {}) == 100
+    assert len(moment_map._latest) <= 64
