@@ -301,7 +301,8 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             facts["versions"] = versions()  # here, which may be another machine than that of the manifest
         is_open = options.recipe.leaves_open(spec)
         stored = None if is_open else held(mesh, kind, options.ascii)[0]
-        size = summary(mesh, stored, remarks) + (f", tolerance {assurance}" if assurance else "")
+        unit = options.unit or (next(iter(UNITS)) if kind == "3mf" else None)
+        size = summary(mesh, stored, remarks, unit) + (f", tolerance {assurance}" if assurance else "")
         if kind in ("stl", "3mf") and is_open:
             refused = ", which slicers do not read" if kind == "3mf" else ""
             size += f", open{refused}: --thickness D makes a solid"

@@ -25,15 +25,16 @@ from gtb_cli.shell.options import (
     tolerance_option,
     weld_option,
 )
-from gtb_cli.shell.streams import about, single, spec_of, write_text
+from gtb_cli.shell.streams import about, is_device, single, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import FORMATS, RESOLUTION, SEQUENCE_RECORD, suffix_of
+from gtb_cli.vocabulary import FORMATS, RESOLUTION, SEQUENCE_RECORD, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.pages.page_scene import Content
     from gtb_cli.plots.panels import Approach
 
 
+PICTURES = ("png", "svg", "pdf", "jpg", "jpeg", "gif")
 # Default parameters x of a degeneration and steps of a knot limit; the slider interpolates linearly between them
 PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8, 0.9, 0.97)
 
@@ -73,6 +74,7 @@ def _recipe(**values: Any) -> Recipe | None:
     is_flag=True,
     help="Show two specs or meshes, the old and the new one, side by side under one camera and coloured by distance.",
 )
+@click.option("--unit", type=click.Choice([*UNITS]), help="Name this unit of length; areas and volumes of mm in cm.")
 @click.option("--no-open", is_flag=True, help="Do not open a browser; say where the page is.")
 @click.option("--watch", is_flag=True, help="Serve the page on this machine only, and follow the files until Ctrl-C.")
 @click.option(
@@ -87,6 +89,7 @@ def view(
     output: str | None,
     recipe: Recipe | None,
     compare: bool,
+    unit: str | None,
     no_open: bool,
     watch: bool,
     port: int,
@@ -130,11 +133,15 @@ def view(
     if limits and (compare or limit.given or len(paths) != 1):
         raise click.UsageError("--limits takes one spec, and neither --compare nor the options of a limit")
 
+    if output is not None and (suffix := suffix_of(output)) not in ("", "html", "htm") and not is_device(output):
+        other = " (gtb plot draws pictures, and a page saves what it shows as PNG)" if suffix in PICTURES else ""
+        raise click.UsageError(f"-o: {output}: a page is HTML, and its name ends in .html{other}")
+
     def see(numbers: Numbers, quick: bool = False) -> Content:
         how = reading._replace(let=numbers)
         if limits:
             return content_of_all_limits(paths[0], recipe, how, console)
-        return content_of_paths(paths, recipe, how, limit, quick)
+        return replace(content_of_paths(paths, recipe, how, limit, quick), unit=unit)
 
     if watch:
         if output is not None or STANDARD in paths:

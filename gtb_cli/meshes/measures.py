@@ -15,6 +15,14 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, are_used, component_count, sides_of
 
 
+def in_unit(value: float, power: int, unit: str | None) -> tuple[float, str]:
+    """Return a length, area (`power` 2) or volume (3) with the unit to write behind it: cm² and cm³ for millimetres."""
+    if unit is None:
+        return value, ""
+    signs = ("", "", "²", "³")[power]
+    return (value / 10**power, f" cm{signs}") if unit == "mm" and power > 1 else (value, f" {unit}{signs}")
+
+
 @dataclass(frozen=True)
 class Measures:
     """Measures of a mesh; vertices at exactly the same place count as one."""

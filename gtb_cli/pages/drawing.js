@@ -242,6 +242,11 @@ function dotted(name, share, first, second, paint, rim, size, hidden = 0.15, who
   gl.depthFunc(gl.LEQUAL);
 }
 
+const shownOf = scalar => once("shown", [state.mode, state.scale], () => {   // numbers as parts of the scale
+  const [low, high] = ends(scalar);
+  return scalar.values.map(x => clamp((x - low) / (high - low), 0, 1));
+});
+
 function fill() {
   const { now, next, share } = frameNow(), { low, high } = scene.box;
   prepare(surfaces, share);
@@ -252,7 +257,7 @@ function fill() {
   gl.uniform3fv(surfaces.at("stops"), stops().flatMap(rgb));
   attribute(0, "p0", now.positions, 3); attribute(1, "p1", next.positions, 3);
   attribute(2, "n0", now.normals, 3); attribute(3, "n1", next.normals, 3);
-  if (scalar) attribute(4, "s-" + state.mode, scalar.shown, 1);
+  if (scalar) attribute(4, "s-" + state.mode, shownOf(scalar), 1);
   else { gl.disableVertexAttribArray(4); gl.vertexAttrib1f(4, 0); }
   upload("cells", gl.ELEMENT_ARRAY_BUFFER, scene.cells);
   scene.groups.forEach(([, start, stop], k) => {
@@ -324,6 +329,10 @@ function draw(larger = 1, clear = false) {
     dotted("control", share, now.net, next.net, dark ? [0.1, 0.11, 0.12] : [1, 1, 1], ink, 8);
   }
   if (state.knots && !state.explode) dotted("knots", 0, scene.spots, scene.spots, accent, [1, 1, 1], 11);
+  if (state.mode === "wall" && scene.scalars.wall && !state.explode) {
+    const { least } = scene.scalars.wall, spot = now.positions.slice(3 * least, 3 * least + 3);
+    dotted("least", 0, spot, spot, [1, 1, 1], [0.84, 0, 0.11], 13, 0.7, true);
+  }
   markMeasure(accent);
   gl.depthMask(true);
 }

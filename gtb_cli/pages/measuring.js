@@ -126,7 +126,7 @@ function markMeasure(accent) {
   if (!label.hidden) {
     const line = new Float32Array([...found.from, ...found.to]), [a, b] = [project(...found.from), project(...found.to)];
     stroke("measure", 0, line, line, accent, 2.4, 0.75, true);
-    label.textContent = lengthText(found.distance);
+    label.textContent = withUnit(lengthText(found.distance));
     label.style.left = `${(a[0] + b[0]) / 2}px`;
     label.style.top = `${(a[1] + b[1]) / 2}px`;
   }
@@ -137,7 +137,7 @@ function sayMeasure() {
   const found = state.explode ? null : measured(), lines = [];
   if (state.measure && !(found && found.to)) lines.push(found ? "Click the other point." : "Click two points.");
   if (found) lines.push(`from ${inModel(found.from).map(lengthText).join(", ")}`);
-  if (found && found.to) lines.push(`to ${inModel(found.to).map(lengthText).join(", ")}`, `distance ${lengthText(found.distance)}`,
+  if (found && found.to) lines.push(`to ${inModel(found.to).map(lengthText).join(", ")}`, withUnit(`distance ${lengthText(found.distance)}`),
     ["dx", "dy", "dz"].map((name, i) => `${name} ${lengthText(found.apart[i])}`).join("  "));
   $("measured").textContent = lines.join("\n");
 }
@@ -163,7 +163,8 @@ function under(x, y) {
   if (!found || !found.corners) return "";
   if (!scalar) return scene.groups[found.group][0];
   const value = found.corners.reduce((sum, v, k) => sum + found.shares[k] * scalar.values[v], 0);
-  return `${scene.groups[found.group][0]}\n${MODES[state.mode]} ${value.toPrecision(4)}`;
+  const text = `${MODES[state.mode]} ${value.toPrecision(4)}`;
+  return `${scene.groups[found.group][0]}\n${state.mode === "wall" ? withUnit(text) : text}`;
 }
 
 function point(event) {

@@ -29,10 +29,10 @@ function turn(name, text) {
   turned();
 }
 
-function offer(numbers) {
+function offerNumbers(numbers) {
   const text = JSON.stringify(numbers);
-  if (text !== offer.before) {
-    offer.before = text;
+  if (text !== offerNumbers.before) {
+    offerNumbers.before = text;
     onOffer = numbers;
     for (const name of Object.keys(chosen)) if (!numbers.some(each => each.name === name)) delete chosen[name];
     $("numbers").hidden = !numbers.length;

@@ -8,7 +8,7 @@ const SWITCHES = {
 const VIEWS = { t: ["top", -90, 90], v: ["front", -90, 0], s: ["side", 0, 0], h: ["home", -60, 30] };   // and those from behind
 
 const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0, limit: 0, patches: true, net: false, knots: false,
-  edges: true, open: true, folds: true, axes: true, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, from: "", to: "", back: true, theme: "" };
+  edges: true, open: true, folds: true, axes: true, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, scale: 0, from: "", to: "", back: true, theme: "" };
 let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "", offered = ["shaded"];   // modes
 
 function read(data) {
@@ -18,7 +18,7 @@ function read(data) {
   for (const [name, text] of Object.entries(data.lines)) lines[name] = decoded(text, Uint32Array);
   for (const [name, { values, low, high }] of Object.entries(data.scalars)) {
     const numbers = decoded(values, Float32Array);
-    scalars[name] = { values: numbers, low, high, shown: numbers.map(x => clamp((x - low) / (high - low), 0, 1)) };
+    scalars[name] = { values: numbers, low, high, least: numbers.reduce((best, x, k) => x < numbers[best] ? k : best, 0) };
   }
   const centres = data.groups.map(([, start, stop]) => {
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
@@ -32,6 +32,8 @@ function read(data) {
 }
 
 const redraw = () => { if (scene && !wanted) { wanted = true; requestAnimationFrame(() => draw()); } };
+const ends = ({ low, high }) => state.scale ? [low && -state.scale, state.scale] : [low, high];   // of a scale: as made, or as chosen
+const withUnit = text => scene.unit ? `${text} ${scene.unit}` : `${text}`;
 const isDark = () => (state.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
 const modes = () => scene.quick ? offered : scene.curve ? ["shaded"] : Object.keys(MODES)
   .filter(name => name === "overhangs" ? scene.closed : scene.scalars[name] || !["mean", "gaussian", "wall"].includes(name));
@@ -48,14 +50,23 @@ function set(changes) {
   state.elevation = clamp(state.elevation, -90, 90);
   state.zoom = clamp(state.zoom, 0.05, 400);
   state.frame = clamp(state.frame, 0, scene.frames.length - 1);
-  for (const [name, high] of [["at", 1], ["explode", 1], ["angle", 90]]) state[name] = clamp(state[name], 0, high);
-  if (!modes().includes(state.mode)) state.mode = "shaded";
+  for (const [name, high] of [["at", 1], ["explode", 1], ["angle", 90], ["scale", 1e30]]) state[name] = clamp(state[name], 0, high);
+  if (!modes().includes(state.mode)) {
+    lack(state.mode);
+    state.mode = "shaded";
+  }
   if (!["x", "y", "z"].includes(state.section) || scene.curve) state.section = "";
   if (scene.groups.length < 2 || scene.curve) state.explode = 0;
   show();
   redraw();
   clearTimeout(set.timer);
   set.timer = setTimeout(remember, 250);
+}
+
+function lack(mode) {   // say which mode of an address this page does not have, and why
+  const reason = scene.absent[mode], text = document.createElement("li");
+  text.textContent = reason ? `The address asks for ${MODES[mode].toLowerCase()}, which is shown ${reason}.` : `The address asks for a mode "${mode}", which no page has.`;
+  $("remarks").append(text);
 }
 
 const fitting = () => [state.azimuth, state.elevation, state.net, state.axes, state.explode, $("scale").hidden].join();   // on which fit depends
@@ -87,9 +98,11 @@ function show() {
   const scalar = scene.scalars[state.mode], { now, next, share } = frameNow();
   $("scale").hidden = !scalar;
   if (scalar) {
-    $("scale-name").textContent = MODES[state.mode];
-    $("scale-high").textContent = scalar.high.toPrecision(3);
-    $("scale-low").textContent = scalar.low.toPrecision(3);
+    const [low, high] = ends(scalar), unit = state.mode === "wall" && scene.unit;
+    $("scale-name").textContent = MODES[state.mode] + (unit ? `, ${unit}` : "");
+    if (document.activeElement !== $("scale-high")) $("scale-high").value = +high.toPrecision(3);
+    $("scale-low").textContent = low.toPrecision(3);
+    $("least").textContent = state.mode === "wall" ? `least ${scalar.values[scalar.least].toPrecision(3)}` : "";
     paintScale(document.querySelector("#scale canvas").getContext("2d"), 0, 0, 1, 150);
   }
   $("overhang").hidden = state.mode !== "overhangs";
@@ -100,7 +113,7 @@ function show() {
   $("at").value = state.at;
   $("explode").value = state.explode;
   const axis = "xyz".indexOf(state.section);
-  if (state.section) $("where").textContent = `${state.section} = ${lengthText(inModel([0, 1, 2].map(() => cutPlane().at))[axis])}`;
+  if (state.section) $("where").textContent = withUnit(`${state.section} = ${lengthText(inModel([0, 1, 2].map(() => cutPlane().at))[axis])}`);
   canvas.classList.toggle("measuring", state.measure);
   if (!state.measure) hovered = null;
   sayMeasure();
@@ -128,7 +141,8 @@ const overhang = () => once("overhang", state.angle, () => {
     all += area;
     if (normal[2] < -steep * area && !stands) sum += area;
   }
-  return `${(sum / 2 * scene.size ** 2).toPrecision(4)} (${(100 * sum / all).toFixed(1)} %)`;
+  const area = sum / 2 * scene.size ** 2, text = scene.unit === "mm" ? `${(area / 100).toPrecision(4)} cm²` : withUnit(area.toPrecision(4)) + (scene.unit && "²");
+  return `${text} (${(100 * sum / all).toFixed(1)} %)`;
 });
 
 // ---- camera
@@ -190,7 +204,7 @@ function picture() {   // at twice the size, with the texts that stand beside th
   }
   if (!$("scale").hidden) {
     const right = canvas.clientWidth - 24;
-    ["scale-name", "scale-high", "scale-low"].forEach((id, k) => write($(id).textContent, right, [20, 38, 208][k], "right", style.color));
+    ["scale-name", "scale-high", "scale-low", "least"].forEach((id, k) => write($(id).value || $(id).textContent, right, [20, 38, 208, 226][k], "right", style.color));
     paintScale(context, right - 14, 48, 14, 150);
   }
   draw();
@@ -227,7 +241,7 @@ const ACTIONS = {
 };
 
 addEventListener("keydown", e => {
-  if (!scene || e.ctrlKey || e.metaKey || e.altKey || ["SELECT", "SUMMARY"].includes(e.target.tagName)) return;
+  if (!scene || e.ctrlKey || e.metaKey || e.altKey || ["SELECT", "SUMMARY"].includes(e.target.tagName) || e.target.type === "number") return;
   const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }, letter = e.key.toLowerCase();
   const name = Object.keys(SWITCHES).find(each => SWITCHES[each][0] === e.key);
   if (moves[e.key]) {
@@ -240,7 +254,7 @@ addEventListener("keydown", e => {
   } else if (ACTIONS[e.key]) ACTIONS[e.key]();
   else if (VIEWS[letter]) look(letter, e.key !== letter);
   else if (["x", "y", "z"].includes(e.key)) set({ section: state.section === e.key ? "" : e.key });
-  else if (modes()[e.key - 1]) set({ mode: modes()[e.key - 1] });
+  else if (modes()[e.key - 1]) set({ mode: modes()[e.key - 1], scale: 0 });
   else if (name) set({ [name]: !state[name] });
   else return;
   e.preventDefault();
@@ -254,8 +268,9 @@ $("theme").onclick = ACTIONS.d;
 $("save").onclick = save;
 $("turned").onclick = ACTIONS.i;
 $("back").onchange = e => set({ back: e.target.checked });
-$("mode").onchange = e => set({ mode: e.target.value });
+$("mode").onchange = e => set({ mode: e.target.value, scale: 0 });
 $("section").onchange = e => set({ section: e.target.value });
+$("scale-high").oninput = e => set({ scale: Math.max(Number(e.target.value), 0) });
 for (const name of ["at", "explode", "angle"]) $(name).oninput = e => set({ [name]: Number(e.target.value) });
 $("explode").onchange = () => fit();
 $("slider").oninput = e => { playing = false; set({ frame: Number(e.target.value) }); };
@@ -268,14 +283,16 @@ function present(data) {
   const first = !scene, before = scene;
   scene = read(data);
   if (!scene.quick) offered = modes();
-  offer(data.numbers || []);
+  offerNumbers(data.numbers || []);
   version += 1;
   made.clear();
   $("title").textContent = scene.name;
   $("facts").textContent = scene.facts;
   $("measures").replaceChildren(...scene.measures.flatMap(([name, text]) => [["dt", name], ["dd", text]].map(([tag, own]) => Object.assign(document.createElement(tag), { textContent: own }))));
   $("remarks").replaceChildren(...scene.remarks.map(text => Object.assign(document.createElement("li"), { textContent: text })));
-  if (!scene.quick) $("mode").replaceChildren(...modes().map(name => new Option(MODES[name], name)));
+  const others = Object.keys(scene.absent).filter(name => !modes().includes(name));
+  if (!scene.quick) $("mode").replaceChildren(...modes().map(name => new Option(MODES[name], name)), ...others.map(name =>
+    Object.assign(new Option(`${MODES[name]}: ${scene.absent[name]}`, name), { disabled: true })));
   $("mode").hidden = $("sections").hidden = scene.curve;
   const there = { patches: scene.groups.length > 1 && !scene.curve, net: !!scene.frames[0].net, knots: scene.spots.length > 0,
     edges: scene.lines.border.length > 0, open: scene.lines.open.length > 0, folds: scene.lines.folds.length > 0, axes: true, measure: scene.frames.length < 2 };

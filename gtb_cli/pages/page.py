@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import bounds_of
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.measures import Measures, measure
+from gtb_cli.meshes.measures import Measures, in_unit, measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
-from gtb_cli.pages.page_scene import Content, content_of, content_of_mesh
+from gtb_cli.pages.page_scene import MAX_WALL_FACES, Content, content_of, content_of_mesh
 from gtb_cli.plots.palette import scale_of
 from gtb_cli.solids.solidity import CROSSES
 from gtb_cli.spec_paths import SpecPath, loaded
@@ -88,7 +88,11 @@ def page_data(content: Content) -> dict[str, Any]:
         frames.append(frame)
     scalars = {}
     for name, values in content.scalars.items():
-        ends = (0.0, 2 * float(np.median(values))) if name == "wall" else scale_of(values, "PuOr")
+        if values is None:
+            continue
+        # Walls from nothing to what prints well: three times the thickness, or twice the median where none was given.
+        thick = 2 * float(np.median(values)) if content.thickness is None else 3 * abs(content.thickness)
+        ends = (0.0, thick) if name == "wall" else scale_of(values, "PuOr")
         with np.errstate(over="ignore"):
             shown = values if name == "wall" else values.clip(*ends)
             scalars[name] = {"values": encoded(shown, "<f4"), "low": ends[0], "high": ends[1]}
@@ -108,7 +112,9 @@ def page_data(content: Content) -> dict[str, Any]:
         },
         "size": size,
         "middle": middle.tolist(),
-        "measures": _measures(measures, any(remark.startswith(CROSSES) for remark in content.remarks)),
+        "unit": content.unit or "",
+        "absent": _absent(content, measures),
+        "measures": _measures(measures, content.unit, any(remark.startswith(CROSSES) for remark in content.remarks)),
         "closed": measures is not None and measures.volume is not None,
         "remarks": content.remarks,
         "frames": frames,
@@ -131,16 +137,27 @@ def _facts(content: Content) -> str:
     return f"{content.vertices} vertices, {len(content.cells)} triangles{open_sides}; normals {content.normals}"
 
 
-def _measures(measures: Measures | None, crosses: bool) -> list[tuple[str, str]]:
-    """Return names and texts of what a mesh measures, in model units; the volume is marked if it crosses itself."""
+def _absent(content: Content, measures: Measures | None) -> dict[str, str]:
+    """Say why modes that other pages have are absent from this one."""
+    found = {} if "mean" in content.scalars else dict.fromkeys(("mean", "gaussian"), "of a spec's surface alone")
+    if measures is None or measures.volume is None:
+        return found | dict.fromkeys(("wall", "overhangs"), "of a closed mesh, and this is none")
+    if content.scalars.get("wall") is None:
+        found["wall"] = f"of up to {MAX_WALL_FACES:,} triangles".replace(",", " ")
+    return found
+
+
+def _measures(measures: Measures | None, unit: str | None, crosses: bool) -> list[tuple[str, str]]:
+    """Return names and texts of what a mesh measures; the volume is marked if it crosses itself."""
     if measures is None:
         return []
     low, high = measures.bounds
-    found = [("size", " × ".join(f"{b - a:.5g}" for a, b in zip(low, high, strict=True)))]
+    found = [("size", " × ".join(f"{b - a:.5g}" for a, b in zip(low, high, strict=True)) + in_unit(0.0, 1, unit)[1])]
     named = {"length": measures.length, "surface": measures.area, "volume": measures.volume}
-    found += [(name, f"{value:.6g}") for name, value in named.items() if value is not None and math.isfinite(value)]
-    if crosses and measures.volume is not None:
-        found[-1] = ("volume", f"{measures.volume:.6g} counted with crossings")
+    for power, (name, value) in enumerate(named.items(), 1):
+        if value is not None and math.isfinite(value):
+            amount, sign = in_unit(value, power, unit)
+            found.append((name, f"{amount:.6g}{sign}" + " counted with crossings" * (crosses and name == "volume")))
     if measures.volume is not None and measures.volume < 0:
         found.append(("", "Its faces look inwards."))
     return found

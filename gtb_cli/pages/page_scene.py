@@ -32,6 +32,7 @@ NO_POINTS = np.empty((0, 3))
 MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
 PAGE_TOLERANCE = 4e-4  # of the size: less than half a pixel where a model fills a screen
 PAGE_FACES = 60_000  # of an even mesh, if nothing else is asked for
+MAX_WALL_FACES = 200_000  # whose walls take 6 s
 
 EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
 
@@ -52,7 +53,8 @@ class Content:
     sides: ``border`` between groups and at sharp edges, ``open`` without a neighbour, and ``folds`` within a group,
     where the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150 at
     an edge; and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface at the knots, and
-    `scalars` its "mean" and "gaussian" curvature, or the "wall" of a solid. A vertex with several normals is several
+    `scalars` its "mean" and "gaussian" curvature, or the "wall" of a solid, None if there are too many
+    triangles. A vertex with several normals is several
     rows of a keyframe: `vertices` is how many there are. `normals` is a word about the normals, and `remarks` say what
     is unusual about the shape.
     """
@@ -66,10 +68,12 @@ class Content:
     net_names: tuple[str, ...] = ()
     knots: FloatArray = field(default_factory=lambda: NO_POINTS)
     knot_names: tuple[str, ...] = ()
-    scalars: Mapping[str, FloatArray] = field(default_factory=dict)
+    scalars: Mapping[str, FloatArray | None] = field(default_factory=dict)
     vertices: int = 0
     normals: str = ""
     remarks: tuple[str, ...] = ()
+    thickness: float | None = None  # for which a solid was made
+    unit: str | None = None  # of its lengths
     limits: Mapping[str, Any] | None = None  # see `gtb_cli.pages.all_limits`
 
     @property
@@ -122,6 +126,7 @@ def content_of(
         vertices=len(mesh.vertices),
         normals="means of the triangles'" if quick else _word(mesh),
         remarks=tuple(remarks),
+        thickness=None if recipe is None or quick else recipe.thickness,
     )
 
 
@@ -238,12 +243,14 @@ def _beside(one: Content, other: Content) -> Content:
         knots=np.concatenate([one.knots, other.knots]),
         knot_names=one.knot_names + other.knot_names,
         scalars={
-            name: np.concatenate([one.scalars[name], other.scalars[name]])
+            name: None if mine is None or theirs is None else np.concatenate([mine, theirs])
             for name in sorted(one.scalars.keys() & other.scalars.keys())
+            for mine, theirs in [(one.scalars[name], other.scalars[name])]
         },
         vertices=one.vertices + other.vertices,
         normals=_together(one.normals, other.normals),
         remarks=tuple(dict.fromkeys(one.remarks + other.remarks)),
+        thickness=one.thickness,
     )
 
 
@@ -286,11 +293,10 @@ def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]], chord_error: float
     }
 
 
-def _wall(mesh: Mesh) -> dict[str, FloatArray]:
-    """Return the thickness of the wall behind each vertex of a mesh, if it is closed."""
-    max_wall_faces = 200_000  # which take 6 s
-    if mesh.is_curve or len(mesh.cells) > max_wall_faces:
-        return {}
+def _wall(mesh: Mesh) -> dict[str, FloatArray | None]:
+    """Return the thickness of the wall behind each vertex of a mesh, if it is closed; None if that takes too long."""
+    if mesh.is_curve or len(mesh.cells) > MAX_WALL_FACES:
+        return {} if mesh.is_curve else {"wall": None}
     wall = wall_of_vertices(mesh)
     return {} if wall is None else {"wall": wall}
 

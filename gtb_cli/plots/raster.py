@@ -24,11 +24,14 @@ class Raster:
 
     @cached_property
     def farthest_around(self) -> FloatArray:
-        """Return (height, width) least nearness of each pixel and its neighbours, behind which a line is hidden."""
-        found = self.nearness.copy()
+        """Return (height, width) least nearness of the triangles at each pixel and its neighbours, -inf without any.
+
+        Behind it a line is hidden. Pixels without triangles do not count: a line just behind an outline is hidden, too.
+        """
+        found = np.where(self.triangle == NO_TRIANGLE, np.inf, self.nearness)
         for axis in (0, 1):
             found = np.minimum(found, np.minimum(np.roll(found, -1, axis), np.roll(found, 1, axis)))
-        return found
+        return np.where(np.isinf(found), -np.inf, found)
 
     def values(self, faces: IntArray, scalars: FloatArray) -> FloatArray:
         """(p, …) values at the pixels that are covered, row by row, of (m, …) values at the triangles' corners."""

@@ -157,7 +157,10 @@ class View:
             shown = self._is_shown(points, self.raster)
             cuts = np.flatnonzero(np.diff(shown.astype(np.int8))) + 1
             for start, stop in zip([0, *cuts.tolist()], [*cuts.tolist(), len(points)], strict=True):
-                (visible if shown[start] else behind).append(points[max(start - 1, 0) : stop, :2])
+                piece = points[max(start - 1, 0) : stop, :2]
+                # Along an outline, rounding shows specks of a line that is behind it.
+                is_speck = len(cuts) > 1 and np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() < 0.03
+                (visible if shown[start] and not is_speck else behind).append(piece)
         style: dict[str, Any] = {"colors": [colour], "linewidths": width, "linestyles": dashes}
         style |= {"capstyle": "round", "joinstyle": "round"}
         self.ax.add_collection(LineCollection(visible, zorder=order, label=label, **style), autolim=False)
@@ -191,10 +194,13 @@ class View:
             note(self.ax, text, place, away, va="center", color=INK, bbox=HALO)
 
     def triad(self) -> None:
-        """Draw the directions of the axes of space in the lower left corner."""
+        """Draw the directions of the axes of space in the first corner without surface, from the lower left one on."""
         if self.projection is None:
             return
-        corner, length = np.array([22, 20]), 13
+        length, room = 13, np.array([22.0, 20.0])  # in points: of an axis, and from its foot to the border
+        whole = np.array(self.ax.get_window_extent().size) * 72 / self.ax.figure.dpi
+        feet = [np.where(sides, whole - room, room) for sides in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        corner = next((foot for foot in feet if not self._covers(foot / whole, 2 * room / whole)), feet[0])
         for name, along in zip("xyz", self.projection.camera.axes[:2].T * length, strict=True):
             if math.hypot(*along) < 0.12 * length:
                 continue
@@ -204,6 +210,14 @@ class View:
             self.ax.annotate("", tip, corner.tolist(), textcoords="axes points", arrowprops=arrow, **style)
             place = (corner + 1.55 * along).tolist()
             self.ax.annotate(name, place, fontsize=8, color="#666666", ha="center", va="center", **style)
+
+    def _covers(self, middle: FloatArray, size: FloatArray) -> bool:
+        """Tell whether the surface covers a part of a rectangle, given in parts of the axes' width and height."""
+        if self.raster is None:
+            return False
+        height, width = self.raster.triangle.shape
+        (left, low), (right, high) = (((middle + size * side / 2) * [width, height]).astype(int) for side in (-1, 1))
+        return bool((self.raster.triangle[max(low, 0) : high, max(left, 0) : right] >= 0).any())
 
 
 def _shaded(surface: Surface, camera: Camera, raster: Raster) -> FloatArray:

@@ -117,7 +117,7 @@ def write_lines(streams: Streams, kind: str, mesh: Mesh) -> None:
     streams.console.report(streams.output, summary(mesh), options.warnings(mesh, kind))
 
 
-def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = ()) -> str:
+def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = (), unit: str | None = None) -> str:
     """Describe the size of a mesh, for messages; with extents and volume if it is found to be closed as it is `stored`.
 
     Where remarks say that faces cross, or there are several parts, what they bound several times is counted so, and the
@@ -126,7 +126,7 @@ def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = ())
     text = f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
     if stored is None or mesh.is_curve:
         return text
-    from gtb_cli.meshes.measures import measure
+    from gtb_cli.meshes.measures import in_unit, measure
     from gtb_cli.solids.solidity import CROSSES
 
     measures = measure(stored)
@@ -136,7 +136,8 @@ def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = ())
     extents = " × ".join(_amount(end - start) for start, end in zip(low, high, strict=True))
     counted = f" of {measures.components} parts together" if measures.components > 1 else ""
     counted = " counted with crossings" if any(line.startswith(CROSSES) for line in remarks) else counted
-    return f"{text}, closed, {extents}, volume {_amount(measures.volume)}{counted}"
+    (_, length), (volume, cubic) = in_unit(0.0, 1, unit), in_unit(measures.volume, 3, unit)
+    return f"{text}, closed, {extents}{length}, volume {_amount(volume)}{cubic}{counted}"
 
 
 def _amount(value: float) -> str:

@@ -344,14 +344,36 @@ def test_views_by_keys_and_buttons(browser, show):
 
 def test_walls_and_overhangs_have_their_colours(browser, show):
     image = show("plate", mode="wall", elevation=40)
-    assert near(image, "#fee090").sum() > 1000  # as thick as most of it
-    assert browser.run("return [$('scale-low').textContent, $('scale-high').textContent]") == ["0.00", "4.00"]
+    assert near(image, "#f7935d").sum() > 1000  # 2 of 0 to 6, a third of the way between the first three colours
+    assert browser.run("return [$('scale-low').textContent, $('scale-high').value]") == ["0.00", "6"]
+    assert browser.run("return $('least').textContent") == "least 2.00"
+    assert near(image, "#d6001c").sum() > 20  # the ring around the place
+    browser.run("$('scale-high').value = 4; $('scale-high').oninput({target: $('scale-high')})")
+    assert near(browser.picture(), "#fee090").sum() > 1000  # the middle of 0 to 4
+    show("plate", mode="wall", scale=8, elevation=40)
+    assert browser.run("return $('scale-high').value") == "8"
     x, y = corner(browser, 20, 15, 2)
     browser.mouse((x, y), (x + 1, y))
     assert "Wall thickness 2.000" in browser.run("return $('tip').textContent")
     show("plate", mode="overhangs", angle=30)
     assert browser.run("return $('steep').textContent") == "30° from upright: 0.000 (0.0 %)"
     assert browser.run("scene.box.low[2] -= 1; made.clear(); return overhang()") == "1200 (44.8 %)"
+
+
+def test_a_mode_that_a_page_lacks_is_named(browser, show):
+    show("plate", mode="zebra")
+    assert browser.run("return $('remarks').textContent") == ""
+    show("plate", mode="mean")
+    assert browser.run("return [state.mode, $('remarks').textContent]") == [
+        *("shaded", "The address asks for mean curvature, which is shown of a spec's surface alone.")
+    ]
+    show("bicubic", mode="wall")
+    assert "wall thickness, which is shown of a closed mesh, and this is none" in browser.run(
+        "return $('remarks').textContent"
+    )
+    assert browser.run("return [...$('mode').options].filter(o => o.disabled).map(o => o.value)") == [
+        *("wall", "overhangs")
+    ]
 
 
 def test_a_picture_has_twice_the_size_and_no_background_if_asked(browser, show):
@@ -434,6 +456,63 @@ def test_watch_follows_an_edit_and_shows_an_error(browser, tmp_path):
         assert within_a_second(browser, "return scene.box.texts[2][1] === '2'")
         assert browser.run("return document.getElementById('error').hidden") is True
         assert changed(first, browser.picture()) > 0.005
+        assert browser.complaints() == []
+    finally:
+        server.terminate()
+        browser.open("about:blank")
+        server.communicate(timeout=20)
+
+
+def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
+    """Five sliders of a bowl: each gives another shape, and the page says how to get it without gtb view."""
+    spec = tmp_path / "bowl.toml"
+    gtb("new", "bowl", "5", "-o", spec, status=0)
+    text = spec.read_text(encoding="utf-8")
+    server = subprocess.Popen(
+        command("view", "--watch", "--no-open", "--set", "foot=50", spec),
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    )
+    try:
+        browser.open(re.search(r"http://127\.0\.0\.1:\d+/", server.stderr.readline())[0])
+        rows = "[...$('sliders').children]"
+        assert browser.run(f"return {rows}.map(row => row.dataset.name)") == [
+            *("sides", "width", "height", "foot", "belly", "roundness")
+        ]
+        assert browser.run(f"return {rows}[3].querySelector('input').value") == "50"
+        before, turns = browser.picture(), {"sides": 7, "width": 100, "height": 70, "foot": 40, "roundness": 1}
+        for name, value in turns.items():
+            old = browser.run(
+                f"const s = {rows}.find(row => row.dataset.name === '{name}').querySelector('[type=range]');"
+                f"const old = version; s.value = {value}; s.oninput({{target: s}}); return old"
+            )
+            assert within_a_second(browser, f"return version > {old}"), name
+            assert changed(before, before := browser.picture()) > 0.001, name
+        assert within_a_second(browser, "return !scene.quick && scene.box.texts[2][1] === '70'")
+        browser.run("$('options').click()")
+        options = browser.run("return $('said').textContent")
+        assert options == "--set foot=40 --set sides=7 --set width=100 --set height=70 --set roundness=1"
+        browser.run("$('edits').click()")
+        lines = browser.run("return $('said').textContent").splitlines()
+        assert lines[:2] == [
+            "12: sides = 7",
+            "13: width = 100  # of the rim, from the middle of the bowl to a corner and back",
+        ]
+        assert spec.read_text(encoding="utf-8") == text
+        mesh = [tmp_path / "one.obj", tmp_path / "two.obj"]
+        gtb("mesh", spec, "-n", 4, "-o", mesh[0], *options.split(), status=0)
+        for line in lines:  # and typing them into the file gives the same
+            number, _, new = line.partition(": ")
+            rows = spec.read_text(encoding="utf-8").split("\n")
+            rows[int(number) - 1] = new
+            spec.write_text("\n".join(rows), encoding="utf-8")
+        gtb("mesh", spec, "-n", 4, "-o", mesh[1], status=0)
+        assert mesh[0].read_bytes() == mesh[1].read_bytes()
+        browser.run("$('reset').click()")
+        assert within_a_second(browser, "return Object.keys(chosen).length === 0")
+        browser.run("const s = $('sliders').children[0].querySelector('input'); s.value = 2.5; s.oninput({target: s})")
+        assert within_a_second(browser, "return $('error').textContent.includes('repeat: must be a whole number')")
         assert browser.complaints() == []
     finally:
         server.terminate()
