@@ -1,4 +1,4 @@
-// Sliders for the numbers of a spec that `gtb view --watch` follows. The page asks for a picture with other numbers, and never writes the file.
+// A page of `gtb view --watch`: it follows a spec, with sliders for its numbers. It asks for pictures with others, and never writes the file.
 
 const chosen = {};   // numbers that differ from those of the file, as for --set
 let onOffer = [], turnedAt = -Infinity, wake = () => {}, running = null;
@@ -81,3 +81,18 @@ function say(what) {
 $("reset").onclick = () => { for (const name of Object.keys(chosen)) delete chosen[name]; $("said").hidden = true; turned(); };
 $("options").onclick = () => { say(options); navigator.clipboard?.writeText(options()).catch(() => { /* it stands there to be copied */ }); };
 $("edits").onclick = () => say(edits);
+
+// While `gtb view --watch` runs, it is asked four times a second whether there is something new, and while a slider
+// moves, at once and for a quick picture.
+async function watch(have) {
+  for (;;) {
+    await pause(250);
+    let news;
+    try { news = await (await fetch(`state?have=${have}${asked()}`, { signal: asking() })).json(); }
+    catch (error) { if (error.name !== "AbortError") complain("gtb view has ended: the page shows what it had last."); continue; }
+    if (news.version === have) { if ($("error").textContent.startsWith("gtb view has ended")) complain(news.error); continue; }
+    have = news.version;
+    complain(news.error);
+    if (news.data) present(news.data);
+  }
+}

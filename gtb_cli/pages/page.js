@@ -283,7 +283,7 @@ function present(data) {
   const first = !scene, before = scene;
   scene = read(data);
   if (!scene.quick) offered = modes();
-  offerNumbers(data.numbers || []);
+  if (data.numbers) offerNumbers(data.numbers);
   version += 1;
   made.clear();
   $("title").textContent = scene.name;
@@ -317,21 +317,6 @@ function placed(before) {   // as large as before, and in the same place, unless
 
 function complain(text) { $("error").hidden = !text; $("error").textContent = text || ""; }
 
-// While `gtb view --watch` runs, it is asked four times a second whether there is something new, and while a slider
-// moves, at once and for a quick picture.
-async function watch(have) {
-  for (;;) {
-    await pause(250);
-    let news;
-    try { news = await (await fetch(`state?have=${have}${asked()}`, { signal: asking() })).json(); }
-    catch (error) { if (error.name !== "AbortError") complain("gtb view has ended: the page shows what it had last."); continue; }
-    if (news.version === have) { if ($("error").textContent.startsWith("gtb view has ended")) complain(news.error); continue; }
-    have = news.version;
-    complain(news.error);
-    if (news.data) present(news.data);
-  }
-}
-
 function start() {
   if (!gl) { complain("This page needs WebGL 2, which the browser does not offer."); return; }
   equip();
@@ -346,7 +331,7 @@ function start() {
   }
   if (innerWidth < 560) $("panel").open = false;
   const data = JSON.parse($("data").textContent);
-  Object.assign(chosen, data.given);
+  if (data.given) Object.assign(chosen, data.given);
   if (data.frames) present(data);
   complain(data.error);
   if (data.watch !== undefined) watch(data.watch);
