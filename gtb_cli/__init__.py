@@ -6,7 +6,7 @@ specs/PYTHON.md with examples. They are imported when first used, so that ``impo
 Specs and files
     load, load_patch, load_model, from_dict, to_dict, save, import_file, Imported
 Patches
-    Patch, Model, Domain, domain, Curvature, boundary, unity_coefficients
+    Patch, Model, Domain, domain, Curvature, corner_limits, CornerLimits, boundary, unity_coefficients
 Integrals
     quadrature, Quadrature
 Limits
@@ -99,6 +99,8 @@ if TYPE_CHECKING:
     from gtb_cli.tessellation.recipe import Recipe as Recipe
     from gtb_cli.tessellation.tessellate import tessellate as tessellate
     from gtb_cli.theory.basis import unity_coefficients as unity_coefficients
+    from gtb_cli.theory.corners import CornerLimits as CornerLimits
+    from gtb_cli.theory.corners import corner_limits as corner_limits
     from gtb_cli.theory.curvature import Curvature as Curvature
     from gtb_cli.theory.patch import Patch as Patch
     from gtb_cli.theory.quadrature import Quadrature as Quadrature
@@ -139,6 +141,7 @@ else:
         "tessellation.recipe": "Recipe",
         "tessellation.tessellate": "tessellate",
         "theory.basis": "unity_coefficients",
+        "theory.corners": "CornerLimits corner_limits",
         "theory.curvature": "Curvature",
         "limits.degeneration": "degenerate regular_control_surface",
         "limits.knot_limit": "Film KnotLimit knot_limit merge_knots move_knots",

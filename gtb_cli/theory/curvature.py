@@ -18,7 +18,8 @@ from gtb_cli.arrays import EPS, FloatArray, cross_of_columns
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import PARALLEL_SINE, cleared, coordinate_rounding
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, neighbourhoods
+from gtb_cli.theory.corners import limits_at
+from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, face_layers, neighbourhoods
 from gtb_cli.theory.parametrization import Blend, Parametrization
 
 
@@ -67,11 +68,19 @@ class _CurvatureField:
     def at(self, location: Location) -> Curvature:
         """(q, m) curvatures at the m parameters of a location."""
         count = location.s.shape[1]
+        if location.face.is_corner and face_layers(self.domain, location.face).slow.any():
+            return self._at_corner(location.face.index, count)
         gaussian, mean = np.empty((len(self.points), count)), np.empty((len(self.points), count))
         for here, local, e, layers in neighbourhoods(self.domain, self.log_weights, location, 12):
             gaussian[:, here], mean[:, here] = self._about(local, local.terms(e, layers), layers)
         with np.errstate(over="ignore"):  # of a surface smaller than the smallest square
             return Curvature(gaussian / self.extent / self.extent, mean / self.extent)
+
+    def _at_corner(self, corner: int, count: int) -> Curvature:
+        """(q, m) limits at a corner near which other knots than the next ones on its edges count."""
+        limits = [limits_at(self.domain, self.log_weights, points, corner) for points in self.points]
+        table = np.array([[(each.gaussian, each.mean)] * count for each in limits])
+        return Curvature(table[:, :, 0] / self.extent / self.extent, table[:, :, 1] / self.extent)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # from points without a normal or a finite limit
     def _about(self, local: Local, terms: Terms, layers: FaceLayers) -> Curvature:

@@ -14,10 +14,13 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, cross_of_colu
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import PARALLEL_SINE, Differences, cleared, coordinate_rounding
 from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
+from gtb_cli.knots.layers import layers
 from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
+from gtb_cli.theory.corners import limits_at
+from gtb_cli.theory.local_coordinates import face_layers
 from gtb_cli.values import frozen
 
 
@@ -28,9 +31,8 @@ class NormalField:
     Inside, moments are taken about the nearest corner, in heights over its two edges, which are exact zeros for the
     knots that dominate near the boundary. If this still loses digits (a heavy knot inside, large exponents), they are
     taken about the knot with the largest T_i, along and across the direction to the second. The normal on an edge is
-    tangent × derivative towards the nearest layer of knots not parallel to it; at a corner it is the cross product of
-    the directions to the next knots along the two edges. At a corner of a collapsed edge it is the limit along this
-    edge. A corner whose neighbours along the edges are farther away than knots inside has other limits on other paths.
+    tangent × derivative towards the nearest layer of knots not parallel to it. At a corner it is the limit on all ways,
+    or NaN: see `gtb_cli.theory.corners`.
     """
 
     domain: Domain
@@ -48,7 +50,7 @@ class NormalField:
             if location.face.is_interior:
                 result[location.rows] = self._inside(location)
             elif location.face.is_corner:
-                result[location.rows] = self._at_corner(location.face.index)
+                result[location.rows] = self._at_corner(location.face)
             else:
                 result[location.rows] = on_edge([self], location.face.index, location.s)[0]
         return result
@@ -154,49 +156,25 @@ class NormalField:
         kept = np.abs(crosses).max(axis=1) > PARALLEL_SINE * lengths[j] * lengths[k]
         return j[kept], k[kept], crosses[kept]
 
-    def _at_corner(self, corner: int) -> FloatArray:
-        shape = self.domain
-        before, after = (corner - 1) % len(shape.vertices), corner
-        at_corner = np.flatnonzero(shape.incidence[:, before] & shape.incidence[:, after])
-        deltas = self._deltas(int(at_corner[0]))
+    def _at_corner(self, face: Face) -> FloatArray:
+        """(3,) the limit of normals at a corner; NaN if there is none.
 
-        def mean(knots: IntArray) -> FloatArray:
-            return np.asarray(deltas[knots].T @ shares(self.log_weights[knots, None]))
-
-        first, second = (
-            self._cleared(
-                mean(next(layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0)))) - mean(at_corner)
-            )
-            for edge, other in ((after, before), (before, after))
-        )
-        normal = _unit_cross(first, second)[0]
-        for edge, other in ((before, after), (after, before)):
-            if np.isnan(normal[0, 0]) and self._is_point(np.flatnonzero(shape.incidence[:, edge])):
-                normal = self._at_end_of_point(edge, other)
-        return normal
-
-    def _at_end_of_point(self, edge: int, other: int) -> FloatArray:
-        """(1, 3) limit of the normals along a collapsed edge, at its end on another edge; NaN if terms cancel.
-
-        A pair of knots in line with the end has no area with the knot there, but with the next one on the edge.
+        Mostly it is the cross product of the ways to the next knots along both edges. Knots inside that are lower, and
+        control points in line with the corner's, make it another one, or several.
         """
-        shape, height = self.domain, self.domain.heights[:, edge]
-        along, beside = shape.along(edge, shape.knots), shape.heights[:, other]
-        at_end = np.flatnonzero(shape.incidence[:, edge] & shape.incidence[:, other])
-        away = along if (other + 1) % len(shape.vertices) == edge else -along
-        j, k, crosses = self._pairs(at_end, height)
-        i = np.concatenate([at_end, next(layers(np.where(shape.incidence[:, edge], beside, 0.0)))])[:, None]
-        for group in layers(height[j] + height[k]) if len(j) else ():
-            b, c = j[group], k[group]
-            areas = (along[b] - along[i]) * height[c] - (along[c] - along[i]) * height[b]
-            power, proper = away[i] + away[b] + away[c], np.abs(areas) > LAYER_TOLERANCE * shape.size * height.max()
-            if proper.any():
-                leading = proper & (power <= power[proper].min() + LAYER_TOLERANCE * shape.size)
-                weights = shares((self.log_weights[i] + self.log_weights[b] + self.log_weights[c])[leading, None])
-                terms = (areas[leading, None] * weights * crosses[group[np.nonzero(leading)[1]]]).T
-                size = np.sqrt((terms**2).sum(axis=0)).sum(keepdims=True)
-                return _direction(terms.sum(axis=1, keepdims=True), size)
-        return np.full((1, 3), np.nan)
+        shape, before, after = self.domain, face.index - 1, face.index
+        at_corner = np.flatnonzero(face.knots)
+        deltas = self._deltas(int(at_corner[0]))
+        if not face_layers(shape, face).slow.any():
+            ends = [
+                next(layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0)))
+                for edge, other in ((after, before), (before, after))
+            ]
+            middle, *ways = (deltas[knots].T @ shares(self.log_weights[knots, None]) for knots in (at_corner, *ends))
+            normal = _unit_cross(*(self._cleared(np.asarray(way - middle)) for way in ways))[0][0]
+            if np.isfinite(normal[0]):
+                return np.asarray(normal)
+        return limits_at(shape, self.log_weights, self.control_points, face.index).normal
 
 
 def on_edge(fields: Sequence[NormalField], edge: int, s: FloatArray) -> FloatArray:

@@ -292,8 +292,8 @@ class Patch:
         Returns
         -------
         (…, 3) float
-            Unit vectors; NaN where the surface has no normal (coincident control points);
-            `gtb_cli.tessellation.tessellate` then takes the mean of adjacent faces.
+            Unit vectors; NaN where the surface has no normal, or several limits at a corner. A mesh has the mean of
+            its adjacent faces there.
 
         Raises
         ------
@@ -302,9 +302,9 @@ class Patch:
 
         Notes
         -----
-        The normal on an edge is tangent × derivative towards the nearest layer of knots not parallel to it; at a corner
-        it is the cross product of the directions to the next knots along its two edges. Inside, digits are kept up to
-        the boundary, even if a few knots hold nearly all of T; see `gtb_cli.theory.normals`.
+        The normal on an edge is tangent × derivative towards the nearest layer of knots not parallel to it. At a corner
+        it is the limit on all ways to it, up to 1e-4 degrees: see `gtb_cli.corner_limits`. Inside, digits are kept up
+        to the boundary, even if a few knots hold nearly all of T; see `gtb_cli.theory.normals`.
         """
         columns, grid = self.domain.grid(u)
         normals = self.normals_at(self.rational_basis.locations(columns, parametrization), len(columns))
@@ -336,8 +336,8 @@ class Patch:
         -----
         Values on edges and at corners are limits. Across an edge there is one if the second layer of knots next to it
         is at least twice as far as the first; otherwise the curvature generally grows like h^(r − 2), r the ratio and h
-        the distance in linear parameters. At a corner that must hold for both edges, and no knot inside may be nearer
-        than the first layer. The relative error is a few roundings, over the sine between the derivatives.
+        the distance in linear parameters. For corners see `gtb_cli.corner_limits`. The relative error is a few
+        roundings, over the sine between the derivatives.
         """
         from gtb_cli.theory.curvature import curvature
 

@@ -1,0 +1,149 @@
+"""Knots near a corner of Δ as exponents, sums of powers with such exponents, and which of their terms lead.
+
+See `gtb_cli.theory.corners`. A way into a corner is a pair λ > 0 of rates at which both torus coordinates fall; a term
+with exponents E has the order ⟨E, λ⟩ on it.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray, planar_cross, rows_of
+from gtb_cli.knots.about_a_knot import cleared, coordinate_rounding
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.layers import LAYER_TOLERANCE
+
+AXIS = 1e-9  # λ along an edge
+
+PLACES = 1601  # across each way on which limits turn into others
+
+
+class CornerKnots(NamedTuple):
+    """Knots but for those at the corner: (n, 2) exponents, (n,) log weights and (n, 3) points from that of the corner.
+
+    Exponents are equal up to (2,) `gaps`, and points up to `rounding`.
+    """
+
+    x: FloatArray
+    logs: FloatArray
+    points: FloatArray
+    gaps: FloatArray
+    rounding: float
+
+
+class Powers(NamedTuple):
+    """A sum of powers: (k, 2) exponents, all different, and (k, c) factors but for their (k,) logarithms."""
+
+    x: FloatArray
+    logs: FloatArray
+    factors: FloatArray
+
+    def of_order(self, order: float, ray: FloatArray, gaps: FloatArray) -> "Powers":
+        """Return the terms of an order, and of lower ones, on a way."""
+        return rows_of(self, self.x @ ray <= order + gaps @ ray)
+
+    def logarithms(self, places: FloatArray) -> FloatArray:
+        """Return (k, p) logarithms of the terms, but for their factors, at (p, 2) torus coordinates."""
+        return np.asarray(self.x @ places.T + self.logs[:, None])
+
+    def at(self, places: FloatArray, shift: FloatArray) -> FloatArray:
+        """Return (p, c) sums at (p, 2) torus coordinates, times exp(−shift)."""
+        return np.asarray(np.exp(self.logarithms(places) - shift).T @ self.factors)
+
+
+def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> tuple[CornerKnots, float]:
+    """Return the knots, those at one place as one, with points in units of their extent, which is returned, too."""
+    edges = [(corner - 1) % len(domain.vertices), corner]
+    heights, incidence = domain.heights[:, edges], domain.incidence[:, edges]
+    steps = [np.where(incidence[:, 1 - k] & (h > 0), h, np.inf).min() for k, h in enumerate(heights.T)]
+    gaps = LAYER_TOLERANCE * heights.max(axis=0) / steps
+    place, own = alike(heights / steps, gaps), incidence.all(axis=1).argmax()
+    tops, sums = summed(
+        place, log_weights, np.column_stack([np.ones(len(place)), heights / steps, points - points[own]])
+    )
+    means, logs, here = sums[:, 1:] / sums[:, :1], tops + np.log(sums[:, 0]), place[own]
+    means, logs = np.delete(means - means[here], here, axis=0), np.delete(logs - logs[here], here)
+    rounding = coordinate_rounding(points)
+    b = cleared(means[:, 2:], rounding)
+    extent = float(np.abs(b).max()) or 1.0  # no product of points of this size is beyond floats
+    return CornerKnots(means[:, :2], logs, b / extent, gaps, rounding / extent), extent
+
+
+def alike(x: FloatArray, gaps: FloatArray) -> IntArray:
+    """(n,) numbers of groups of (n, 2) exponents that are equal up to gaps."""
+    number = levels(x[:, 0], gaps[0])
+    order = np.lexsort((x[:, 1], number))
+    found = np.empty(len(x), dtype=np.int64)
+    is_new = (np.diff(number[order]) > 0) | (np.diff(x[order, 1]) > gaps[1])
+    found[order] = np.concatenate([[0], np.cumsum(is_new)]) if len(x) else 0
+    return found
+
+
+def levels(values: FloatArray, gap: float) -> IntArray:
+    """(n,) numbers of groups of values that are equal up to a gap, ascending."""
+    order = np.argsort(values, kind="stable")
+    found = np.empty(len(values), dtype=np.int64)
+    found[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])[: len(values)]
+    return found
+
+
+def summed(number: IntArray, logs: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the (k,) largest logarithms of groups of terms, and their (k, c) sums but for these."""
+    count = int(number.max(initial=-1)) + 1
+    tops = np.full(count, -np.inf)
+    np.maximum.at(tops, number, logs)
+    weights = np.exp(logs - tops[number])
+    columns = [np.bincount(number, weights * column, count) for column in factors.T]
+    return tops, np.stack(columns, axis=1)
+
+
+def newton_polygon(x: FloatArray, gaps: FloatArray) -> IntArray:
+    """Return the corners of the Newton polygon of exponents, from the lowest y, then x, to the lowest x."""
+    found: list[int] = []
+    for k in np.lexsort((x[:, 0], levels(x[:, 1], gaps[1]))).tolist():
+        if found and x[k, 0] >= x[found[-1], 0] - gaps[0]:
+            continue
+        while len(found) > 1:
+            step, whole = x[found[-1]] - x[found[-2]], x[k] - x[found[-2]]
+            if planar_cross(step, whole) < -gaps @ np.abs(whole[::-1]):
+                break
+            found.pop()
+        found.append(k)
+    return np.array(found, dtype=np.int64)
+
+
+def orders_on(exponents: FloatArray, ray: FloatArray, gaps: FloatArray) -> FloatArray:
+    """Return the orders of (k, 2) exponents on a way, exactly 0 where they are 0 to rounding."""
+    orders = cleared(exponents, 4 * gaps) @ ray
+    return np.asarray(orders if ray.min() <= AXIS else cleared(orders, 4 * gaps @ ray))
+
+
+@lru_cache(maxsize=64)
+def subsets(count: int, size: int) -> IntArray:
+    """Return all sets of a size of the numbers below a count, a row each."""
+    return np.array(list(combinations(range(count), size)), dtype=np.int64).reshape(-1, size)
+
+
+def determinants(a: FloatArray, b: FloatArray, gaps: FloatArray) -> FloatArray:
+    """Return det(a, b) of (…, 2) exponents, exactly 0 where they are in line with 0."""
+    return np.asarray(cleared(planar_cross(a, b), (np.abs(a) + np.abs(b))[..., ::-1] @ gaps))
+
+
+def turning_places(ray: FloatArray, sums: Sequence[Powers]) -> FloatArray:
+    """Return (p, 2) torus coordinates across a way, at which terms of sums, of one order each, lead in turn."""
+    across = np.array([-ray[1], ray[0]])
+    turns, slowest = [], math.inf
+    for each in sums:
+        place = each.x @ across
+        order = np.argsort(place, kind="stable")
+        steps, rises = np.diff(place[order]), np.diff(each.logs[order])
+        turns += (-rises / steps).tolist()
+        slowest = min([slowest, *steps.tolist()])
+    if not turns:
+        return np.zeros((1, 2))
+    far = 16 / slowest  # where all but one term of each sum are below a millionth
+    return np.asarray(np.linspace(min(turns) - far, max(turns) + far, PLACES)[:, None] * across)
