@@ -73,7 +73,7 @@ class CornerLimits:
     gaussian, mean : float
         Limits of the curvatures; NaN where different ways lead to different ones.
     folds : bool
-        True if the normal turns over between two ways.
+        True if the normal turns over between two ways, but for those in a strip along an edge of no visible width.
     """
 
     normals: FloatArray
@@ -150,13 +150,16 @@ def limits_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corne
         return CornerLimits(np.empty((0, 3)))
     steps = np.diff(area.x[chain], axis=0) * [-1, 1]
     rays = [np.array([AXIS, 1.0]), *(steps[:, ::-1] / steps.max(axis=1, keepdims=True)), np.array([1.0, AXIS])]
+    steepest = 2.5  # ν₂ / ν₁: a hundredth of the edge from its end such a strip is 1e-5 of the edge wide, and not seen
     vertices, folds = unit(area.factors[chain]), False
     normals = [vertices[:1]]
     for ray, number, vertex in zip(rays[1:], chain[1:], vertices[1:], strict=False):
         leading = area.of_order(float(area.x[number] @ ray), ray, 4 * knots.gaps)
         places = turning_places(ray, [leading])
         turn = unit(leading.at(places, leading.logarithms(places).max(axis=0)))
-        folds |= bool(dot(turn[1:], turn[:-1]).min() <= 0 or vertex @ normals[-1][-1] <= 0)
+        first = (knots.x[knots.points.any(axis=1)] @ ray).min()
+        if area.x[number] @ ray - first <= steepest * first:
+            folds |= bool(dot(turn[1:], turn[:-1]).min() <= 0 or vertex @ normals[-1][-1] <= 0)
         normals += [turn[PLACES // 16 : -1 : PLACES // 16] if len(leading.logs) > 2 else turn[:0], vertex[None]]
     found = CornerLimits(np.concatenate(normals), folds=folds)
     sectors = _sectors(knots, pairs[chain], rays)
