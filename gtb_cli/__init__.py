@@ -27,8 +27,7 @@ Errors
 
 from typing import TYPE_CHECKING
 
-from gtb_cli.display import register
-from gtb_cli.spec_paths import of_patch
+from gtb_cli.display import draw_with
 from gtb_cli.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -67,6 +66,10 @@ if TYPE_CHECKING:
     from gtb_cli.knots.decomposition import regular_decomposition as regular_decomposition
     from gtb_cli.knots.domain import Domain as Domain
     from gtb_cli.knots.domain import domain as domain
+    from gtb_cli.language.for_paths import boundary as boundary
+    from gtb_cli.language.for_paths import corner_limits as corner_limits
+    from gtb_cli.language.for_paths import joints as joints
+    from gtb_cli.language.for_paths import quadrature as quadrature
     from gtb_cli.language.loading import from_dict as from_dict
     from gtb_cli.language.loading import load as load
     from gtb_cli.language.loading import load_model as load_model
@@ -86,7 +89,6 @@ if TYPE_CHECKING:
     from gtb_cli.models.joints import Joint as Joint
     from gtb_cli.models.joints import Joints as Joints
     from gtb_cli.models.model import Model as Model
-    from gtb_cli.models.model import joints as joints
     from gtb_cli.models.seams import Seam as Seam
     from gtb_cli.pages.notebook import frame as frame
     from gtb_cli.pages.page import page as page
@@ -100,13 +102,9 @@ if TYPE_CHECKING:
     from gtb_cli.tessellation.tessellate import tessellate as tessellate
     from gtb_cli.theory.basis import unity_coefficients as unity_coefficients
     from gtb_cli.theory.corners import CornerLimits as CornerLimits
-    from gtb_cli.theory.corners import corner_limits as corner_limits
     from gtb_cli.theory.curvature import Curvature as Curvature
     from gtb_cli.theory.patch import Patch as Patch
     from gtb_cli.theory.quadrature import Quadrature as Quadrature
-    from gtb_cli.theory.quadrature import quadrature as quadrature
-
-    boundary = of_patch(Patch.boundary)
 else:
     # Public names by the modules that have them
     _ROOMS = {
@@ -129,6 +127,7 @@ else:
         "knots.decomposition": "RegularDecomposition regular_decomposition",
         "knots.domain": "Domain domain",
         "language.loading": "from_dict load load_model load_patch",
+        "language.for_paths": "boundary corner_limits joints quadrature",
         "language.writer": "save to_dict",
         "meshes.difference": "Difference",
         "meshes.hausdorff": "Distance",
@@ -141,21 +140,19 @@ else:
         "tessellation.recipe": "Recipe",
         "tessellation.tessellate": "tessellate",
         "theory.basis": "unity_coefficients",
-        "theory.corners": "CornerLimits corner_limits",
+        "theory.corners": "CornerLimits",
         "theory.curvature": "Curvature",
         "limits.degeneration": "degenerate regular_control_surface",
         "limits.knot_limit": "Film KnotLimit knot_limit merge_knots move_knots",
         "models.joints": "Joint Joints",
-        "models.model": "Model joints",
+        "models.model": "Model",
         "models.seams": "Seam",
         "theory.patch": "Patch",
-        "theory.quadrature": "Quadrature quadrature",
+        "theory.quadrature": "Quadrature",
     }
     _HOMES = {name: room for room, names in _ROOMS.items() for name in names.split()}
 
     def __getattr__(name):
-        if name == "boundary":
-            return of_patch(__getattr__("Patch").boundary)
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from importlib import import_module
@@ -164,9 +161,9 @@ else:
         globals()[name] = value
         return value
 
-    __all__ = ["__version__", "boundary", *(name for name in _HOMES if name != "frame")]
+    __all__ = ["__version__", *(name for name in _HOMES if name != "frame")]
 
-    register(__getattr__)
+    draw_with(plot=lambda: __getattr__("plot"), frame=lambda: __getattr__("frame"))
 
     def __dir__():
         return sorted(__all__)

@@ -1,4 +1,4 @@
-"""The methods `plot` and `_repr_html_` of patches, models and meshes: floors far above these classes draw them."""
+"""The methods `plot` and `_repr_html_` of patches, models and meshes; the package says which functions draw."""
 
 from __future__ import annotations
 
@@ -10,24 +10,19 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-_registered: dict[str, Callable[[str], Any]] = {}
+_draws: dict[str, Callable[[], Callable[..., Any]]] = {}
 
 
-def register(function_of: Callable[[str], Any]) -> None:
-    """Let this function return what has a public name, when it is first needed."""
-    _registered["function_of"] = function_of
-
-
-def registered(name: str) -> Any:
-    """Return what has a public name, of any floor."""
-    return _registered["function_of"](name)
+def draw_with(**functions: Callable[[], Callable[..., Any]]) -> None:
+    """Say which function draws for `plot`, and which for `frame`: each is asked for when it is first needed."""
+    _draws.update(functions)
 
 
 def plot(thing: Any, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
     """Draw it on matplotlib axes, and return these; see `gtb_cli.plot`."""
-    return registered("plot")(thing, ax, what, **options)  # type: ignore[no-any-return]
+    return _draws["plot"]()(thing, ax, what, **options)  # type: ignore[no-any-return]
 
 
 def frame(thing: Any) -> str:
     """Return HTML of a frame for notebooks in which it can be turned."""
-    return registered("frame")(thing)  # type: ignore[no-any-return]
+    return _draws["frame"]()(thing)  # type: ignore[no-any-return]

@@ -20,7 +20,7 @@ REPOSITORY = PACKAGE.parent
 
 GROUND = "ground"
 WINGS = [
-    *(GROUND, "knots", "moment", "theory", "models", "limits", "bezier", "meshes", "solids", "language", "importers"),
+    *(GROUND, "knots", "moment", "theory", "models", "language", "limits", "bezier", "meshes", "solids", "importers"),
     *("formats", "tessellation", "distances", "sequences", "fairing", "filling", "plots", "pages"),
     *("checks", "process", "shell", "verdicts", "review", "commands"),
     *("__init__", "__main__", "pytest_plugin"),
@@ -28,7 +28,7 @@ WINGS = [
 """The floors, from the ground up: each imports only those before it. Modules beside the folders are the ground, but for
 the two through which users come in, which are the top."""
 
-PATCHES = {"knots", "moment", "theory", "models", "limits", "bezier"}
+PATCHES = {"knots", "moment", "theory", "models", "language", "limits", "bezier"}
 APART = {"meshes": PATCHES, "solids": PATCHES}
 """Floors that do not know each other."""
 

@@ -7,7 +7,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.lattice import lattice_of
-from gtb_cli.spec_paths import of_patch
+from gtb_cli.language.spec_paths import of_patch
 from gtb_cli.theory.patch import Patch
 
 MAX_ELEVATED_KNOTS = 10_000

@@ -5,7 +5,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.elevation import product
 from gtb_cli.errors import DomainError
-from gtb_cli.spec_paths import of_patch
+from gtb_cli.language.spec_paths import of_patch
 from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.patch import Patch
 

@@ -15,8 +15,8 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.bezier.elevation import MAX_ELEVATED_KNOTS, MAX_PLAIN_WEIGHT
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import KNOT_TOLERANCE
+from gtb_cli.language.spec_paths import SpecPath, loaded, of_patch
 from gtb_cli.models.model import Model
-from gtb_cli.spec_paths import SpecPath, loaded, of_patch
 from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.patch import Patch
 
@@ -39,7 +39,7 @@ def bezier_pieces(spec: Patch | Model | SpecPath, max_degree: int = MAX_DEGREE) 
     pieces, or only of a higher degree; its message gives the reason and an alternative. Not in the paper: these are
     Krasauskas' charts of toric patches.
     """
-    found: Patch | Model = loaded(spec, "Patch", "Model")
+    found: Patch | Model = loaded(spec, Patch, Model)
     if isinstance(found, Patch):
         return Model(_pieces_of(found, max_degree), found.name)
     pieces: list[Patch] = []

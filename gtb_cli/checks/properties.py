@@ -8,8 +8,8 @@ from gtb_cli.checks.joint_checks import joint_findings
 from gtb_cli.checks.probe import Measure, Probe
 from gtb_cli.checks.report import Finding, ModelReport, Report, not_decided
 from gtb_cli.errors import GtbError, ToleranceError
+from gtb_cli.language.spec_paths import SpecPath, loaded
 from gtb_cli.models.model import Model
-from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.patch import Patch
 
 
@@ -74,7 +74,7 @@ def check(shape: Patch | Model | SpecPath) -> Report | ModelReport:
     ----------
     See `PROPERTIES`, which has one for each property.
     """
-    found: Patch | Model = loaded(shape, "Patch", "Model")
+    found: Patch | Model = loaded(shape, Patch, Model)
     if isinstance(found, Model):
         return ModelReport(found.name, tuple(map(check_patch, found)), joint_findings(found))
     return check_patch(found)

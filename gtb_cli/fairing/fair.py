@@ -14,8 +14,8 @@ from gtb_cli.fairing.energy import Samples, energy_matrix, samples
 from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
+from gtb_cli.language.spec_paths import SpecPath, loaded
 from gtb_cli.models.model import Model
-from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.edges import CURVE_TOLERANCE
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -99,7 +99,7 @@ def fair(
     linear problems, since the patch is linear in its control points; see `gtb_cli.fairing.descent` for the variation. A
     thin plate is a second start where it is fairer, or where the given patch folds. Not in the paper.
     """
-    found = loaded(spec, "Patch", "Model")
+    found = loaded(spec, Patch, Model)
     if found.dimension == 1:
         raise DomainError("fair: expected a surface, this is a curve")
     if energy not in ENERGIES:

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, finite, one_for_each
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition, lifting_of_knot, regular_decomposition
+from gtb_cli.language.spec_paths import of_patch
 from gtb_cli.models.model import Model
-from gtb_cli.spec_paths import of_patch
 from gtb_cli.theory.patch import Patch
 
 MAX_WEIGHT_LOG = 700.0  # exp(±700), and its products with knots and points, are ordinary floats

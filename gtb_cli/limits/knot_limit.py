@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Face
-from gtb_cli.spec_paths import of_patch
+from gtb_cli.language.spec_paths import of_patch
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 

@@ -12,7 +12,6 @@ import numpy as np
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.models.joints import Joints, unjoined
-from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import by_value, frozen
 
@@ -99,18 +98,6 @@ class Model:
 
     plot = plot
     _repr_html_ = frame
-
-
-def joints(model: Model | SpecPath) -> Joints:
-    """Return `Model.joints`: which edges of a model's patches carry the same curve, and which are open.
-
-    Raises
-    ------
-    DomainError
-        The argument is neither a model nor the path of one's spec.
-    """
-    found: Model = loaded(model, "Model")
-    return found.joints
 
 
 def joints_of(shape: Patch | Model) -> Joints:

@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import bounds_of
 from gtb_cli.errors import DomainError
+from gtb_cli.language.spec_paths import SpecPath, loaded
 from gtb_cli.meshes.measures import Measures, in_unit, measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.pages.page_scene import MAX_WALL_FACES, Content, content_of, content_of_mesh
 from gtb_cli.plots.palette import scale_of
 from gtb_cli.solids.solidity import CROSSES
-from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 
@@ -31,7 +31,7 @@ def page(thing: Patch | Model | Mesh | SpecPath, recipe: Recipe | None = None) -
 
     With a recipe, it shows the mesh that this makes of a patch or model, such as a solid.
     """
-    found: Patch | Model | Mesh = loaded(thing, "Patch", "Model", "Mesh")
+    found: Patch | Model | Mesh = loaded(thing, Patch, Model, Mesh)
     return page_of(content_of_mesh(found, found.name) if isinstance(found, Mesh) else content_of(found, recipe))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import regular_decomposition
+from gtb_cli.language.spec_paths import SpecPath, loaded
 from gtb_cli.limits.degeneration import heights_of
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
@@ -21,7 +22,6 @@ from gtb_cli.plots.net_lines import is_flat
 from gtb_cli.plots.panels import Approach, Frames, default_resolution, default_values, figure_of_frames
 from gtb_cli.plots.plates import draw_all_decompositions
 from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
-from gtb_cli.spec_paths import SpecPath, loaded
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import PLOT_KINDS
 
@@ -89,7 +89,7 @@ def plot(
     ExportError
         matplotlib is not installed.
     """
-    found: Patch | Model | Mesh = loaded(thing, "Patch", "Model", "Mesh")
+    found: Patch | Model | Mesh = loaded(thing, Patch, Model, Mesh)
     picture = picture_of(found, what, options)
     if ax is None:
         return figure_of(found, picture).axes[0]

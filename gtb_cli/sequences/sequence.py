@@ -16,6 +16,7 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.convergence import convergence_rate
 from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
 from gtb_cli.knots.triangulation import cell_count
+from gtb_cli.language.spec_paths import of_patch
 from gtb_cli.limits.degeneration import lifting_of
 from gtb_cli.limits.knot_limit import knot_limit
 from gtb_cli.meshes.mesh import Mesh
@@ -23,7 +24,6 @@ from gtb_cli.meshes.shading import filled_normals
 from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.sequences.rates import MeasuredRate, measured_rate
-from gtb_cli.spec_paths import of_patch
 from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.patch import Patch

@@ -32,7 +32,6 @@ from gtb_cli.arrays import FloatArray, IntArray, cross, dot, rows_of, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import PARALLEL_SINE
 from gtb_cli.knots.domain import Domain
-from gtb_cli.spec_paths import of_patch
 from gtb_cli.theory.corner_powers import (
     AXIS,
     PLACES,
@@ -108,7 +107,6 @@ class _Sector(NamedTuple):
     ends: tuple[FloatArray, FloatArray]
 
 
-@of_patch
 def corner_limits(patch: Blend, corner: int) -> CornerLimits:
     """Return the limits of normals and curvatures at a corner of a surface, and how fast they are reached.
 

@@ -7,7 +7,6 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
-from gtb_cli.spec_paths import of_patch
 from gtb_cli.theory.patch import Patch
 
 GRADING = 5  # power of Gauss's nodes that is the distance from an edge or corner
@@ -20,7 +19,6 @@ class Quadrature(NamedTuple):
     weights: FloatArray
 
 
-@of_patch
 def quadrature(patch: Patch, order: int = 24) -> Quadrature:
     """Return points and weights in Δ that integrate T_i, their products and derivatives.
 

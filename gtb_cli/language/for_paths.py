@@ -1,0 +1,24 @@
+"""Functions of the wings below that take the path of a spec as well: these are the public ones."""
+
+from gtb_cli.language.spec_paths import SpecPath, loaded, of_patch
+from gtb_cli.models.joints import Joints
+from gtb_cli.models.model import Model
+from gtb_cli.theory import corners
+from gtb_cli.theory import quadrature as integrals
+from gtb_cli.theory.patch import Patch
+
+boundary = of_patch(Patch.boundary)
+corner_limits = of_patch(corners.corner_limits)
+quadrature = of_patch(integrals.quadrature)
+
+
+def joints(model: Model | SpecPath) -> Joints:
+    """Return `Model.joints`: which edges of a model's patches carry the same curve, and which are open.
+
+    Raises
+    ------
+    DomainError
+        The argument is neither a model nor the path of one's spec.
+    """
+    found: Model = loaded(model, Model)
+    return found.joints
