@@ -66,6 +66,10 @@ ROOMS = {
 }
 
 
+# What other programs call options
+OTHER_WORDS = {"--wall": "--thickness", "--shell": "--thickness", "--offset": "--thickness", "-D": "--set"}
+
+
 class LazyGroup(click.Group):
     """A group that knows its commands by name and imports only the one that is called."""
 
@@ -253,7 +257,8 @@ def _usage_text(error: click.UsageError) -> str:
         from difflib import get_close_matches
 
         name, known = error.option_name, [name for param in error.ctx.command.params for name in param.opts]
-        meant = [other for other in known if other.startswith(name)] or get_close_matches(name, known, n=1)
+        meant = [other for other in known if other.startswith(name) or other == OTHER_WORDS.get(name)]
+        meant = meant or get_close_matches(name, known, n=1)
         text = f"No such option '{name}'."  # in these words with any version of click
         if meant:
             return f"{text} Did you mean {' or '.join(meant)}?"

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
-from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.gathering import gathered
@@ -36,7 +35,6 @@ from gtb_cli.shell.streams import (
     is_folder,
     is_terminal,
     shown_input,
-    spec_of,
     stem_of,
     write_blocks,
     write_text,
@@ -164,7 +162,7 @@ def mesh(
     errors: list[GtbError] = []  # of specs: none stops the others
     plan: list[Task] = []
     for path in paths:
-        task = attempted(path, lambda path: _planned(path, place, options, kind, reading, book), path)
+        task = attempted(path, lambda path: _planned(path, place, options, kind, streams, book), path)
         errors.append(task) if isinstance(task, GtbError) else plan.append(task)
     if folder is not None:
         _check_targets(plan)
@@ -242,7 +240,7 @@ def _joined(errors: list[GtbError]) -> GtbError:
     return kind(*(arg for error in errors for arg in error.args))
 
 
-def _planned(path: str, place: str, options: MeshOptions, kind: str, reading: Reading, book: Manifest | None) -> Task:
+def _planned(path: str, place: str, options: MeshOptions, kind: str, streams: Streams, book: Manifest | None) -> Task:
     """Read a spec, unless its mesh is up to date according to the manifest."""
     sums = None
     if book is not None:
@@ -251,8 +249,8 @@ def _planned(path: str, place: str, options: MeshOptions, kind: str, reading: Re
         output = _output(place, kind, stem_of(path))
         if path != STANDARD and (entry := book.kept(output, path)) is not None:
             return Task(output, path, kept=entry)
-        sums = input_sums(path, reading.spec_format)  # before the spec is read: it may change meanwhile
-    with spec_of(path, reading) as spec:
+        sums = input_sums(path, streams.reading.spec_format)  # before the spec is read: it may change meanwhile
+    with streams.spec_of(path) as spec:
         options.recipe.check_size(spec)
     return Task(_output(place, kind, stem_of(path) or file_stem(spec.name)), path, spec, sums)
 

@@ -225,7 +225,8 @@ def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach
         with about(path):
             _refuse_too_many(len(mesh.cells))
             return content_of_mesh(mesh, stem)
-    with spec_of(path, reading) as spec:
+    doubts: list[str] = []
+    with spec_of(path, reading, doubts.append) as spec:
         if recipe is not None and recipe.tolerance is None:
             _refuse_too_many(recipe.faces(spec))
         name = (spec.name or "patch") if path == STANDARD else stem
@@ -237,7 +238,7 @@ def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach
             return content_of_frames(frames, name)
         content = content_of(spec, recipe, name, quick=quick)
         _refuse_too_many(len(content.cells))
-        return content
+        return replace(content, remarks=(*doubts, *content.remarks))
 
 
 def _refuse_solid(recipe: Recipe | None, reason: str) -> None:

@@ -188,7 +188,10 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
             "degrees; OBJ and GLB hold all"
         )
     if kind == "obj" and normals and mesh.normals is not None and len(mesh.normals) > len(mesh.vertices):
-        messages.append("OBJ: meshio reads no file with several normals at a vertex, as where patches meet at an angle")
+        messages.append(
+            "OBJ: a vertex where patches meet at an angle has several normals: viewers and renderers show them, and "
+            "meshio does not read such a file"
+        )
     if kind == "obj" and uv and mesh.parameters is not None and len(mesh.parameters):
         extent, size = (float(np.ptp(rows, axis=0).max()) for rows in (mesh.parameters, mesh.bounds))
         if 0.0 < extent < 1e-3 * min(1.0, size):

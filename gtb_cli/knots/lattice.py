@@ -1,8 +1,12 @@
 """Lattices of knots, and the coefficients that make a patch on them a classical Bézier patch."""
 
 import math
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, distinct, read_only
 from gtb_cli.errors import DomainError
@@ -99,12 +103,13 @@ def _directions(domain: Domain) -> tuple[Direction, ...]:
     shares = domain.heights / domain.heights.max(axis=0)
     if len(v) == 2:
         return (Direction(n - 1, shares[:, [1, 0]], (v[1:] - v[0]) / (n - 1)),)
+    knots_on = domain.incidence.sum(axis=0).tolist()  # each edge: where one is missing, another edge tells how many
     if len(v) == 3:
-        degree = (math.isqrt(8 * n + 1) - 3) // 2
+        degree = max(knots_on) - 1
         return (Direction(degree, shares[:, [1, 2, 0]], (v[1:] - v[0]) / degree),)
     if len(v) > 4 or np.abs(shares[:, :2] + shares[:, 2:] - 1).max() > LATTICE_TOLERANCE:
         return ()
-    along, across = (int(domain.incidence[:, edge].sum()) - 1 for edge in (0, 1))
+    along, across = (max(knots_on[edge], knots_on[edge + 2]) - 1 for edge in (0, 1))
     return (
         Direction(along, shares[:, [1, 3]], (v[1] - v[0])[None] / along),
         Direction(across, shares[:, [2, 0]], (v[3] - v[0])[None] / across),
@@ -118,13 +123,41 @@ def lattice_fault(domain: Domain) -> str:
         return f"a curve, triangle or parallelogram, got {len(domain.vertices)} edges"
     for direction in directions:
         if direction.offsets.max() > LATTICE_TOLERANCE:
+            if repeat := _repeat(domain.knots):
+                return f"each lattice knot once: {repeat}"
             return f"equally spaced knots, knots[{int(direction.offsets.argmax())}] is off"
     # A row of e shares counts the points of its simplex: C(degree + e − 1, e − 1).
     expected = math.prod(math.comb(d.degree + len(d.steps), len(d.steps)) for d in directions)
     places = np.column_stack([direction.places for direction in directions])
-    if n != expected or len(distinct(places)) < n:
-        return f"each of {expected} lattice knots once, got {n} knots"
+    if n == expected and len(distinct(places)) == n:
+        return ""
+    once = f"each of {expected} lattice knots once, got {n} knots"
+    if repeat := _repeat(places):
+        return f"{once}: {repeat}"
+    found = {*map(tuple, places.tolist())}
+    wanted = (sum(parts, ()) for parts in product(*(_points(d.degree, len(d.steps) + 1) for d in directions)))
+    missing = next(place for place in wanted if place not in found)
+    steps = np.concatenate([np.vstack([np.zeros(domain.knots[:1].shape), d.steps]) for d in directions])
+    knot = domain.vertices[0] + np.array(missing) @ steps
+    return f"{once} without ({', '.join(f'{x:.6g}' for x in knot)})"
+
+
+def _repeat(rows: NDArray[Any]) -> str:
+    """Say which of the knots' rows is first there again; or nothing."""
+    first: dict[tuple[float, ...], int] = {}
+    for index, row in enumerate(map(tuple, rows.tolist())):
+        if first.setdefault(row, index) != index:
+            return f"knots[{index}] repeats knots[{first[row]}]"
     return ""
+
+
+def _points(degree: int, width: int) -> Iterator[tuple[int, ...]]:
+    """Yield all rows of whole numbers from 0 that add up to the degree."""
+    if width == 1:
+        yield (degree,)
+        return
+    for first in range(degree, -1, -1):
+        yield from ((first, *rest) for rest in _points(degree - first, width - 1))
 
 
 def _multinomial(index: list[int]) -> int:

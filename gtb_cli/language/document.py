@@ -54,6 +54,7 @@ class Faults:
         self.count = 0
         self._document, self.source, self._note = document, source, note
         self._faults: list[tuple[Path, str, int | None]] = []
+        self.doubt: tuple[Path, str] | None = None  # what is probably meant otherwise, and is no fault
         for path, line, message in document.repeated:
             self.add(path, message, line)
 
@@ -62,6 +63,13 @@ class Faults:
         self.count += 1
         if self.count <= self.SHOWN:
             self._faults.append((path, message, line))
+
+    def doubted(self) -> Fault | None:
+        """Return what is probably meant otherwise, if anything is."""
+        if self.doubt is None:
+            return None
+        path, message = self.doubt
+        return Fault(message, self.source, self._document.lines({path}).get(path), key=place(path) or None)
 
     def found(self) -> list[Fault]:
         """Return the faults in the order of the file."""
@@ -209,7 +217,14 @@ def _malformed(text: str, source: str, language: str, line: int, column: int, re
     # A name, an expression, or a number with a unit in the place of a value; a second statement on a line is none.
     is_value = "key" not in reason and "property name" not in reason
     is_value &= not reason.startswith("Expected newline") or before[-1:].isdigit()
-    if is_value and re.match(r"[ \t]*(?:[-+*(A-Za-z_]|/(?![/*]))", rest):
+    earlier = "\n".join([*text.split("\n")[: line - 1], before])
+    ended = re.search(r"""[\]\w."'}][ \t\r]*(?:#[^\n]*)?(?:\n[ \t\r]*(?:#[^\n]*)?)*$""", earlier[-1000:])
+    is_key = re.match(r"[\w-]+[ \t]*=", rest) is not None
+    if reason == "Unclosed array" and is_key:
+        reason = "a list before this is not closed: ] is missing"
+    elif reason.startswith("Unclosed") and ended and (is_key or re.match(r"""[\[{"']|[-+]?\.?\d""", rest)):
+        reason = "a comma is missing before this"
+    elif is_value and re.match(r"[ \t]*(?:[-+*(A-Za-z_]|/(?![/*]))", rest):
         reason += " (names and expressions go in quotes; numbers have no unit)"
     elif before[-1:].isdigit() and re.match(r",\d", rest):
         reason += " (decimals have a point)"

@@ -13,7 +13,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import Faults, shown
-from gtb_cli.language.expression import evaluate_expression
+from gtb_cli.language.expression import degrees_in, evaluate_expression
 from gtb_cli.language.scanner import Path
 
 MAX_SIZE = 1e100  # a coordinate, lifting value or scale: squares and products of two stay finite
@@ -94,7 +94,7 @@ class Values:
         """Read a number or an expression."""
         expected, holds = check
         try:
-            number = self._value(value) if isinstance(value, str) else value
+            number = self._value(value, path) if isinstance(value, str) else value
             if isinstance(number, bool) or not isinstance(number, int | float):
                 raise SpecError(f"must be a number, got {shown(value)}")
             if not abs(number) <= sys.float_info.max:
@@ -108,13 +108,15 @@ class Values:
             self.faults.add(path, f"{error}{self._note}")
             return None
 
-    def _value(self, text: str) -> float:
+    def _value(self, text: str, path: Path) -> float:
         """Evaluate an expression; a repeated one is evaluated once."""
         if text not in self._evaluated:
             self._budget.characters -= len(text)
             if self._budget.characters < 0:
                 raise SpecError(f"expressions may have {MAX_EXPRESSIONS} characters together, write others as numbers")
             self._evaluated[text] = evaluate_expression(text, self.names)
+            if self.faults.doubt is None and (angle := degrees_in(text, self.names)):
+                self.faults.doubt = path, angle
         return self._evaluated[text]
 
 
@@ -158,6 +160,13 @@ class Table:
         expected = ", ".join(f'"{word}"' for word in words[:-1]) + f' or "{words[-1]}"'
         self.fault(key, f"must be {others}{expected}, got {shown(value)}{suggestion(likely)}")
         return None
+
+    def flag(self, key: str) -> bool:
+        """Read true or false, which is what an absent key means."""
+        value = self.entries.get(key, False)
+        if not isinstance(value, bool):
+            self.fault(key, f"must be true or false, got {shown(value)}")
+        return value is True
 
     def number(self, key: str, check: Check) -> float | None:
         """Read a number."""

@@ -59,6 +59,15 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
     return _value(tree, words, names)
 
 
+def degrees_in(text: str, names: Mapping[str, float]) -> str:
+    """Say which angle of a valid expression is a whole number above 2π, as is meant in degrees; or nothing."""
+    for call in re.finditer(r"\b(?:sin|cos|tan)\([ \t]*(?:([0-9]+)\.?0*|([A-Za-z]\w*))[ \t]*\)", text):
+        angle = float(call[1]) if call[1] else CONSTANTS.get(call[2]) or names[call[2]]
+        if abs(angle) > 2 * math.pi and angle == int(angle):
+            return f"{call[0]} is of {angle:g} radians: {call[1] or call[2]}*deg is {angle:g} degrees"
+    return ""
+
+
 def names_in(text: str) -> list[str]:
     """Return the names of numbers in an expression, well-formed or not."""
     found = (match["name"] for match in _WORDS.finditer(text[:MAX_CHARACTERS]))

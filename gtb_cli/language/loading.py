@@ -1,7 +1,8 @@
 """Spec files: TOML or JSON → `Patch` and `Model`, with every error of a file at once."""
 
 import os
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -58,14 +59,21 @@ def load_model(path: str | os.PathLike[str], let: Let = NO_LET) -> Model:
     return Model(spec.patches, spec.name) if isinstance(spec, Patch) else spec
 
 
-def parse(text: bytes | str, source: str = "<spec>", format: Format | None = None, let: Let = NO_LET) -> Patch | Model:
+def parse(
+    text: bytes | str,
+    source: str = "<spec>",
+    format: Format | None = None,
+    let: Let = NO_LET,
+    warn: Callable[[str], object] = warnings.warn,
+) -> Patch | Model:
     """Read the text of a spec, at most 10 MB of UTF-8; the format by its first character unless given.
 
     The stem of `source` names a nameless patch; included files are in its folder. ``-`` and text in angle brackets are
-    not files: they give no name and include nothing. Raises what `load` raises. Any text takes at most about five
-    seconds and 300 MB; 300 bicubic patches take a third of a second.
+    not files: they give no name and include nothing. `warn` is told what is probably meant otherwise, such as a sine of
+    60. Raises what `load` raises. Any text takes at most about five seconds and 300 MB; 300 bicubic patches take a
+    third of a second.
     """
-    return _parse(text, source, format, let, None)
+    return _parse(text, source, format, let, None, warn)
 
 
 def parse_loop(
@@ -87,7 +95,14 @@ def parse_loop(
     return spec, tuple(tuple(found[1:]) for found in rows)
 
 
-def _parse(text: bytes | str, source: str, format: Format | None, let: Let, row: int | None) -> Patch | Model:
+def _parse(
+    text: bytes | str,
+    source: str,
+    format: Format | None,
+    let: Let,
+    row: int | None,
+    warn: Callable[[str], object] = str,
+) -> Patch | Model:
     """Read a spec, with `let` as of `load`, and the files that it includes, with `row` as of `Reader`."""
     library, budget = Library(), Budget()
     files: list[Faults] = []
@@ -109,6 +124,8 @@ def _parse(text: bytes | str, source: str, format: Format | None, let: Let, row:
     result = spec(text, format, (source,))
     if result is None or any(faults.count for faults in files):
         raise error_about(files)
+    if doubt := next(filter(None, (faults.doubted() for faults in files)), None):
+        warn(str(doubt))
     return result
 
 

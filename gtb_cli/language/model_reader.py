@@ -116,9 +116,12 @@ class ModelReader:
         copies: dict[int, Copy] = {}
         named: dict[str, Patch | None] = {patch.name: patch for patch in included if patch.name is not None}
         several: set[str] = set()
+        hidden: set[int] = set()  # patches that are only copied
         count = len(included) + len(tables)
         for i, table in enumerate(tables):
             path: Path = ("patches", i)
+            if isinstance(table, dict) and Table(table, path, self.values).flag("hidden"):
+                hidden.add(i)
             if isinstance(table, dict) and "copy" in table:
                 if copy := read_copy(table, path, self.values, MAX_PATCHES - count + 1):
                     copies[i] = copy
@@ -136,4 +139,6 @@ class ModelReader:
             named[name] = patch
         if len(copies) + len(patches) == len(tables):  # otherwise a copy that others may need is missing
             patches |= carried_out(copies, named, several, self.values)
-        return [patch for i in sorted(patches) for patch in patches[i]]
+        if hidden and len(hidden) == len(tables) and not included:
+            self.faults.add(("patches",), "are all hidden: there is nothing to show")
+        return [patch for i in sorted(patches.keys() - hidden) for patch in patches[i]]

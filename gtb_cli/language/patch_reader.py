@@ -21,7 +21,7 @@ PATCH_KEYS = frozenset(
 )
 RIBBONS = ("ribbon", "ribbon2")  # keys of further rows of control points, for gtb fill, in the curves of a loop
 MOVE_KEYS = frozenset(("name", "mirror", "scale", "rotate", "translate", "repeat"))
-COPY_KEYS, INCLUDE_KEYS = MOVE_KEYS | {"copy"}, MOVE_KEYS | {"file"}
+COPY_KEYS, INCLUDE_KEYS = MOVE_KEYS | {"copy", "hidden"}, MOVE_KEYS | {"file"}
 MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
 MAX_KNOTS = 5000  # knots of a patch: a tensor product patch of degree 69 × 69
 MAX_UNITY = 300  # knots for "partition-of-unity", which solves a dense linear system
@@ -105,7 +105,7 @@ class Reader:
         """Note keys of a patch that are unknown, belong elsewhere, or are missing."""
         knots = table.entries.get("knots")
         is_surface = isinstance(knots, list) and bool(knots) and isinstance(knots[0], list)
-        known = PATCH_KEYS if table.path else PATCH_KEYS | MODEL_KEYS - {"weld"}
+        known = PATCH_KEYS | {"hidden"} if table.path else PATCH_KEYS | MODEL_KEYS - {"weld"}
         if self._row is not None and not is_surface:
             known |= {*RIBBONS}
             if RIBBONS[1] in table.entries and RIBBONS[0] not in table.entries:

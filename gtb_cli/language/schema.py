@@ -129,13 +129,13 @@ def _model() -> Schema:
     keys = {
         "include": _array(entry, 0, MAX_FILES),
         "weld": _any(_ref("positive"), percentage),
-        "patches": _array(_either(_copy(), {"required": ["copy"]}, shared=()), 1, MAX_PATCHES),
+        "patches": _array(_either(_copy(), {"required": ["copy"]}, shared=("hidden",)), 1, MAX_PATCHES),
     }
     return {"let": _ref("let"), **_told(keys)}
 
 
 def _copy() -> Schema:
-    return _told({"copy": {"type": "string"}}) | _moves()
+    return _told({"copy": {"type": "string"}, "hidden": {"type": "boolean"}}) | _moves()
 
 
 def _moves() -> Schema:

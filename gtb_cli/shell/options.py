@@ -18,6 +18,8 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import (
     ATTRIBUTES,
     BASIS,
+    CAD_SUFFIXES,
+    CELL_FORMATS,
     FORMATS,
     MAX_FACES,
     PARAMETRIZATIONS,
@@ -26,6 +28,7 @@ from gtb_cli.vocabulary import (
     SPEC_FORMATS,
     UP,
     percentage,
+    suffix_of,
 )
 
 
@@ -78,6 +81,9 @@ def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> 
         raise click.BadParameter(f"{value!r} is zero", ctx, param)
     return number
 
+
+# Names that end so are those of files, and others may be those of folders, which are made if missing
+FILE_SUFFIXES = (*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS, *SPEC_FORMATS, "html", "png", "svg", "pdf", "gif")
 
 # Names of files that a command reads, and of those that it writes; - is a standard stream
 INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
@@ -287,6 +293,12 @@ def require_option(consequence: str) -> Option:
 
 def _console(quiet: bool) -> Console:
     check_outputs(*named_files(OUTPUT))  # so that a command is not called if it would overwrite what it reads
+    output = click.get_current_context().params.get("output")
+    place = os.path.dirname(output or "")
+    if (
+        suffix_of(output or "") in FILE_SUFFIXES and place and not os.path.lexists(place)
+    ):  # before the work, not after it
+        raise ExportError(f"cannot write {output}: the folder {place} does not exist")
     return Console(quiet)
 
 

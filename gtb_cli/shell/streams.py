@@ -6,7 +6,7 @@ import codecs
 import os
 import stat
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -38,7 +38,7 @@ class Streams:
 
     def spec_of(self, path: str) -> AbstractContextManager[Spec]:
         """Read a spec, and name it in errors, as the function `spec_of` does."""
-        return spec_of(path, self.reading)
+        return spec_of(path, self.reading, self.console.warn)
 
     def patch_of(self, path: str) -> Patch:
         """Read a spec of a single patch."""
@@ -51,17 +51,17 @@ class Streams:
 
 
 @contextmanager
-def spec_of(path: str, reading: Reading = AS_SEEN) -> Iterator[Spec]:
+def spec_of(path: str, reading: Reading = AS_SEEN, warn: Callable[[str], object] = str) -> Iterator[Spec]:
     """Read a spec from a file, or from standard input, and name it in errors about the shape that it describes.
 
     A `SpecError` has a line for each of its own errors.
     """
-    from gtb_cli.language.loading import load, parse
+    from gtb_cli.files import read_file
+    from gtb_cli.language.document import MAX_BYTES, spec_format_of
+    from gtb_cli.language.loading import parse
 
-    if path == STANDARD or reading.spec_format is not None:
-        spec = parse(read_bytes(path), shown_input(path), reading.spec_format, dict(reading.let))
-    else:
-        spec = load(path, dict(reading.let))
+    data = read_bytes(path) if path == STANDARD else read_file(path, MAX_BYTES + 1)
+    spec = parse(data, shown_input(path), reading.spec_format or spec_format_of(path), dict(reading.let), warn)
     with about(shown_input(path)):
         yield spec
 

@@ -1,6 +1,7 @@
 """Binomial coefficients of lattice patches, against products of polynomials; layers of knots over an edge."""
 
 import random
+import re
 from collections import Counter
 from fractions import Fraction
 
@@ -95,11 +96,11 @@ def test_largest_degree() -> None:
     ("knots", "message"),
     [
         ([0, 1, 2.001], r"equally spaced knots, knots\[1\] is off"),
-        ([0, 0, 1, 2], "equally spaced"),
+        ([0, 0, 1, 2], r"each lattice knot once: knots\[1\] repeats knots\[0\]"),
         ([0, 1, 1, 3], "each of 4 lattice knots once"),
         ([[0, 0], [3, 0], [0, 3], [1, 1]], "equally spaced"),
         ([[0, 0], [1, 0], [2, 0], [0, 1], [0, 2], [0.9, 1.1]], r"knots\[5\] is off"),
-        ([[0, 0], [1, 0], [2, 0], [0, 1], [0, 2], [0, 1]], "each of 6 lattice knots once"),
+        ([[0, 0], [1, 0], [2, 0], [0, 1], [0, 2], [0, 1]], r"once: knots\[5\] repeats knots\[3\]"),
         ([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]], r"equally spaced knots, knots\[4\] is off"),
         ([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0]], "each of 6 lattice knots once, got 5"),
         ([[0, 0], [3, 0], [2, 1], [0, 1], [1.1, 0]], "along each edge, those of edge 0 are at 0 0.3667 1 of it"),
@@ -115,3 +116,21 @@ def test_other_knots_are_refused(knots: list, message: str) -> None:
 def test_knots_equally_far_to_rounding_are_one_layer(scale):
     heights = np.array([1.0, 0.0, 0.3, 0.1 * 3, 1 + 1e-12, 2.0]) * scale
     assert [layer.tolist() for layer in layers(heights)] == [[2, 3], [0, 4], [5]]
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e7])
+def test_the_knot_that_is_missing_is_named(scale: float) -> None:
+    slanted = np.array([[2.0, 1.0], [1.0, 3.0]]) * scale
+    cubic = [(i, j) for i in range(4) for j in range(4 - i)]
+    grid = [(i, j) for i in range(4) for j in range(3)]
+    for places, corners in ((cubic, [(0, 0), (3, 0), (0, 3)]), (grid, [(0, 0), (3, 0), (0, 2), (3, 2)])):
+        knots = np.array(places) @ slanted + scale
+        for index, place in enumerate(places):
+            if place in corners:
+                continue
+            with pytest.raises(DomainError, match=rf"each of {len(places)} lattice knots once") as caught:
+                binomial_coefficients(domain(np.delete(knots, index, axis=0)))
+            named = re.search(r"without \((.*), (.*)\)", str(caught.value))
+            assert [float(named[1]), float(named[2])] == pytest.approx(knots[index].tolist(), rel=1e-5)
+            with pytest.raises(DomainError, match=rf"once.*: knots\[{len(places)}\] repeats knots\[{index}\]"):
+                binomial_coefficients(domain(np.vstack([knots, knots[index]])))
