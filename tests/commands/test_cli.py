@@ -46,7 +46,7 @@ def test_unexpected_errors_are_reported_without_traceback(monkeypatch):
     def broken(*arguments):
         raise RuntimeError("surprise")
 
-    monkeypatch.setattr("gtb_cli.language.loading.load", broken)
+    monkeypatch.setattr("gtb_cli.language.loading.parse", broken)
     monkeypatch.delenv("GTB_TRACEBACK", raising=False)
     shown = gtb("elevate", PENTAGON, status=2).err
     assert shown.startswith("gtb: error: internal error, please report it: RuntimeError: surprise")
@@ -81,7 +81,7 @@ def test_errors_of_the_system_are_said_in_words_of_what_they_are_about(error, wo
     def broken(*arguments):
         raise error
 
-    monkeypatch.setattr("gtb_cli.language.loading.load", broken)
+    monkeypatch.setattr("gtb_cli.language.loading.parse", broken)
     monkeypatch.setattr("gtb_cli.commands.cli.abandon", lambda stream: None)
     result = gtb("elevate", PENTAGON)
     assert result.status == 2
