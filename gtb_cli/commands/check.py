@@ -61,10 +61,11 @@ def _checked(
 ) -> tuple[Report | ModelReport, list[Fault]]:
     """Return the report on a spec, and the requirements that its mesh does not meet."""
     from gtb_cli.checks.properties import check as measure
-    from gtb_cli.tessellation.recipe import Recipe, welded
+    from gtb_cli.models.model import with_weld
+    from gtb_cli.tessellation.recipe import Recipe
 
     with spec_of(spec, reading) as read:
-        loaded = welded(read, weld)
+        loaded = with_weld(read, weld)
         report = measure(loaded)
         try:
             if require:

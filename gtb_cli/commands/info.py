@@ -71,7 +71,7 @@ def _kind(found: dict[str, Any]) -> str:
 def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool, with_extents: bool) -> dict[str, Any]:
     """Return all that is reported about a spec, or a mesh; unless in full, only the joints that are listed."""
     from gtb_cli.checks.extents import extents
-    from gtb_cli.tessellation.recipe import welded
+    from gtb_cli.models.model import with_weld
 
     if reading != AS_SEEN or suffix_of(spec) in SPEC_FORMATS:
         with spec_of(spec, reading) as read:
@@ -83,7 +83,7 @@ def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool,
             raise GtbError(f"{shown_input(spec)}: --weld is for specs, and this is a mesh")
         return found
     with about(shown_input(spec)):
-        shape = welded(found, weld)
+        shape = with_weld(found, weld)
         report = _report_of(shape, in_full)
         for name, extent in extents(shape).items() if with_extents else ():
             report |= {name: extent.value, f"{name}_error": extent.error}

@@ -14,6 +14,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.models.joints import Joints, unjoined
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import by_value, frozen
+from gtb_cli.vocabulary import percentage
 
 if TYPE_CHECKING:
     from gtb_cli.models.seams import Seam
@@ -103,6 +104,13 @@ class Model:
 def joints_of(shape: Patch | Model) -> Joints:
     """Return the joints of a model; a patch by itself is joined with nothing."""
     return shape.joints if isinstance(shape, Model) else unjoined(shape)
+
+
+def with_weld(shape: Patch | Model, weld: float | str | None) -> Patch | Model:
+    """Return a model with another weld, in model units or as a percentage of its size; else the shape as it is."""
+    if weld is None or not isinstance(shape, Model):
+        return shape
+    return shape.replace(weld=percentage(weld) / 100 * diagonal_of(shape.patches) if isinstance(weld, str) else weld)
 
 
 def diagonal_of(patches: Sequence[Patch]) -> float:

@@ -14,7 +14,7 @@ from gtb_cli.shell.faults import leads_out
 from gtb_cli.shell.gathering import Function, Option, gathered
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import Spec, Streams, refuse_overwriting
-from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.tessellation.recipe import Recipe, requirements
 from gtb_cli.vocabulary import (
     ATTRIBUTES,
     BASIS,
@@ -47,13 +47,10 @@ def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 
 def requirements_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
     """Read requirements, each once."""
-    if value:
-        from gtb_cli.tessellation.requirements import requirements
-
-        try:
-            requirements(value)
-        except DomainError as error:
-            raise click.BadParameter(str(error).removeprefix("require: "), ctx, param) from None
+    try:
+        requirements(value)
+    except DomainError as error:
+        raise click.BadParameter(str(error).removeprefix("require: "), ctx, param) from None
     return tuple(dict.fromkeys(value))
 
 

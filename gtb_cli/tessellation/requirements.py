@@ -1,39 +1,21 @@
-"""Requirements on a model or its mesh: watertight, solid, unfolded, smooth up to an angle."""
+"""Whether a model or its mesh is what is required: watertight, solid, unfolded, smooth up to an angle."""
 
-from __future__ import annotations
-
-import math
 from collections.abc import Sequence
-from contextlib import suppress
-from typing import TYPE_CHECKING
 
-from gtb_cli.errors import DomainError, RequirementError
+import numpy as np
 
-if TYPE_CHECKING:
-    from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.models.model import Model
-    from gtb_cli.theory.patch import Patch
-
-
-def requirements(words: Sequence[str]) -> dict[str, float]:
-    """Read requirements: the name of each, with the angle of "smooth" in degrees, and 0 for the others.
-
-    Raises `DomainError` if a word is none of "watertight", "solid", "unfolded" and "smooth:ANGLE".
-    """
-    found = {}
-    for word in words:
-        name, _, text = word.partition(":")
-        angle = math.nan
-        if word in ("watertight", "solid", "unfolded"):
-            angle = 0.0
-        elif name == "smooth" and "_" not in text:
-            with suppress(ValueError):
-                angle = float(text.removesuffix("deg"))
-        if not 0 <= angle <= 180:
-            expected = "watertight, solid, unfolded, or an angle in degrees, as in smooth:1deg"
-            raise DomainError(f"require: expected {expected}, got {word!r}")
-        found[name] = angle
-    return found
+from gtb_cli.arrays import point_text
+from gtb_cli.errors import RequirementError
+from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import are_proper, sides_of
+from gtb_cli.models.joint_search import find_joints
+from gtb_cli.models.model import Model
+from gtb_cli.models.openings import obstacles
+from gtb_cli.solids.solidity import folded_places, inward_faces, where
+from gtb_cli.tessellation.recipe import requirements
+from gtb_cli.theory.edges import edge_name
+from gtb_cli.theory.patch import Patch
 
 
 def require(
@@ -64,8 +46,6 @@ def require(
                 open_edges = [f"{line}: {held[1]}" for line in open_edges]
             lines += [f"not {word}: {line}" for line in (*open_edges, *faults)]
     if "unfolded" in asked:
-        from gtb_cli.solids.solidity import folded_places
-
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*folded_places(surface or mesh), *folds))]
     if "smooth" in asked:
         lines += _creases(spec, asked["smooth"])
@@ -75,11 +55,6 @@ def require(
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:
     """Say which seams have an angle larger than the given one."""
-    import numpy as np
-
-    from gtb_cli.arrays import point_text
-    from gtb_cli.models.model import Model
-
     if not isinstance(spec, Model):
         return []
     lines, points = [], np.concatenate([patch.control_points for patch in spec])
@@ -97,11 +72,6 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     count = len(mesh.open_sides)
     if not count:
         return []
-    from gtb_cli.models.joint_search import find_joints
-    from gtb_cli.models.model import Model
-    from gtb_cli.models.openings import obstacles
-    from gtb_cli.theory.edges import edge_name
-
     patches = spec.patches
     joints = spec.joints if isinstance(spec, Model) else find_joints(patches)
     lines = obstacles(joints, patches)
@@ -116,8 +86,6 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
 
 def _inward_faces(mesh: Mesh) -> list[str]:
     """Say where faces of a closed mesh do not look out of the solid."""
-    from gtb_cli.solids.solidity import inward_faces, where
-
     inward = inward_faces(mesh)
     return [f"faces look into the solid, {where(mesh, inward)}"] if len(inward) else []
 
@@ -127,12 +95,6 @@ def _merged_faces(mesh: Mesh) -> list[str]:
 
     Readers put such vertices together. The edges of a collapsed face have four faces for one that keeps it.
     """
-    import numpy as np
-
-    from gtb_cli.meshes.coincident import weld
-    from gtb_cli.meshes.topology import are_proper, sides_of
-    from gtb_cli.solids.solidity import where
-
     cells = weld(mesh.vertices)[1][mesh.faces]
     collapsed = np.flatnonzero(~are_proper(cells))
     if len(collapsed):
