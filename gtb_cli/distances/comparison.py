@@ -10,7 +10,7 @@ from typing import TypeAlias, get_args
 import numpy as np
 
 from gtb_cli.arrays import bounds_of
-from gtb_cli.distances.shapes import shape_distance
+from gtb_cli.distances.between_shapes import shape_distance
 from gtb_cli.errors import DomainError, GtbError
 from gtb_cli.files import read_up_to
 from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit

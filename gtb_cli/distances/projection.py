@@ -3,7 +3,7 @@
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, column_dot
-from gtb_cli.distances.surface import Strata
+from gtb_cli.distances.strata import Strata
 
 ROUNDING = 1e-14  # distance, as a fraction of the size of the surfaces, below which all is rounding
 

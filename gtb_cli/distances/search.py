@@ -12,7 +12,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, groups, joined, rows_of
 from gtb_cli.distances.projection import ROUNDING, projected
-from gtb_cli.distances.surface import Places, Strata, Surface
+from gtb_cli.distances.strata import Strata, StratumPlaces, Surface
 
 CLOSE_SHARE = 0.9  # fraction of the largest distance from which on a point of the start may lead to a farther one
 
@@ -32,7 +32,7 @@ class Candidates(NamedTuple):
     like: IntArray  # (m,) the one at the most similar place in its domain: the surfaces may be nearly the same one
 
 
-class Peaks(NamedTuple):
+class LocalMaxima(NamedTuple):
     """Points that are farther from the other surface than those around them: (m,) ways, places and distances."""
 
     way: IntArray
@@ -41,7 +41,7 @@ class Peaks(NamedTuple):
     distance: FloatArray
 
 
-class Search:
+class FarthestSearch:
     """The search among some surfaces of about size 1, for the points farthest on some ways (from, to), by numbers.
 
     Ways w and w + `count` are both ways between two surfaces: only the larger distance is looked for. The accuracy is
@@ -58,7 +58,7 @@ class Search:
         columns = np.cumsum([0, *(surface.strata.log_weights.shape[1] for surface in surfaces)])
         self.strata = Strata.joined([surface.strata for surface in surfaces])
         self.points = np.concatenate([surface.points for surface in surfaces])
-        self.places = Places(
+        self.places = StratumPlaces(
             np.concatenate([s.places.stratum + column for s, column in zip(surfaces, columns, strict=False)]),
             np.concatenate([surface.places.s for surface in surfaces]),
         )
@@ -75,19 +75,19 @@ class Search:
         peaks = self.peaks(self.verified(self.bounded(self.candidates())))
         climbed = self.climbed(peaks)
         checked, _ = self.distances(
-            self.positions(Places(peaks.stratum, peaks.s)), peaks.way, 0 * peaks.distance, MOST_STARTS
+            self.positions(StratumPlaces(peaks.stratum, peaks.s)), peaks.way, 0 * peaks.distance, MOST_STARTS
         )
         top = joined([peaks._replace(distance=np.minimum(peaks.distance, checked)), climbed])
         found, at = np.zeros(self.count), np.zeros((self.count, 3))
         order = np.argsort(top.distance, kind="stable")
-        pair, positions = top.way[order] % self.count, self.positions(Places(top.stratum, top.s))[order]
+        pair, positions = top.way[order] % self.count, self.positions(StratumPlaces(top.stratum, top.s))[order]
         found[pair], at[pair] = top.distance[order], positions  # the last one, which is the largest, stays
         lost = self.largest(peaks.way % self.count, peaks.distance) - found
         missed = lost > self.accuracy * found + ROUNDING
         found = np.where(found > ROUNDING, found, 0.0)
         return found, at, self.accuracy * found + np.where(missed, np.maximum(lost, found), 0.0)
 
-    def positions(self, places: Places) -> FloatArray:
+    def positions(self, places: StratumPlaces) -> FloatArray:
         """(m, 3) points."""
         return self.strata.chosen(places.stratum).points(places.s.T).T
 
@@ -150,7 +150,7 @@ class Search:
         np.maximum.at(low, pair, heights)
         return low
 
-    def peaks(self, candidates: Candidates) -> Peaks:
+    def peaks(self, candidates: Candidates) -> LocalMaxima:
         """The few farthest ones that are farther than their neighbours."""
         same_height = 1e-9  # relative difference of distances of one place in two strata
         few = 8
@@ -165,20 +165,20 @@ class Search:
         again = (np.diff(way, prepend=-1) == 0) & (-np.diff(distance, prepend=np.inf) <= same_height * low[way])
         way, point, distance = way[~again], point[~again], distance[~again]
         rows = _highest(way, distance, few)
-        return Peaks(way[rows], *rows_of(self.places, point[rows]), distance[rows])
+        return LocalMaxima(way[rows], *rows_of(self.places, point[rows]), distance[rows])
 
-    def climbed(self, peaks: Peaks) -> Peaks:
+    def climbed(self, peaks: LocalMaxima) -> LocalMaxima:
         """The peaks that are reached by moving over the own surface as long as distances grow."""
         trials, longest_reach = 24, 4.0
         shrink, growth = 0.6, 2.0  # of the reach, after a turn without and with a gain
         worthy_gain = 0.02 * self.accuracy  # a smaller one counts as none: towards a corner, gains never end
         way, stratum, s, distance = peaks.way, peaks.stratum, peaks.s.copy(), peaks.distance.copy()
         reach = np.ones(len(way))
-        _, nearest = self.distances(self.positions(Places(stratum, s)), way, np.zeros(len(way)), MANY_STARTS)
+        _, nearest = self.distances(self.positions(StratumPlaces(stratum, s)), way, np.zeros(len(way)), MANY_STARTS)
         turn = 0
         while len(going := np.flatnonzero(reach > np.sqrt(self.accuracy))):
             trial = s[going, None] + reach[going, None, None] * _disc(trials, turn)
-            places = Places(np.repeat(stratum[going], trials), trial.reshape(-1, 2))
+            places = StratumPlaces(np.repeat(stratum[going], trials), trial.reshape(-1, 2))
             rows = np.repeat(going, trials)
             enough = (1 - 2 * self.accuracy) * distance[rows]
             found, _ = self.distances(self.positions(places), way[rows], enough, FEW_STARTS, rows_of(nearest, rows))
@@ -199,22 +199,22 @@ class Search:
             reach[going] *= np.where(better, growth, np.where(stays, 0.0, shrink))
             np.minimum(reach, longest_reach, out=reach)
             turn += 1
-        found, _ = self.distances(self.positions(Places(stratum, s)), way, np.zeros(len(way)), MOST_STARTS)
-        return Peaks(way, stratum, s, np.minimum(distance, found))
+        found, _ = self.distances(self.positions(StratumPlaces(stratum, s)), way, np.zeros(len(way)), MOST_STARTS)
+        return LocalMaxima(way, stratum, s, np.minimum(distance, found))
 
     def distances(
-        self, points: FloatArray, way: IntArray, enough: FloatArray, starts: int, guess: Places | None = None
-    ) -> tuple[FloatArray, Places]:
+        self, points: FloatArray, way: IntArray, enough: FloatArray, starts: int, guess: StratumPlaces | None = None
+    ) -> tuple[FloatArray, StratumPlaces]:
         """(m,) distances of (m, 3) points from the surfaces to which their ways lead, and their nearest points there.
 
         These are searched for from a guess, if there is one, from so many of the other surface's points, and from some
         more; where a distance is at most `enough` (m,), the search ends.
         """
         found = np.full(len(points), np.inf)
-        nearest = Places(np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2)))
+        nearest = StratumPlaces(np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2)))
 
         def search(rows: IntArray, stratum: IntArray, s: FloatArray) -> None:
-            """Search from (r, w) places for each of r points."""
+            """FarthestSearch from (r, w) places for each of r points."""
             again = np.repeat(rows, stratum.shape[1])
             distance, s = projected(
                 self.strata, points[again], stratum.ravel(), s.reshape(-1, 2), self.accuracy, enough[again]

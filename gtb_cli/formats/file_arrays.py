@@ -16,7 +16,7 @@ Scalar = TypeVar("Scalar", np.float64, np.signedinteger[Any])
 
 
 @frozen
-class Content:
+class FileArrays:
     """The arrays of a file, not checked yet: (m, 3) vertices, segments or triangles, named ranges of cells.
 
     `half_steps` gives the largest rounding of a coordinate along each axis, half a unit in the last digit or bit, at

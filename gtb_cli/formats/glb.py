@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, Content, segments, single_half_steps, stacked, triangles
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, segments, single_half_steps, stacked, triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up
@@ -18,7 +18,7 @@ HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its cont
 VERTICES, INDICES = 34962, 34963  # glTF's numbers for the content of a view of the buffer
 
 
-class Part(NamedTuple):
+class Node(NamedTuple):
     """A node of the file: a group of cells with the vertices that they use, and values at these."""
 
     name: str
@@ -46,7 +46,7 @@ def glb_blocks(
     for label, start, stop in groups:
         whole = len(groups) == 1  # then vertices without cells stay
         used, cells = (slice(None), mesh.cells) if whole else compacted(mesh.cells[start:stop])
-        parts.append(Part(label, mesh.vertices[used], cells, *(v if v is None else v[used] for v in (normals, uv))))
+        parts.append(Node(label, mesh.vertices[used], cells, *(v if v is None else v[used] for v in (normals, uv))))
     _check_size(sum(4 * np.size(values) for part in parts for values in part[1:] if values is not None))
     extras: dict[str, Any] = {} if up == FORMATS["glb"].up else {"up": up}  # for `read_glb`
     extras |= {} if unit is None else {"unit": unit}
@@ -54,7 +54,7 @@ def glb_blocks(
     return _lines(parts, extras, name) if mesh.is_curve else [_triangles(parts, extras, name)]
 
 
-def _triangles(parts: Sequence[Part], extras: dict[str, Any], root: str) -> bytes:
+def _triangles(parts: Sequence[Node], extras: dict[str, Any], root: str) -> bytes:
     from trimesh import Scene, Trimesh
     from trimesh.exchange.gltf import export_glb
     from trimesh.visual import TextureVisuals
@@ -118,7 +118,7 @@ def _coloured(material: dict[str, Any], number: int, name: str) -> dict[str, Any
     return material | {"name": name, "pbrMetallicRoughness": shading}
 
 
-def _lines(parts: Sequence[Part], extras: dict[str, Any], root: str) -> list[bytes]:
+def _lines(parts: Sequence[Node], extras: dict[str, Any], root: str) -> list[bytes]:
     """Return indexed lines.
 
     trimesh's exporter writes every inner vertex of a polyline twice. Its reader takes the vertices for one polyline in
@@ -191,7 +191,7 @@ def _check_size(length: int) -> None:
         raise ExportError(f"GLB: holds no more than 4 GB, and this has {length / 1e9:.1f}")
 
 
-def read_glb(data: bytes) -> Content:
+def read_glb(data: bytes) -> FileArrays:
     """Read a GLB file. Its y axis, glTF's vertical one, becomes z, unless the file states another vertical axis."""
     tree, binary = glb_chunks(data)
     try:
@@ -232,7 +232,7 @@ def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     return tree, chunks.get(buffer, b"")
 
 
-def _content(tree: dict[str, Any], binary: bytes) -> Content:
+def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     # Many nodes may share one mesh: vertices and corners of cells are counted before they are made.
     most = 2 * len(binary) + 20_000_000
     effort = 400  # vertices that take as long as a primitive without any
@@ -281,7 +281,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> Content:
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
     space = f"{unit if unit in UNITS else 'no unit'}, {'z' if is_z_up else 'y'} up"
     points += 0.0  # not -0
-    return Content(points, stacked(cells[width], width, np.int32), single_half_steps, tuple(groups), space)
+    return FileArrays(points, stacked(cells[width], width, np.int32), single_half_steps, tuple(groups), space)
 
 
 def _placed_meshes(tree: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:

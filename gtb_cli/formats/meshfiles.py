@@ -12,7 +12,7 @@ import numpy as np
 
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.files import read_file
-from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, Content, faulty_point
+from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point
 from gtb_cli.meshes.mesh import KnownMesh, Mesh, largest_coordinates, rounding
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
@@ -62,7 +62,7 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
             raise GtbError("is not a mesh: expected OBJ, PLY, STL, GLB or 3MF")
         with np.errstate(all="ignore"):  # NaN is refused below, with a message
             room = "threemf" if kind == "3mf" else kind
-            content: Content = getattr(import_module(f"gtb_cli.formats.{room}"), f"read_{room}")(data)
+            content: FileArrays = getattr(import_module(f"gtb_cli.formats.{room}"), f"read_{room}")(data)
         _check(content)
     except GtbError as error:
         raise type(error)(f"{shown}: {_printable(str(error))}") from None
@@ -122,7 +122,7 @@ def _printable(text: str) -> str:
     return kept + ("…" if len(text) > max_name_characters else "")
 
 
-def _check(content: Content) -> None:
+def _check(content: FileArrays) -> None:
     """Refuse a mesh without vertices or cells, with wrong indices, or with coordinates that are not finite."""
     vertices, cells = content.vertices, content.cells
     if not len(vertices):

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
-from gtb_cli.formats.file_arrays import Content, faulty_point, segments, stacked, triangles
+from gtb_cli.formats.file_arrays import FileArrays, faulty_point, segments, stacked, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
 
-def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
+def read_obj(data: bytes, block: int = BLOCK_BYTES) -> FileArrays:
     """Read an OBJ file, `block` bytes at a time.
 
     Vertices keep their order. A face with more than three corners is cut into triangles. Only the vertex of a reference
@@ -29,14 +29,14 @@ def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
     return content
 
 
-def _read_all(data: bytes, block: int, vertices: int | None = None) -> Content:
-    reader = _Reader(vertices)
+def _read_all(data: bytes, block: int, vertices: int | None = None) -> FileArrays:
+    reader = _ObjLines(vertices)
     for start, lines in lines_of(data, size=block):
         reader.read(lines, start + 1)
     return reader.content()
 
 
-class _Reader:
+class _ObjLines:
     """The content read so far; references beyond the number of vertices are refused if this is known."""
 
     def __init__(self, limit: int | None) -> None:
@@ -98,7 +98,7 @@ class _Reader:
             self.cell_count += len(part)
         self.names += zip((name for _, name in names), starts, strict=True)
 
-    def content(self) -> Content:
+    def content(self) -> FileArrays:
         """The whole content."""
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
@@ -110,7 +110,7 @@ class _Reader:
             if name and stop > start
         ]
         cells = stacked(self.cells[b"l"], 2, np.int32) if self.cells[b"l"] else stacked(self.cells[b"f"], 3, np.int32)
-        return Content(vertices, cells, partial(half_step, self.words), tuple(groups))
+        return FileArrays(vertices, cells, partial(half_step, self.words), tuple(groups))
 
 
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, str]]]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, Content, single_half_steps, triangles
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, single_half_steps, triangles
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import plain_name
@@ -75,7 +75,7 @@ def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray
     return named
 
 
-class Property(NamedTuple):
+class PlyColumn(NamedTuple):
     """A column; `kind` is numpy's name of its numbers, `count_kind` that of the lengths of lists, or empty."""
 
     kind: str
@@ -92,14 +92,14 @@ class Element(NamedTuple):
 
     name: str
     rows: int
-    properties: dict[str, Property]
+    properties: dict[str, PlyColumn]
 
 
 # The numbers of each property, one row after another, and how many each row has
 Columns: TypeAlias = dict[str, tuple[NDArray[Any], IntArray]]
 
 
-def read_ply(data: bytes) -> Content:
+def read_ply(data: bytes) -> FileArrays:
     """Read a PLY file: the elements `vertex` (x, y, z), `face` (a list of corners) and `edge` (vertex1, vertex2)."""
     elements, order, start = _header(data)
     if "vertex" not in elements:
@@ -124,7 +124,7 @@ def read_ply(data: bytes) -> Content:
     def half_steps(largest: FloatArray) -> FloatArray:
         return np.maximum(half_step(sample, largest), single_half_steps(largest) if is_single else 0.0)
 
-    return Content(vertices, _cells(elements, tables), half_steps)
+    return FileArrays(vertices, _cells(elements, tables), half_steps)
 
 
 def _cells(elements: dict[str, Element], tables: dict[str, Columns]) -> IntArray:
@@ -169,7 +169,7 @@ def _header(data: bytes) -> tuple[dict[str, Element], str, int]:
         raise GtbError("is cut off: no end_header")
     order: str | None = None
     elements: dict[str, Element] = {}
-    properties: dict[str, Property] = {}  # of the last element
+    properties: dict[str, PlyColumn] = {}  # of the last element
 
     def name_of(word: bytes, known: Container[str]) -> str:
         name = word.decode("utf-8", "replace")
@@ -187,9 +187,9 @@ def _header(data: bytes) -> tuple[dict[str, Element], str, int]:
                 name, properties = name_of(word, elements), {}
                 elements[name] = Element(name, int(count), properties)
             case [b"property", kind, word] if kind in kinds and elements:
-                properties[name_of(word, properties)] = Property(kinds[kind])
+                properties[name_of(word, properties)] = PlyColumn(kinds[kind])
             case [b"property", b"list", length, kind, word] if length in lengths and kind in kinds and elements:
-                properties[name_of(word, properties)] = Property(kinds[kind], lengths[length])
+                properties[name_of(word, properties)] = PlyColumn(kinds[kind], lengths[length])
             case _:
                 raise GtbError(f"line {number}: cannot be read: {shown(line)}")
     if order is None:

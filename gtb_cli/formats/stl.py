@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.digits import BLOCK_ROWS, text_rows
-from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, Content, faulty_point, single_half_steps
+from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, single_half_steps
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
 from gtb_cli.meshes.coincident import weld
 
@@ -43,7 +43,7 @@ def _text(vertices: FloatArray, triangles: IntArray, normals: FloatArray, name: 
     yield b"endsolid " + title + b"\n"
 
 
-def read_stl(data: bytes) -> Content:
+def read_stl(data: bytes) -> FileArrays:
     """Read an STL file: a whole binary one, or text with whole facets."""
     facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     number = int.from_bytes(data[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
@@ -59,15 +59,15 @@ def read_stl(data: bytes) -> Content:
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 
-def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray]) -> Content:
+def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray]) -> FileArrays:
     fault = faulty_point(corners)
     if fault is not None:
         raise MeshError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
     first, labels = weld(corners)
-    return Content(corners[first], labels.reshape(-1, 3), half_steps)
+    return FileArrays(corners[first], labels.reshape(-1, 3), half_steps)
 
 
-def _read_text(data: bytes) -> Content:
+def _read_text(data: bytes) -> FileArrays:
     most = 1 << 20  # words that are read together
     number = rb"\s+(\S+)"
     corner = rb"\s+vertex" + 3 * number

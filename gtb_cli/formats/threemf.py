@@ -17,7 +17,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, Content, single_half_steps, stacked
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, single_half_steps, stacked
 from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.vocabulary import PATCH_COLOURS
@@ -99,7 +99,7 @@ _RELATIONSHIPS = (
 ).encode()
 
 
-def read_threemf(data: bytes) -> Content:
+def read_threemf(data: bytes) -> FileArrays:
     """Read the objects that a 3MF file builds, in its unit, with their names."""
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
@@ -175,7 +175,7 @@ class _Reader:
             link = given["objectid"], _matrix(given.get("transform"))
             (self.items if name == "item" else self.components[self.id]).append(link)
 
-    def content(self) -> Content:
+    def content(self) -> FileArrays:
         """Place the objects, each after those that it refers to: an object names only earlier ones."""
         most = 50_000_000  # numbers of all placed objects: few bytes may name many
         effort = 10_000  # numbers that take as long as an object without any
@@ -205,7 +205,7 @@ class _Reader:
             count, rows = count + len(vertices[-1]), rows + len(found)
             inner = reversed(self.components[key])
             stack += [(link, transformation @ place, order[key]) for link, transformation in inner]
-        return Content(
+        return FileArrays(
             stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32), single_half_steps, tuple(groups), self.unit
         )
 

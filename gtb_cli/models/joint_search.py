@@ -38,7 +38,7 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
         raise DomainError("patches: curves and surfaces cannot be joined")
     is_surface = patches[0].dimension == 2
     refs = [(p, e) for p, patch in enumerate(patches) for e in range(len(patch.domain.vertices))]
-    edges = _Edges(edge_curves(patches, refs), _curve_tolerance(patches), weld or 0.0)
+    edges = _EdgeCurves(edge_curves(patches, refs), _curve_tolerance(patches), weld or 0.0)
     near = edges.near if is_surface else {}
     followers = edges.followers(near)
     shared = tuple(
@@ -83,7 +83,7 @@ class _Follower(NamedTuple):
     match: Match | None  # None where the data are equal
 
 
-class _Edges:
+class _EdgeCurves:
     """The curves of all edges, and which of them are compared."""
 
     def __init__(self, curves: Sequence[Curve], tolerance: float, weld: float) -> None:

@@ -12,7 +12,16 @@ from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import domain
 from gtb_cli.plots.look import Look, subscript
 from gtb_cli.plots.palette import FAINT, INK, LINE_COLOURS, patch_colour, rgb
-from gtb_cli.plots.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, Surface, View, note, plane_view, space_views
+from gtb_cli.plots.scene import (
+    GRAPH_HEIGHT,
+    HALO,
+    HIDDEN_STRENGTH,
+    ShadedTriangles,
+    View,
+    note,
+    plane_view,
+    space_views,
+)
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
@@ -149,7 +158,9 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     colours = np.array([rgb(patch_colour(k)) for k in cell.tolist()])
     vertices = np.concatenate([lifted, ground])
     faces = np.concatenate([upper, upper + len(lifted)])
-    (view,) = space_views([ax], look.camera, [Surface(vertices, faces, None, np.concatenate([colours, colours]))])
+    (view,) = space_views(
+        [ax], look.camera, [ShadedTriangles(vertices, faces, None, np.concatenate([colours, colours]))]
+    )
     heights_above = [f"λ={value:.4g}" for value in found.lifting]
     names_below = [subscript("a", i) for i in range(len(flat))]
     for level, width, texts, up, colour in (

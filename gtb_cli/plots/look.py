@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Curvature: TypeAlias = Literal["gaussian", "mean"]
+CurvatureKind: TypeAlias = Literal["gaussian", "mean"]
 
 
 MAX_PIXELS = 60_000_000
@@ -73,7 +73,7 @@ class Look:
     camera: Camera = field(default_factory=Camera)  # or a pair of its azimuth and elevation
     labels: bool | None = None  # number points and edges; None: if there are not too many
     net: bool | None = None  # draw control points and the lines between them; None: for a single patch
-    curvature: Curvature | None = None  # which colours a surface
+    curvature: CurvatureKind | None = None  # which colours a surface
     colours: str | None = None  # one of `gtb_cli.vocabulary.COLOUR_MAPS`
     isolines: int = 0  # number of lines of constant u, and of constant v
     index: tuple[int, ...] = ()  # basis functions to draw; empty: all
@@ -94,7 +94,7 @@ class Look:
             whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
             if not (whole and least <= value <= most) and not (value is None and name == "resolution"):
                 raise DomainError(f"{name}: expected a whole number from {least} to {most}, got {value!r}")
-        for name, choice in (("curvature", get_args(Curvature)), ("colours", COLOUR_MAPS)):
+        for name, choice in (("curvature", get_args(CurvatureKind)), ("colours", COLOUR_MAPS)):
             if getattr(self, name) not in (None, *choice):
                 raise DomainError(f"{name}: expected one of {', '.join(choice)}, got {getattr(self, name)!r}")
         if self.size[0] * self.size[1] * self.dpi**2 > MAX_PIXELS:

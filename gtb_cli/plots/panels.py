@@ -20,7 +20,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.plots.look import Look, empty_figure, panels, settings, with_numbers
 from gtb_cli.plots.net_lines import is_flat, net_of
 from gtb_cli.plots.palette import LINE_COLOURS, NET
-from gtb_cli.plots.scene import HIDDEN_STRENGTH, Surface, plain, plane_view, space_views
+from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, plain, plane_view, space_views
 from gtb_cli.plots.shape_figures import surface_of, with_normals
 from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
 from gtb_cli.theory.patch import Patch
@@ -129,11 +129,11 @@ def _paths(curve: Mesh) -> list[FloatArray]:
     return [curve.vertices[[*run[:, 0], run[-1, 1]]] for run in np.split(curve.cells, breaks)]
 
 
-def _with_film(surface: Surface, film: Mesh) -> Surface:
+def _with_film(surface: ShadedTriangles, film: Mesh) -> ShadedTriangles:
     """Return a surface with its film, in another colour."""
     assert surface.normals is not None
     assert film.normals is not None
-    return Surface(
+    return ShadedTriangles(
         np.concatenate([surface.vertices, film.vertices]),
         np.concatenate([surface.faces, shifted(film.faces, len(surface.vertices))]),
         np.concatenate([surface.normals, film.normals]),

@@ -27,7 +27,7 @@ HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", 
 
 
 @frozen
-class Surface:
+class ShadedTriangles:
     """(k, 3) triangles of (m, 3) vertices, with (m, 3) unit normals, without which all are equally bright.
 
     Each has a colour, red, green and blue of (k, 3), unless there are (m,) `scalars`: numbers at the vertices, from 0
@@ -58,7 +58,7 @@ class Projection:
 
 
 def space_views(
-    axes: Sequence[Axes], camera: Camera, surfaces: Sequence[Surface | None], others: Sequence[FloatArray] = ()
+    axes: Sequence[Axes], camera: Camera, surfaces: Sequence[ShadedTriangles | None], others: Sequence[FloatArray] = ()
 ) -> list[View]:
     """Draw a surface, or none, on each of the axes; all have one window, which holds all surfaces and other points."""
     scene_margin = 0.07  # free border around a scene, as a fraction of its size: room for labels
@@ -94,7 +94,7 @@ def plane_view(ax: Axes, points: FloatArray) -> View:
     return View(ax)
 
 
-def _drawn(ax: Axes, projection: Projection, surface: Surface) -> Raster:
+def _drawn(ax: Axes, projection: Projection, surface: ShadedTriangles) -> Raster:
     """Draw a surface, shaded, as an image that fills the window, and return what is where in it."""
     ax.apply_aspect()
     place = ax.get_window_extent()
@@ -220,7 +220,7 @@ class View:
         return bool((self.raster.triangle[max(low, 0) : high, max(left, 0) : right] >= 0).any())
 
 
-def _shaded(surface: Surface, camera: Camera, raster: Raster) -> FloatArray:
+def _shaded(surface: ShadedTriangles, camera: Camera, raster: Raster) -> FloatArray:
     """(height, width, 4) colours and opacity, colours times opacity."""
     # Unit vector towards the light: to the right, upwards, towards the eye
     light = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)

@@ -15,7 +15,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.plots.look import Look, subscript
 from gtb_cli.plots.net_lines import curve_path, edge_path, is_flat, isoparametric_paths, net_of
 from gtb_cli.plots.palette import INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
-from gtb_cli.plots.scene import HIDDEN_STRENGTH, Surface, View, plain, plane_view, space_views
+from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, View, plain, plane_view, space_views
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
@@ -78,13 +78,13 @@ def draw_mesh(ax: Axes, mesh: Mesh, look: Look) -> None:
     view.triad()
 
 
-def surface_of(mesh: Mesh, patches: int = 1) -> Surface:
+def surface_of(mesh: Mesh, patches: int = 1) -> ShadedTriangles:
     """Return the surface of a mesh, with a colour for each patch."""
     colours = plain(len(mesh.cells))
     if patches > 1:
         for index, (_, start, stop) in enumerate(mesh.groups):
             colours[start:stop] = rgb(patch_colour(index))
-    return Surface(mesh.vertices, mesh.faces, mesh.normals, colours)
+    return ShadedTriangles(mesh.vertices, mesh.faces, mesh.normals, colours)
 
 
 def with_normals(mesh: Mesh, *, smooth: bool = False) -> Mesh:
@@ -119,7 +119,7 @@ def draw_net(view: View, patches: Sequence[Patch], look: Look) -> None:
     view.points(spots, texts if few else (), edge=NET, size=4.5 if len(spots) < 100 else 2.5)
 
 
-def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: Surface, look: Look) -> Surface:
+def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: ShadedTriangles, look: Look) -> ShadedTriangles:
     """Return a surface coloured by its curvature, and draw the scale beside it.
 
     Values beyond the ends of the scale have the colours of these.

@@ -11,7 +11,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.plots.look import Camera, Look, empty_figure, encoded, panels, settings
 from gtb_cli.plots.palette import LINE_COLOURS
-from gtb_cli.plots.scene import HIDDEN_STRENGTH, Surface, plain, space_views
+from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, plain, space_views
 from gtb_cli.plots.shape_figures import with_normals
 from gtb_cli.review.changes import Change
 from gtb_cli.vocabulary import PATCH_COLOURS
@@ -82,11 +82,11 @@ def _panels(change: Change) -> list[Panel]:
     return plain_panels + coloured
 
 
-def _surface(panel: Panel) -> Surface:
+def _surface(panel: Panel) -> ShadedTriangles:
     attributes = {} if panel.values is None else {"value": panel.values}
     mesh = with_normals(replace(panel.mesh, attributes=attributes)).split
     colours = plain(len(mesh.faces), PATCH_COLOURS[panel.number])
-    return Surface(mesh.vertices, mesh.faces, mesh.normals, colours, mesh.attributes.get("value"), COLOUR_MAP)
+    return ShadedTriangles(mesh.vertices, mesh.faces, mesh.normals, colours, mesh.attributes.get("value"), COLOUR_MAP)
 
 
 def _coloured_segments(panel: Panel) -> list[tuple[list[FloatArray], str]]:

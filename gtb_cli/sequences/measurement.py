@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import shifted
-from gtb_cli.distances.shapes import RELATIVE_ERROR, cells_along_edges, farthest, layered
-from gtb_cli.distances.surface import Surface, surface_of
+from gtb_cli.distances.between_shapes import RELATIVE_ERROR, cells_along_edges, farthest, layered
+from gtb_cli.distances.strata import Surface, surface_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.hausdorff import mesh_distance
 from gtb_cli.meshes.mesh import Mesh

@@ -41,7 +41,7 @@ class _Ends(NamedTuple):
     y: FloatArray  # (3, m)
 
 
-class CurveCertificate:
+class ChordProofs:
     """Proofs that segments are within a tolerance of a curve.
 
     On an interval [α, β], P is within (β − α)²/8 · max |P''| of the point at the same fraction of its chord, with

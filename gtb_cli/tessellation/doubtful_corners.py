@@ -16,7 +16,7 @@ def doubtful_corners(spec: Patch | Model) -> list[str]:
     """Say where corners of surfaces are one place or, joined by straight lines in their order, make these cross."""
     if spec.dimension == 1:
         return []
-    places: dict[int, _Places] = {}  # by the domain, which patches share
+    places: dict[int, _CornerPlaces] = {}  # by the domain, which patches share
     faults = []
     for patch in spec.patches:
         if id(patch.domain) not in places:
@@ -26,7 +26,7 @@ def doubtful_corners(spec: Patch | Model) -> list[str]:
     return faults
 
 
-class _Places(NamedTuple):
+class _CornerPlaces(NamedTuple):
     """The first knot at each corner of Δ, corners with several knots, and the ends of edges without knots between."""
 
     corners: IntArray
@@ -34,15 +34,15 @@ class _Places(NamedTuple):
     straight: list[tuple[int, int]]
 
 
-def _places(domain: Domain) -> _Places:
+def _places(domain: Domain) -> _CornerPlaces:
     members = [np.flatnonzero((domain.knots == corner).all(axis=1)) for corner in domain.vertices]
     corners = [int(row[0]) for row in members]
     ends = zip(corners, corners[1:] + corners[:1], strict=True)
     straight = [pair for pair, count in zip(ends, domain.incidence.sum(axis=0), strict=True) if count == 2]
-    return _Places(np.array(corners), [row for row in members if len(row) > 1], straight)
+    return _CornerPlaces(np.array(corners), [row for row in members if len(row) > 1], straight)
 
 
-def _faults(points: FloatArray, places: _Places) -> Iterator[str]:
+def _faults(points: FloatArray, places: _CornerPlaces) -> Iterator[str]:
     near = 64 * EPS * float(np.abs(points).max())  # two points that are one to rounding
     for members in places.repeated:
         if np.abs(points[members] - points[members[:1]]).max() > near:

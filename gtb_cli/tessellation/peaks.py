@@ -12,7 +12,7 @@ from gtb_cli.moment.torus import block_length
 from gtb_cli.tessellation.splitting import Cells, Edges
 
 
-class Peaks:
+class PeakParameters:
     """Parameters, inside the domains of surfaces and on their edges, near which samples may miss much.
 
     They are the knots, whose weights may be extreme, the middles between neighbouring knots, which may crowd, and
@@ -55,7 +55,7 @@ def _peaks_of(domain: Domain) -> list[FloatArray]:
 
 
 def _peaks_of_layer(domain: Domain, edge: int) -> FloatArray:
-    """Peaks between knots so near to an edge that the surface may turn in a narrow layer there.
+    """PeakParameters between knots so near to an edge that the surface may turn in a narrow layer there.
 
     They are on the segments from each such knot to its neighbours along the edge: among all of them, and on the edge.
     """

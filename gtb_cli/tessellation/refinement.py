@@ -14,9 +14,9 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cro
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
-from gtb_cli.tessellation.chords import CurveCertificate
+from gtb_cli.tessellation.chords import ChordProofs
 from gtb_cli.tessellation.complexes import Complex
-from gtb_cli.tessellation.peaks import Peaks
+from gtb_cli.tessellation.peaks import PeakParameters
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.sampling import (
     MIN_SAMPLES,
@@ -67,8 +67,8 @@ class _Refinement:
         is_surface = self.mesh.is_surface
         self.tolerance = sample_share * tolerance if is_surface else tolerance
         self.samples = Sampling(self.mesh, sampler)
-        self.curves = [] if is_surface else [CurveCertificate(patch) for patch in sampler.patches]
-        self.peaks = Peaks(self.mesh.domains, self.mesh.kinds) if is_surface else None
+        self.curves = [] if is_surface else [ChordProofs(patch) for patch in sampler.patches]
+        self.peaks = PeakParameters(self.mesh.domains, self.mesh.kinds) if is_surface else None
         self.sizes = np.array([domain.size for domain in self.mesh.domains])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
         self.flat = np.array([is_surface and self.is_flat(index) for index in range(len(sampler.patches))])
@@ -196,7 +196,7 @@ class _Refinement:
                 marked = self.flat_marks(flat)
         return marked
 
-    def sample_peaks(self, sides: IntArray, peaks: Peaks) -> None:
+    def sample_peaks(self, sides: IntArray, peaks: PeakParameters) -> None:
         """Note how far the curves of edges are from them at possible peaks, and how near samples must be."""
         place_share = 0.01  # part of the tolerance by which a sample may be off along the surface: it is found sooner
         mesh = self.mesh
@@ -214,7 +214,9 @@ class _Refinement:
         width = np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows])
         return steps_for(width, self.points_in_all)
 
-    def sample_on_lattices(self, rows: IntArray, steps_at: IntArray, peaks: Peaks) -> tuple[IntArray, IntArray]:
+    def sample_on_lattices(
+        self, rows: IntArray, steps_at: IntArray, peaks: PeakParameters
+    ) -> tuple[IntArray, IntArray]:
         """Sample cells at peaks, and on lattices of the given steps, and return those that fail, and that are doubtful.
 
         Doubtful cells hold, but the surface is not quadratic there. If nothing else is left to split, they are sampled

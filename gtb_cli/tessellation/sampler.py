@@ -102,7 +102,7 @@ class Sampler:
     ) -> tuple[FloatArray, FloatArray]:
         """(m, 3) points of surfaces like `points`, found sooner from (2, m) guesses; also the (2, m) right guesses.
 
-        Both are NaN where there are none, as on the boundary. See `_Nets.near`.
+        Both are NaN where there are none, as on the boundary. See `_AlikePatches.near`.
         """
         points, right = np.full((len(patch), 3), np.nan), np.full(guesses.shape, np.nan)
         inside = np.flatnonzero(self._faces_of_patches(patch, face) == INTERIOR)
@@ -121,7 +121,7 @@ class Sampler:
     def _faces_of_patches(self, patch: IntArray, face: IntArray) -> IntArray:
         return face if self.faces is None else self.faces[patch, face]
 
-    def _alike(self, patch: IntArray) -> Iterator[tuple[_Nets, IntArray, IntArray]]:
+    def _alike(self, patch: IntArray) -> Iterator[tuple[_AlikePatches, IntArray, IntArray]]:
         """Yield for (m,) patches those with equal knots, (k,) rows, and the (k,) ascending numbers of their nets."""
         for kind, rows in groups(self._kinds[patch]):
             nets = self._nets[kind]
@@ -133,13 +133,13 @@ class Sampler:
         return kinds_of([patch.domain for patch in self.patches])
 
     @cached_property
-    def _nets(self) -> dict[int, _Nets]:
+    def _nets(self) -> dict[int, _AlikePatches]:
         kinds = groups(self._kinds)
-        return {kind: _Nets(members, [self.patches[index] for index in members]) for kind, members in kinds}
+        return {kind: _AlikePatches(members, [self.patches[index] for index in members]) for kind, members in kinds}
 
 
 @frozen
-class _Nets:
+class _AlikePatches:
     """Patches with equal knots, and their (p,) ascending numbers among all."""
 
     members: IntArray

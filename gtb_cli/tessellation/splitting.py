@@ -79,18 +79,18 @@ def new_cells(cells: IntArray, sides: IntArray, corners: FloatArray, patch: IntA
     return Cells(cells, sides, corners, patch, *np.zeros((2, len(cells)), dtype=bool))
 
 
-class _Cut(NamedTuple):
+class _SplitPattern(NamedTuple):
     """A pattern by which cells are cut. The k corners are 0 … k − 1, and k + i is the middle of side i."""
 
     pieces: tuple[tuple[int, ...], ...]
     lines: tuple[tuple[int, int], ...]  # new edges, inside the cell
 
 
-_SEGMENT = _Cut(((0, 2), (2, 1)), ())
-_SIDE_0 = _Cut(((0, 3, 2), (3, 1, 2)), ((3, 2),))
-_SIDES_0_1 = _Cut(((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4)))
-_SIDES_0_1_OTHER_DIAGONAL = _Cut(((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
-_ALL_SIDES = _Cut(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5)))
+_SEGMENT = _SplitPattern(((0, 2), (2, 1)), ())
+_SIDE_0 = _SplitPattern(((0, 3, 2), (3, 1, 2)), ((3, 2),))
+_SIDES_0_1 = _SplitPattern(((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4)))
+_SIDES_0_1_OTHER_DIAGONAL = _SplitPattern(((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
+_ALL_SIDES = _SplitPattern(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5)))
 
 
 def divide(
@@ -126,7 +126,7 @@ def divide(
     return pieces, made
 
 
-def _cuts(whole: Cells, points: FloatArray, vertex: IntArray) -> list[tuple[Cells, _Cut]]:
+def _cuts(whole: Cells, points: FloatArray, vertex: IntArray) -> list[tuple[Cells, _SplitPattern]]:
     """Triangles turned so that their split sides come first, and how each of them is cut."""
     marks = vertex.take(whole.sides) >= 0
     count = marks.sum(axis=1)

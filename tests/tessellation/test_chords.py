@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.models.model import Model
-from gtb_cli.tessellation.chords import CurveCertificate
+from gtb_cli.tessellation.chords import ChordProofs
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
@@ -133,7 +133,7 @@ def test_scale_and_place_of_knots_and_points_do_not_count(scale, shift):
 
 def test_the_bound_is_not_met_by_a_chord_that_is_too_far():
     """The arc is 1/2 high: a tolerance just below fails, one just above holds."""
-    arc = CurveCertificate(Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], None, [1, 2, 1]))
+    arc = ChordProofs(Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], None, [1, 2, 1]))
     ends, chords = np.array([[0, 2.0]]), np.array([[[0, 0, 0.0], [2, 0, 0.0]]])
     assert arc.failing(ends, chords, 0.499).all()
     assert arc.failing(ends, chords, 0.5).all()  # as near as that no bound is

@@ -21,7 +21,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 
-class Places(NamedTuple):
+class StratumPlaces(NamedTuple):
     """Points given by their strata and torus coordinates."""
 
     stratum: IntArray  # (m,)
@@ -94,7 +94,7 @@ class Surface:
     """The strata of a patch, a model or a curve, and (v,) points all over it."""
 
     strata: Strata
-    places: Places  # of the points
+    places: StratumPlaces  # of the points
     points: FloatArray  # (v, 3)
     relative: FloatArray  # (v, 3) where in the domains, in units of all domains' extent, and 0.01 × the patch's number
     region: IntArray  # (v,) parts of the domain, by number, for points inside it; -1 on edges and at corners
@@ -143,7 +143,7 @@ def _regions(patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, 
 
 def _located(
     patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray
-) -> tuple[Strata, Places]:
+) -> tuple[Strata, StratumPlaces]:
     """Solve for (m, d) parameters of some patches."""
     sufficient = 1e-6  # accuracy of the parameters: whatever they are, the points lie on the surface
     parts: list[Strata] = []
@@ -159,4 +159,4 @@ def _located(
             parts.append(Strata(knots, (logs - logs.max())[:, None], each.control_points[on].T[..., None]))
             stratum[there] = len(parts) - 1
             s[there, : len(extents)] = (location.s * extents[:, None]).T
-    return Strata.joined(parts), Places(stratum, s)
+    return Strata.joined(parts), StratumPlaces(stratum, s)

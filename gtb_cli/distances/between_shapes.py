@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray
-from gtb_cli.distances.search import Search
-from gtb_cli.distances.surface import Surface, surface_of
+from gtb_cli.distances.search import FarthestSearch
+from gtb_cli.distances.strata import Surface, surface_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.frame import Frame
@@ -44,9 +44,11 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
 def farthest(
     surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int, accuracy: float = RELATIVE_ERROR
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(k,) distances, (k, 3) points and (k,) errors as found by `Search`, in model units."""
+    """(k,) distances, (k, 3) points and (k,) errors as found by `FarthestSearch`, in model units."""
     frame = Frame.around(*(surface.points for surface in surfaces))
-    found, at, errors = Search([surface.seen_from(frame) for surface in surfaces], ways, count, accuracy).farthest()
+    found, at, errors = FarthestSearch(
+        [surface.seen_from(frame) for surface in surfaces], ways, count, accuracy
+    ).farthest()
     return frame.length(found), frame.outside(at), frame.length(errors)
 
 
