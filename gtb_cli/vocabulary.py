@@ -2,6 +2,8 @@
 
 import math
 import os
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import Literal, NamedTuple, TypeAlias
 
 from gtb_cli.errors import DomainError
@@ -22,6 +24,27 @@ def percentage(text: str) -> float:
     if not 0 < value < math.inf:
         raise DomainError(f"tolerance: expected a positive number or percentage, such as 0.01 or '1%', got {text!r}")
     return value
+
+
+def requirements(words: Sequence[str]) -> dict[str, float]:
+    """Read requirements: the name of each, with the angle of "smooth" in degrees, and 0 for the others.
+
+    Raises `DomainError` if a word is none of "watertight", "solid", "unfolded" and "smooth:ANGLE".
+    """
+    found = {}
+    for word in words:
+        name, _, text = word.partition(":")
+        angle = math.nan
+        if word in ("watertight", "solid", "unfolded"):
+            angle = 0.0
+        elif name == "smooth" and "_" not in text:
+            with suppress(ValueError):
+                angle = float(text.removesuffix("deg"))
+        if not 0 <= angle <= 180:
+            expected = "watertight, solid, unfolded, or an angle in degrees, as in smooth:1deg"
+            raise DomainError(f"require: expected {expected}, got {word!r}")
+        found[name] = angle
+    return found
 
 
 COMPLETION_VARIABLE = "_GTB_COMPLETE"  # environment variable with which a shell asks `gtb` for completions

@@ -14,7 +14,7 @@ from gtb_cli.shell.faults import leads_out
 from gtb_cli.shell.gathering import Function, Option, gathered
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import Spec, Streams, refuse_overwriting
-from gtb_cli.tessellation.recipe import Recipe, requirements
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import (
     ATTRIBUTES,
     BASIS,
@@ -28,6 +28,7 @@ from gtb_cli.vocabulary import (
     SPEC_FORMATS,
     UP,
     percentage,
+    requirements,
     suffix_of,
 )
 

@@ -6,18 +6,18 @@ The command line reads its options with this module, so whatever computes is imp
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from gtb_cli.errors import DomainError
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.values import by_value, frozen
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Rim
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Rim, requirements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.models.model import Model
+    from gtb_cli.tessellation.solid_making import TubeMaker, WallMaker
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
 
@@ -50,7 +50,7 @@ class Recipe:
         Some of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
         Refuse what does not have these properties: "watertight", "solid", "unfolded", "smooth:1deg", see
-        `requirements`. One word may stand for itself, and None for none.
+        `gtb_cli.tessellation.requirements`. One word may stand for itself, and None for none.
     max_faces : int
         More are refused before they are made.
     weld : float, str or None
@@ -112,9 +112,110 @@ class Recipe:
         RequirementError
             Something that is required is not so; names the edges or places.
         """
-        from gtb_cli.tessellation.making import mesh_of
+        from gtb_cli.models.model import with_weld
 
-        return mesh_of(self, spec, rounding, held)
+        self.check_size(spec)
+        spec = with_weld(spec, self.weld)
+        surface, tolerance = self._surface(spec, rounding)
+        remarks = self._remarks(spec, surface)
+        mesh = surface
+        if self.attributes:
+            from gtb_cli.tessellation.attributes import with_attributes
+
+            mesh, replaced = with_attributes(spec, mesh, self.attributes, self.parametrization)
+            if replaced:
+                remarks.append(
+                    f"the curvature has no finite limit at {replaced} of {len(mesh.vertices)} vertices, "
+                    "which get the mean of their neighbours'"
+                )
+        size = self.thickness if self.radius is None else self.radius
+        maker = None if size is None else self._maker(spec, tolerance)
+        faults: list[str] = []
+        folds: list[str] = []
+        thin: list[str] = []
+        if maker and size is not None:
+            mesh, faults, folds, thin = maker.solid(mesh, size)
+        must_close = not mesh.is_curve and (self.thickness is not None or {"watertight", "solid"} & {*self.require})
+        held = held or (lambda mesh: (mesh, ""))
+        stored, coarse = held(mesh) if must_close else (mesh, "")
+        if not mesh.is_curve and (self.thickness is not None or "solid" in self.require):
+            from gtb_cli.tessellation.solid_making import crossings_of
+
+            folds += crossings_of(mesh, stored, coarse)
+        if maker and size is not None and folds and not faults:
+            folds[-1] += f"; {maker.smaller(surface, size, held)}"
+        if self.require:
+            from gtb_cli.tessellation.requirements import require
+
+            finer = self._fine(spec, surface) if "unfolded" in self.require else surface
+            require(self.require, spec, mesh, finer, faults + folds, (stored, coarse))
+        return mesh, remarks + faults + folds + thin
+
+    def _surface(self, spec: Patch | Model, rounding: float) -> tuple[Mesh, float | None]:
+        """Mesh the surface or curve, within the tolerance that a tube leaves to its middle line; return both."""
+        from gtb_cli.tessellation.tessellate import tessellate
+
+        tolerance, around = self.tolerance_for(spec), 1
+        if tolerance is not None and self.radius is not None:
+            from gtb_cli.solids.tube import ring_size
+
+            # Of the middle line, and of the polygon of its rings: on the outside of a bend as sharp as the tube allows,
+            # the middle line's error counts twice.
+            tolerance *= 1 / 3
+            around = 2 * ring_size(self.radius, tolerance)
+        try:
+            mesh = tessellate(
+                spec,
+                None if tolerance else self.resolution,
+                tolerance,
+                self.parametrization,
+                normals=self.normals or self.thickness is not None,
+                max_faces=self.max_faces // around,
+                rounding=rounding,
+            )
+        except ToleranceError as error:
+            if around == 1:
+                raise
+            raise ToleranceError(f"{error}: the tube has {around} faces around each segment") from None
+        return mesh, tolerance
+
+    def _remarks(self, spec: Patch | Model, surface: Mesh) -> list[str]:
+        """Remarks on corners, on the seams of a model, and on how its mesh is spread."""
+        from gtb_cli.models.model import Model
+        from gtb_cli.tessellation.doubtful_corners import doubtful_corners
+
+        remarks, model = doubtful_corners(spec), spec if isinstance(spec, Model) else None
+        if model is not None:
+            from gtb_cli.models.openings import seam_remarks
+
+            remarks += seam_remarks(model)
+        if self.tolerance is None and (self.parametrization == "toric" or self.resolution <= 2):
+            from gtb_cli.tessellation.remarks import coarse_sides, crowding
+
+            remarks += coarse_sides(model, surface, self.resolution) if model is not None else []
+            remarks += crowding(spec, self.resolution) if self.parametrization == "toric" else []
+        return remarks
+
+    def _maker(self, spec: Patch | Model, tolerance: float | None) -> TubeMaker | WallMaker:
+        from gtb_cli.tessellation.solid_making import TubeMaker, WallMaker
+
+        if self.radius is None:
+            return WallMaker(spec, self.rim)
+        return TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
+
+    def _fine(self, spec: Patch | Model, surface: Mesh) -> Mesh:
+        """The mesh of a surface if it folds or is fine, else one of at most half a million faces that may fold."""
+        from gtb_cli.knots.triangulation import cell_count
+        from gtb_cli.solids.solidity import folded_places
+        from gtb_cli.tessellation.tessellate import tessellate
+
+        most_faces, segments = 500_000, RESOLUTION
+        while sum(cell_count(patch.domain, segments) for patch in spec.patches) > most_faces and segments > 1:
+            segments //= 2
+        is_fine = surface.is_curve or len(surface.cells) >= most_faces
+        if is_fine or (self.tolerance is None and self.resolution >= segments) or folded_places(surface):
+            return surface
+        return tessellate(spec, segments, normals=False)
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
@@ -162,24 +263,3 @@ class Recipe:
         from gtb_cli.tessellation.fineness import refuse_faces
 
         refuse_faces(self.faces(spec), self.resolution, self.max_faces)
-
-
-def requirements(words: Sequence[str]) -> dict[str, float]:
-    """Read requirements: the name of each, with the angle of "smooth" in degrees, and 0 for the others.
-
-    Raises `DomainError` if a word is none of "watertight", "solid", "unfolded" and "smooth:ANGLE".
-    """
-    found = {}
-    for word in words:
-        name, _, text = word.partition(":")
-        angle = math.nan
-        if word in ("watertight", "solid", "unfolded"):
-            angle = 0.0
-        elif name == "smooth" and "_" not in text:
-            with suppress(ValueError):
-                angle = float(text.removesuffix("deg"))
-        if not 0 <= angle <= 180:
-            expected = "watertight, solid, unfolded, or an angle in degrees, as in smooth:1deg"
-            raise DomainError(f"require: expected {expected}, got {word!r}")
-        found[name] = angle
-    return found

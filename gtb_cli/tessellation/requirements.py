@@ -13,9 +13,9 @@ from gtb_cli.models.joint_search import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import obstacles
 from gtb_cli.solids.solidity import folded_places, inward_faces, where
-from gtb_cli.tessellation.recipe import requirements
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import requirements
 
 
 def require(

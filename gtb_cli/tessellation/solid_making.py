@@ -1,9 +1,7 @@
-"""The tube or thickened surface of a recipe, what is wrong with it, and which smaller one is solid."""
-
-from __future__ import annotations
+"""Tubes around curves and walls beside surfaces, what is wrong with them, and which smaller ones are solid."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
@@ -14,17 +12,18 @@ from gtb_cli.solids.solidity import crossing_remarks, folded_places, where
 from gtb_cli.solids.thickening import thicken
 from gtb_cli.solids.tube import folded_segments, tube
 from gtb_cli.tessellation.attributes import curve_tangents
-from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.remarks import offset_folds, thin_wall
 from gtb_cli.tessellation.requirements import require
+from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+from gtb_cli.vocabulary import Rim
 
-if TYPE_CHECKING:
-    from gtb_cli.tessellation.recipe import Held
+Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 
 
 class Solid(NamedTuple):
-    """A tube or a thickened surface, and what is wrong with it."""
+    """A tube or a wall, and what is wrong with it."""
 
     mesh: Mesh
     faults: list[str]  # of the surface, which no other thickness mends
@@ -32,16 +31,79 @@ class Solid(NamedTuple):
     thin: list[str]
 
 
-def solid_of(recipe: Recipe, spec: Patch | Model, surface: Mesh, tolerance: float | None) -> Solid:
-    """Make the tube around the mesh of a curve, or the wall of a thickness beside that of a surface."""
-    if recipe.thickness is None:
-        assert recipe.radius is not None
-        mesh, folds = _tube(recipe, spec, surface, recipe.radius, tolerance)
+@frozen
+class TubeMaker:
+    """Tubes around the mesh of a curve, made within a tolerance if there is one."""
+
+    spec: Patch | Model
+    parametrization: Parametrization  # of the mesh
+    tolerance: float | None
+    max_faces: int
+
+    def solid(self, curve: Mesh, radius: float) -> Solid:
+        """Make the tube of a radius."""
+        tangents = None
+        if curve.is_curve and isinstance(self.spec, Patch):
+            tangents = curve_tangents(self.spec, curve, self.parametrization)
+        folded = folded_segments(curve, radius, tolerance=self.tolerance, tangents=tangents)
+        folds = []
+        if len(folded):
+            folds.append(f"a radius of {radius:g} is more than that of the curve's bends: {where(curve, folded)}")
+        mesh = tube(curve, radius, tolerance=self.tolerance, tangents=tangents, max_faces=self.max_faces)
         return Solid(mesh, [], folds, [])
-    folds = offset_folds(spec, surface, recipe.thickness)
-    wall = thicken(surface, recipe.thickness)
-    thin = thin_wall(wall, recipe.thickness)
-    return Solid(_rimmed(recipe, wall, recipe.thickness), folded_places(surface), folds, thin)
+
+    def smaller(self, curve: Mesh, radius: float, held: Held) -> str:
+        """Name a smaller radius whose tube is solid, judged as one that is asked for; or say that none was found."""
+
+        def is_solid(radius: float) -> bool:
+            try:
+                mesh, _, folds, _ = self.solid(curve, radius)
+            except (DomainError, ToleranceError):
+                return False
+            return not folds and not crossings_of(mesh, *held(mesh))
+
+        return _smaller("radius", radius, is_solid, len(curve.cells))
+
+
+@frozen
+class WallMaker:
+    """Walls beside the mesh of a surface."""
+
+    spec: Patch | Model
+    rim: Rim
+
+    def solid(self, surface: Mesh, thickness: float) -> Solid:
+        """Make the wall of a thickness."""
+        folds = offset_folds(self.spec, surface, thickness)
+        wall = thicken(surface, thickness)
+        thin = thin_wall(wall, thickness)
+        return Solid(self._rimmed(wall, thickness), folded_places(surface), folds, thin)
+
+    def smaller(self, surface: Mesh, thickness: float, held: Held) -> str:
+        """Name a smaller thickness whose wall is solid, judged as one that is asked for; or say that none was found.
+
+        A surface that passes through itself is a side of every wall: none is tried.
+        """
+
+        def is_solid(thickness: float) -> bool:
+            if offset_folds(self.spec, surface, thickness):
+                return False
+            try:
+                wall = self._rimmed(thicken(surface, thickness), thickness)
+                stored, coarse = held(wall)
+                require(("solid",), self.spec, wall, surface, crossings_of(wall, stored, coarse), (stored, coarse))
+            except (DomainError, RequirementError):
+                return False
+            return True
+
+        if len(crossing_pairs(surface.vertices, surface.faces)[0]):
+            return "no thickness is solid, as the surface passes through itself"
+        if abs(thickness) <= CROSSING_DEPTH * max(surface.bounds[1] - surface.bounds[0]):
+            return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
+        return _smaller("thickness", thickness, is_solid, len(surface.cells))
+
+    def _rimmed(self, wall: Mesh, thickness: float) -> Mesh:
+        return wall if self.rim == "normal" else with_flat_rims(wall, thickness)
 
 
 def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
@@ -50,43 +112,6 @@ def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
     if crossings and stored is not mesh and not crossing_remarks(mesh):
         return [f"{line}: {coarse}" for line in crossings]
     return crossings
-
-
-def smaller_solid(
-    recipe: Recipe, spec: Patch | Model, surface: Mesh, tolerance: float | None, held: Held | None, crosses: bool
-) -> str:
-    """Name a smaller radius or thickness that makes a solid, or say that none was found.
-
-    Each is judged as one that is asked for. A surface that passes through itself, which only a solid that `crosses`
-    has, is a side of all walls: none is tried.
-    """
-
-    def is_tube(radius: float) -> bool:
-        try:
-            mesh, folds = _tube(recipe, spec, surface, radius, tolerance)
-        except (DomainError, ToleranceError):
-            return False
-        return not folds and not crossings_of(mesh, *(held(mesh) if held else (mesh, "")))
-
-    def is_wall(thickness: float) -> bool:
-        if offset_folds(spec, surface, thickness):
-            return False
-        try:
-            wall = _rimmed(recipe, thicken(surface, thickness), thickness)
-            stored, coarse = held(wall) if held else (wall, "")
-            require(("solid",), spec, wall, surface, crossings_of(wall, stored, coarse), (stored, coarse))
-        except (DomainError, RequirementError):
-            return False
-        return True
-
-    if recipe.thickness is None:
-        assert recipe.radius is not None
-        return _smaller("radius", recipe.radius, is_tube, len(surface.cells))
-    if crosses and len(crossing_pairs(surface.vertices, surface.faces)[0]):
-        return "no thickness is solid, as the surface passes through itself"
-    if abs(recipe.thickness) <= CROSSING_DEPTH * max(surface.bounds[1] - surface.bounds[0]):
-        return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
-    return _smaller("thickness", recipe.thickness, is_wall, len(surface.cells))
 
 
 def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: int) -> str:
@@ -106,21 +131,3 @@ def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: 
     if tried == 1:
         return f"a {name} of {high:g} was tried and is not solid"
     return f"{tried} {'radii' if name == 'radius' else 'thicknesses'} down to {high:g} were tried, and none is solid"
-
-
-def _tube(
-    recipe: Recipe, spec: Patch | Model, curve: Mesh, radius: float, tolerance: float | None
-) -> tuple[Mesh, list[str]]:
-    """The tube around the mesh of a curve, and where it folds."""
-    tangents = None
-    if curve.is_curve and isinstance(spec, Patch):
-        tangents = curve_tangents(spec, curve, recipe.parametrization)
-    folded = folded_segments(curve, radius, tolerance=tolerance, tangents=tangents)
-    folds = []
-    if len(folded):
-        folds.append(f"a radius of {radius:g} is more than that of the curve's bends: {where(curve, folded)}")
-    return tube(curve, radius, tolerance=tolerance, tangents=tangents, max_faces=recipe.max_faces), folds
-
-
-def _rimmed(recipe: Recipe, wall: Mesh, thickness: float) -> Mesh:
-    return wall if recipe.rim == "normal" else with_flat_rims(wall, thickness)

@@ -12,8 +12,9 @@ from gtb_cli.formats.export import held
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
 from gtb_cli.models.seams import bends
-from gtb_cli.tessellation.recipe import Recipe, requirements
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import requirements
 from tests.marks import long
 from tests.shell import PENTAGON, SPECS, gtb
 from tests.specs import load
