@@ -16,11 +16,11 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
 from gtb_cli.tessellation.chords import ChordProofs
 from gtb_cli.tessellation.complexes import Complex
-from gtb_cli.tessellation.peaks import PeakParameters
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.sampling import (
     MIN_SAMPLES,
     SIDE_STEPS,
+    PeakParameters,
     Sampling,
     inner_points,
     quadratic_heights,
@@ -88,8 +88,8 @@ class _Refinement:
             self.sample_middles()
             marked = self.far()
             self.mark_worst(marked, changed[self.bulge(changed) > self.tolerance])
-            for further_marks in (self.marks_of_samples, self.marks_of_certificates):
-                marked = marked if marked.any() else further_marks()
+            if not marked.any():
+                marked = self.marks_of_samples(self.peaks) if self.peaks else self.uncertain()
             if not marked.any():
                 return self.mesh
             changed = self.split(marked)
@@ -167,30 +167,30 @@ class _Refinement:
         quarters = np.array([[2, 2, 0], [0, 2, 2], [2, 0, 2], [4 / 3, 4 / 3, 4 / 3], [2, 1, 1], [1, 2, 1], [1, 1, 2]])
         return np.asarray(np.abs(quadratic_heights(quarters / 4) @ self.heights(rows)).max(axis=0))
 
-    def marks_of_certificates(self) -> BoolArray:
+    def uncertain(self) -> BoolArray:
         """Mark the segments, of (e,), that are not certain to be within the tolerance of their curves."""
         marked, cells = np.zeros(len(self.mesh.edges.ends), dtype=bool), self.mesh.cells
-        todo = np.flatnonzero(~cells.certified)
-        for index, rows in groups(cells.patch[todo]) if self.curves else []:
+        todo = np.flatnonzero(~cells.holds)
+        for index, rows in groups(cells.patch[todo]):
             own = todo[rows]
             chords = np.stack(self.mesh.corners(own), axis=1)
             fails = self.curves[index].failing(cells.corners[own, :, 0], chords, self.asked)
-            cells.certified[own] = ~fails
-            self.mark_worst(marked, own[fails])
+            cells.holds[own] = ~fails
+            marked[cells.sides[own[fails]]] = True
         return marked
 
-    def marks_of_samples(self) -> BoolArray:
+    def marks_of_samples(self, peaks: PeakParameters) -> BoolArray:
         """Sample the triangles that were not sampled yet, and mark the edges, (e,), that must be split for them."""
         mesh, marked = self.mesh, self.far()
-        while self.peaks and not marked.any() and len(todo := np.flatnonzero(~mesh.cells.sampled)):
-            self.sample_peaks(mesh.sides_of(todo), self.peaks)
+        while not marked.any() and len(todo := np.flatnonzero(~mesh.cells.holds)):
+            self.sample_peaks(mesh.sides_of(todo), peaks)
             is_flat, steps_at = self.flat.take(mesh.cells.patch[todo]), self.steps_at(todo)
             bent, flat = todo[~is_flat], todo[is_flat]
-            failing, doubtful = self.sample_on_lattices(bent, steps_at[~is_flat], self.peaks)
+            failing, doubtful = self.sample_on_lattices(bent, steps_at[~is_flat], peaks)
             marked = self.far()
             self.mark_worst(marked, failing)
-            mesh.cells.sampled[bent] = True
-            mesh.cells.sampled[failing] = mesh.cells.sampled[doubtful] = False
+            mesh.cells.holds[bent] = True
+            mesh.cells.holds[failing] = mesh.cells.holds[doubtful] = False
             # Flat patches wait until all others hold.
             if len(flat) and not marked.any():
                 marked = self.flat_marks(flat)
@@ -300,7 +300,7 @@ class _Refinement:
         sides = self.mesh.sides_of(todo)
         self.sample_sides(sides[edges.face[sides] > 0], np.arange(1, FINE_LATTICE_STEPS) / FINE_LATTICE_STEPS)
         marked = self.far()
-        cells.sampled[todo] = not marked.any()
+        cells.holds[todo] = not marked.any()
         if marked.any():
             return marked
         for index in np.unique(cells.patch[todo]).tolist():
@@ -308,7 +308,7 @@ class _Refinement:
             failing = self.samples.folded_or_uncovered(rows, self.steps_at(rows), self.nearby, self.tolerance)
             if not failing.any():
                 continue
-            cells.sampled[rows] = False
+            cells.holds[rows] = False
             self.folds[index] += int(failing.sum())
             if self.folds[index] <= max_fold_splits:
                 self.mark_worst(marked, rows[failing])

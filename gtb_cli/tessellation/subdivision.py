@@ -1,7 +1,8 @@
 """A complex that grows: its edges are split in the middle, and the cells beside them are cut by pattern."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,8 +12,79 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complexes import Complex, kinds_of
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.splitting import Cells, Edges, Vertices, divide, new_cells, unknown_edges
 from gtb_cli.theory.edges import edge_curves
+
+
+class Vertices(NamedTuple):
+    """Vertices of a complex, each with its patch, its (v, d) parameters there and the number of the face of Δ below it.
+
+    A (v, 2) `guess` is for points of a surface beside it, see `gtb_cli.tessellation.sampling`.
+    """
+
+    patch: IntArray
+    parameters: FloatArray
+    face: IntArray
+    points: FloatArray
+    guess: FloatArray
+
+
+class Edges(NamedTuple):
+    """Sides of cells, and the surface over them as far as it is known; NaN stands for what is not known yet.
+
+    Each has two `ends`, the (e, 2, d) `parameters` of these in a patch, and the face of Δ that holds its middle; the
+    (e, 3) `middle` of its curve, and the (e, 2) `guess` of the vertex there. `bend` and `error` are the distances of
+    the middle, and of the farthest sample of the curve, from the edge, 0 if it was split; `roughness` is by how much
+    samples differ from a parabola.
+    """
+
+    ends: IntArray
+    patch: IntArray
+    parameters: FloatArray
+    face: IntArray
+    middle: FloatArray
+    guess: FloatArray
+    bend: FloatArray
+    error: FloatArray
+    roughness: FloatArray
+
+    @property
+    def middles(self) -> FloatArray:
+        """(e, d) parameters halfway."""
+        return np.asarray((self.parameters[:, 0] + self.parameters[:, 1]) / 2)
+
+    @property
+    def widths(self) -> FloatArray:
+        """(e,) largest differences of parameters."""
+        width = np.abs(self.parameters[:, 1] - self.parameters[:, 0])
+        return np.maximum(width[:, 0], width[:, -1])
+
+
+class Cells(NamedTuple):
+    """Cells with their vertices and sides: side i runs from vertex i to the next.
+
+    The (k, d + 1, d) `corners` are parameters in the domain of the cell's own patch. A cell that `holds` was found to
+    be within the tolerance: everywhere if it is a segment, at samples if it is a triangle.
+    """
+
+    cells: IntArray
+    sides: IntArray
+    corners: FloatArray
+    patch: IntArray
+    holds: BoolArray
+
+
+class _SplitPattern(NamedTuple):
+    """The pieces of a cell, and the edges between them. Corners are 0 … k − 1, and k + i is the middle of side i."""
+
+    pieces: tuple[tuple[int, ...], ...]
+    lines: tuple[tuple[int, int], ...]
+
+
+_SEGMENT = _SplitPattern(((0, 2), (2, 1)), ())
+_SIDE_0 = _SplitPattern(((0, 3, 2), (3, 1, 2)), ((3, 2),))
+_SIDES_0_1 = _SplitPattern(((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4)))
+_SIDES_0_1_OTHER_DIAGONAL = _SplitPattern(((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
+_ALL_SIDES = _SplitPattern(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5)))
 
 
 class Subdivision:
@@ -23,27 +95,23 @@ class Subdivision:
 
     def __init__(self, start: Complex, sampler: Sampler) -> None:
         thin_height = 0.01  # of a triangle in Δ over its longest side, in units of the smallest such ratio at the start
-        points = sampler.points(start.patch, start.parameters, start.face)
-        self.vertices = Vertices(start.patch, start.parameters, start.face, points, np.full((len(points), 2), np.nan))
+        self.points = sampler.points(start.patch, start.parameters, start.face)
+        guess = np.full((len(self.points), 2), np.nan)
+        self.vertices = Vertices(start.patch, start.parameters, start.face, self.points, guess)
         self.collapsed = start.collapsed
         self.domains = sampler.domains
         self.kinds = kinds_of(self.domains)
-        self.edges, sides = edges_of(start, self.domains, self.kinds)
+        self.edges, sides = _edges_of(start, self.domains, self.kinds)
         # Indices may have 32 bits, and others are joined to them.
-        self.cells = new_cells(start.cells.astype(np.int64), sides, start.corners, start.cell_patch)
+        self.cells = _new_cells(start.cells.astype(np.int64), sides, start.corners, start.cell_patch)
         self.is_surface = start.cells.shape[1] == 3
         uneven = sorted(start.uneven)
         self.uneven = dict(zip(uneven, edge_curves(sampler.patches, uneven), strict=True))
-        self.slim = thin_height * min(1.0, float(slimness(start.corners)[0].min())) if self.is_surface else 0.0
+        self.slim = thin_height * min(1.0, float(_slimness(start.corners)[0].min())) if self.is_surface else 0.0
 
     def __len__(self) -> int:
         """Number of cells."""
         return len(self.cells.cells)
-
-    @property
-    def points(self) -> FloatArray:
-        """(v, 3) positions of the vertices."""
-        return self.vertices.points
 
     def corners(self, rows: IntArray) -> list[FloatArray]:
         """(k, 3) points of the first vertices of some cells, of the second ones, and so on."""
@@ -89,7 +157,7 @@ class Subdivision:
         normal = cross_of_columns(b - a, c - a)
         squares = [column_dot(side, side) for side in (b - a, c - b, a - c)]
         is_thin = max_aspect_ratio**2 * column_dot(normal, normal) < reduce(np.maximum, squares) ** 2
-        share, longest = slimness(self.cells.corners.take(rows, axis=0))
+        share, longest = _slimness(self.cells.corners.take(rows, axis=0))
         sides = self.cells.sides.take(rows, axis=0)
         for thin, side in ((is_thin, _largest(squares)), (share < self.slim, longest)):
             marked[sides[thin, side[thin]]] = True
@@ -101,15 +169,16 @@ class Subdivision:
         """
         count, before = len(self.edges.ends), len(self)
         old = rows_of(self.edges, chosen)
-        vertex = np.full(count, -1)
+        vertex = np.full(count, -1)  # in the middle of each split edge
         vertex[chosen] = len(self.points) + np.arange(len(chosen))
-        child = np.full((count, 2), -1)
+        child = np.full((count, 2), -1)  # its halves at its first and at its second end
         child[chosen] = count + np.arange(2 * len(chosen)).reshape(2, -1).T
         if len(self.collapsed):
             self._collapse(old, vertex[chosen])
         self.vertices = joined([self.vertices, Vertices(old.patch, old.middles, old.face, old.middle, old.guess)])
+        self.points = self.vertices.points
         halves = [
-            unknown_edges(
+            _unknown_edges(
                 np.stack([old.ends[:, end], vertex[chosen]], axis=1),
                 old.patch,
                 np.stack([old.parameters[:, end], old.middles], axis=1),
@@ -119,7 +188,7 @@ class Subdivision:
         ]
         self.edges.error[chosen] = 0.0
         self.edges = joined([self.edges, *halves])
-        pieces, made = divide(rows_of(self.cells, rows), self.edges, self.points, vertex, child, self.middles)
+        pieces, made = self._divided(rows, vertex, child)
         self.edges, new = joined([self.edges, *made]), joined(pieces)
         # The first pieces take the places of the cells that were cut.
         self.cells = joined([self.cells, rows_of(new, slice(len(rows), None))])
@@ -135,7 +204,66 @@ class Subdivision:
         halves = [np.column_stack([old.ends[rows, end], vertex[rows]]) for end in (0, 1)]
         self.collapsed = np.concatenate([self.collapsed, *halves])
 
-    def middles(self, cells: Cells, vertex: IntArray) -> FloatArray:
+    def _divided(self, rows: IntArray, vertex: IntArray, child: IntArray) -> tuple[list[Cells], list[Edges]]:
+        """Cut cells with split sides: segments in two, triangles in two to four. New edges inside them come second."""
+        pieces: list[Cells] = []
+        made: list[Edges] = []
+        next_edge = len(self.edges.ends)
+        for cells, pattern in self._patterns(rows_of(self.cells, rows), vertex):
+            around = np.concatenate([cells.cells, vertex.take(cells.sides)], axis=1)
+            places = np.concatenate([cells.corners, self._middles(cells, vertex)], axis=1)
+            inner: dict[frozenset[int], IntArray] = {}
+            for line in pattern.lines:
+                inner[frozenset(line)] = next_edge + np.arange(len(around))
+                face = np.full(len(around), INTERIOR)
+                made.append(_unknown_edges(around.take(line, axis=1), cells.patch, places.take(line, axis=1), face))
+                next_edge += len(around)
+            for piece in pattern.pieces:
+                sides = self._sides(piece, inner, cells, child)
+                pieces.append(_new_cells(around.take(piece, axis=1), sides, places.take(piece, axis=1), cells.patch))
+        return pieces, made
+
+    def _patterns(self, whole: Cells, vertex: IntArray) -> Iterator[tuple[Cells, _SplitPattern]]:
+        """Yield triangles turned so that their split sides come first, and how each of them is cut.
+
+        Of two diagonals the one is taken that is shorter in space.
+        """
+        if not self.is_surface:
+            yield whole, _SEGMENT
+            return
+        marks = vertex.take(whole.sides) >= 0
+        count = marks.sum(axis=1)
+        one, two, three = (np.flatnonzero(count == number) for number in (1, 2, 3))
+        yield _turned(whole, one, marks[one].argmax(axis=1)), _SIDE_0
+        pair = _turned(whole, two, marks[two].argmin(axis=1) + 1)
+        corner, middle = (self.points.take(each, axis=0) for each in (pair.cells, vertex.take(pair.sides[:, :2])))
+        usual, other = middle[:, 1] - corner[:, 0], middle[:, 0] - corner[:, 2]
+        tie_ratio = 1 + 1e-9  # of squares: rounding, which depends on the processor, must not choose the diagonal
+        is_longer = dot(usual, usual) > tie_ratio * dot(other, other)
+        yield rows_of(pair, ~is_longer), _SIDES_0_1
+        yield rows_of(pair, is_longer), _SIDES_0_1_OTHER_DIAGONAL
+        yield rows_of(whole, three), _ALL_SIDES
+
+    def _sides(
+        self, piece: tuple[int, ...], inner: dict[frozenset[int], IntArray], cells: Cells, child: IntArray
+    ) -> IntArray:
+        """The edges around a piece of each cell: new ones inside it, sides of it and halves of these."""
+        columns = []
+        for i in range(cells.sides.shape[1]):
+            start, end = piece[i], piece[(i + 1) % len(piece)]
+            low, high = sorted((start, end))
+            side = high - cells.cells.shape[1]
+            if frozenset((start, end)) in inner:
+                columns.append(inner[frozenset((start, end))])
+            elif side < 0:
+                columns.append(cells.sides[:, start])
+            else:  # the half of the side that ends at the lower vertex
+                split = cells.sides[:, side]
+                is_second = self.edges.ends.ravel().take(2 * split) != cells.cells[:, low]
+                columns.append(np.asarray(child.ravel().take(2 * split + is_second)))
+        return np.stack(columns, axis=1)
+
+    def _middles(self, cells: Cells, vertex: IntArray) -> FloatArray:
         """(k, s, d) parameters of the middles of the sides of cells, with the (e,) vertices there, −1 for none.
 
         They are halfway; but a vertex from another patch is where this patch's edge has the same point.
@@ -157,7 +285,7 @@ class Subdivision:
                     start, end = domain.vertices[edge], np.roll(domain.vertices, -1, axis=0)[edge]
                     ends = [domain.along(edge, u[at]) / np.hypot(*(end - start)) for u in (cells.corners, following)]
                     low, high = np.minimum(*ends), np.maximum(*ends)
-                    points = self.vertices.points.take(vertex.take(cells.sides[at]), axis=0)
+                    points = self.points.take(vertex.take(cells.sides[at]), axis=0)
                     t, _ = self.uneven[index, edge].nearest(points, (low + high) / 2, low, high)
                     result[at] = start + t[:, None] * (end - start)
         return result
@@ -170,11 +298,21 @@ class Subdivision:
         return Complex(patch, parameters, face, cells.cells, cells.patch, cells.corners, self.collapsed)
 
 
-def edges_of(start: Complex, domains: Sequence[Domain], kinds: IntArray) -> tuple[Edges, IntArray]:
+def _unknown_edges(ends: IntArray, patch: IntArray, parameters: FloatArray, face: IntArray) -> Edges:
+    """Make edges of which nothing is known but where they are."""
+    middle, guess, unknown = (np.full(shape, np.nan) for shape in ((len(ends), 3), (len(ends), 2), (3, len(ends))))
+    return Edges(ends, patch, parameters, face, middle, guess, *unknown)
+
+
+def _new_cells(cells: IntArray, sides: IntArray, corners: FloatArray, patch: IntArray) -> Cells:
+    return Cells(cells, sides, corners, patch, np.zeros(len(cells), dtype=bool))
+
+
+def _edges_of(start: Complex, domains: Sequence[Domain], kinds: IntArray) -> tuple[Edges, IntArray]:
     """The sides of all cells, each once, and the (k, 1 or 3) sides of each cell."""
     if start.cells.shape[1] == 2:
         no_face = np.zeros(len(start.cells), dtype=np.int64)
-        edges = unknown_edges(start.cells, start.cell_patch, start.corners, no_face)
+        edges = _unknown_edges(start.cells, start.cell_patch, start.corners, no_face)
         return edges, np.arange(len(start.cells))[:, None]
     sides = sides_of(start.cells)
     first = sides.first
@@ -186,10 +324,21 @@ def edges_of(start: Complex, domains: Sequence[Domain], kinds: IntArray) -> tupl
         domain = domains[index]
         heights = [domain.heights_of_columns(places[rows, end]) for end in (0, 1)]
         face[rows] = domain.faces.at(np.maximum(*heights))
-    return unknown_edges(sides.directed[first], patch, places, face), sides.edge
+    return _unknown_edges(sides.directed[first], patch, places, face), sides.edge
 
 
-def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+def _turned(whole: Cells, rows: IntArray, first: IntArray) -> Cells:
+    """Some triangles, each from the given corner on."""
+    order = 3 * rows[:, None] + (first[:, None] + np.arange(3)) % 3
+    return _new_cells(
+        whole.cells.ravel().take(order),
+        whole.sides.ravel().take(order),
+        whole.corners.reshape(-1, 2).take(order, axis=0),
+        whole.patch.take(rows),
+    )
+
+
+def _slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """(k,) ratios of height to longest side of (k, 3, 2) triangles, and which side is the longest."""
     x, y = (corners[:, :, axis].T for axis in (0, 1))
     x, y = (np.ascontiguousarray(np.roll(each, -1, axis=0) - each) for each in (x, y))
