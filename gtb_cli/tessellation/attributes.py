@@ -23,13 +23,12 @@ QUALITY_NAME = "quality"  # the scalar that MeshLab colours by; it repeats the f
 def with_attributes(
     shape: Patch | Model, mesh: Mesh, names: Sequence[str], parametrization: Parametrization = "linear"
 ) -> tuple[Mesh, int]:
-    """Return a mesh with scalars for each vertex, some of `ATTRIBUTES`, and the number of those that have no curvature.
+    """Return a mesh with a scalar at each vertex for each name, and the number of vertices that have no curvature.
 
-    These are u and v, the parameters of the vertices (a curve has u only), and the curvatures as in `Curvature`; or
-    ``basis:I``, the basis function T_I of a single patch, which the mesh has as ``basis_I``. The first one is there
-    again as `QUALITY_NAME`. The mesh was made of the shape by `tessellate` in the given parametrisation; vertices that
-    patches share get the scalars of the first one. A vertex at which the curvature has no finite value carries the mean
-    of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
+    Names are some of `ATTRIBUTES` (a curve has u only), or ``basis:I`` for the basis function T_I of a single patch,
+    which the mesh has as ``basis_I``. The first one is there again as `QUALITY_NAME`. The mesh was made of the shape by
+    `tessellate` in the given parametrisation; vertices that patches share get the scalars of the first patch. A vertex
+    without a finite curvature gets the mean of its neighbours' values, and 0 if no vertex has one.
 
     Raises `DomainError` for an unknown name, a curvature of a curve, a basis function of a model, or a mesh without
     parameters.
@@ -58,7 +57,7 @@ def with_attributes(
 
 
 def _basis_index(shape: Patch | Model, name: str) -> int:
-    """The index of the basis function that ``basis:I`` names."""
+    """Return the index of the basis function that ``basis:I`` names."""
     text = name.removeprefix(BASIS)
     if not isinstance(shape, Patch):
         raise DomainError(f"attribute: {name} is of a single patch, and this is a model of {len(shape.patches)}")
@@ -68,7 +67,7 @@ def _basis_index(shape: Patch | Model, name: str) -> int:
 
 
 def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrization: Parametrization) -> Curvature:
-    """Curvatures at the vertices of a mesh, with respect to its orientation."""
+    """Return the curvatures at the vertices of a mesh, with respect to its orientation."""
     if isinstance(shape, Patch):
         return curvature(shape, u, parametrization)
     assert mesh.origin is not None
@@ -84,7 +83,7 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
 
 
 def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
-    """(m,) values per vertex, those that are not finite replaced by the mean of the neighbours', ring by ring."""
+    """Replace (m,) values at vertices that are not finite by the mean of the neighbours' values, ring by ring."""
     finite = np.isfinite(values)
     if finite.all():
         return values
@@ -105,7 +104,7 @@ def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
 
 
 def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "linear") -> FloatArray:
-    """(k, 2, 3) unit tangents of a curve at both ends of each segment of its mesh, whose parametrisation is given."""
+    """Return the unit tangents of a curve at both ends of each segment of its mesh, (k, 2, 3)."""
     if mesh.parameters is None:
         raise DomainError("tangents: the mesh has no parameters")
     return np.asarray(tangents(patch, mesh.parameters, parametrization)[mesh.cells])

@@ -1,4 +1,4 @@
-"""Bounds of the distance between a curve and its polyline that hold for every point, not only for samples.
+"""Proofs that chords are within a tolerance of a curve at every point, and not only at samples.
 
 In the torus coordinate s all exponents are linear. So log T_i is concave in s, with slope a_i − μ, and μ increases.
 Values at the ends of an interval [α, β] therefore bound T, μ and the derivatives of the curve on all of it: tangents of
@@ -23,7 +23,7 @@ class Intervals(NamedTuple):
 
 
 class _Chords(NamedTuple):
-    """The control points seen from each of m chords: places along it, from its first end, and vectors across."""
+    """The control points as seen from each of m chords: places along it, from its first end, and vectors across."""
 
     length: FloatArray
     along: FloatArray  # (n, m)
@@ -42,7 +42,7 @@ class _Ends(NamedTuple):
 
 
 class ChordProofs:
-    """Proofs that segments are within a tolerance of a curve.
+    """Proofs that chords are within a tolerance of one curve.
 
     On an interval [α, β], P is within (β − α)²/8 · max |P''| of the point at the same fraction of its chord, with
     ``P'' = Σ T_i (b_i − v)((a_i − μ)² − Var a)`` for any v. This is used along and across the segment of the mesh:
@@ -67,7 +67,7 @@ class ChordProofs:
         self.reach = [self._reach(side) for side in (0, 1)]
 
     def _torus_coordinates(self, u: FloatArray) -> FloatArray:
-        """Find the torus coordinates of parameters in an array of any shape, infinite at the ends of the curve."""
+        """Return the torus coordinates of parameters in an array of any shape, infinite at the ends of the curve."""
         places, inverse = np.unique(u, return_inverse=True)
         s = np.empty(len(places))
         for location in self.basis.locations(places, "linear"):
@@ -123,7 +123,7 @@ class ChordProofs:
         return np.asarray(np.where(np.isinf(start) & np.isinf(end), self.reach[0], places))
 
     def _reach(self, side: int) -> float:
-        """The torus coordinate beyond which the knots at the first, or last, end have most of T."""
+        """Return the torus coordinate beyond which the knots at the first, or last, end have most of T."""
         at = self.ends[side]
         total = np.logaddexp.reduce(self.log_weights[at])
         others = self.log_weights[~at] - total + np.log(2.0 * len(at))
@@ -141,7 +141,7 @@ class ChordProofs:
         return _Chords(length, along, relative - along * direction.T[:, None], rounding)
 
     def _at(self, s: FloatArray, chords: _Chords) -> _Ends:
-        """T and the points of the curve at (m,) torus coordinates."""
+        """Evaluate T and the curve at (m,) torus coordinates."""
         finite = np.isfinite(s)
         at = np.where(finite, s, 0.0)
         # Relative to the knot with the largest T, differences of exponents are exact to rounding.
@@ -185,7 +185,7 @@ class ChordProofs:
         return far, ~holds & ~far
 
     def _between(self, intervals: Intervals, first: _Ends, last: _Ends, chords: _Chords) -> FloatArray:
-        """(2, m) distances of parts of the curve from their own chords, across and along; infinite for tails."""
+        """Bound distances, (2, m), of parts of the curve from their chords, across and along; infinite for tails."""
         along = chords.along - (first.x + last.x) / 2
         off = _norm(chords.across - (first.y + last.y)[:, None] / 2)
         width = intervals.end - intervals.start
@@ -213,10 +213,10 @@ class ChordProofs:
     def _tail(
         self, side: int, shares: FloatArray, slopes: FloatArray, along: FloatArray, off: FloatArray
     ) -> FloatArray:
-        """(2, m) distances, across and along, of tails from their own chords.
+        """Bound the distances of tails from their own chords, across and along, (2, m).
 
         Given are V = T and a_i − μ at β, the end of each tail that is not an end of the curve, and the control points
-        relative to that end of the curve: (n, m) places along the chord, and distances from it.
+        relative to the other end: (n, m) places along the chord, and distances from it.
         """
         at, gaps = self.ends[side], self.gaps[side]
         least = gaps[gaps > 0].min()
@@ -242,5 +242,5 @@ class ChordProofs:
 
 
 def _norm(vectors: FloatArray) -> FloatArray:
-    """(...) lengths of (3, ...) vectors."""
+    """Return the lengths of (3, ...) vectors."""
     return np.asarray(np.sqrt((vectors**2).sum(axis=0)))

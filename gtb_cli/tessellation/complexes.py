@@ -23,8 +23,8 @@ from gtb_cli.values import frozen
 class Complex:
     """Vertices and cells, without positions in space.
 
-    A vertex on a shared edge belongs to the first patch that has it: `patch` (v,), with `parameters` (v, d) in its
-    domain, in the interior of the `face` (v,) of this. The (k, d + 1) `cells` have the (k,) patches `cell_patch`.
+    A vertex on a shared edge belongs to the first patch that has it: `patch` (v,), with `parameters` (v, d) in the
+    patch's domain, inside the domain's `face` (v,). The (k, d + 1) `cells` are in the (k,) patches `cell_patch`.
     """
 
     patch: IntArray
@@ -40,7 +40,7 @@ class Complex:
 
     @cached_property
     def corners(self) -> FloatArray:
-        """(k, d + 1, d) parameters of the vertices of each cell, in the domain of the cell's own patch."""
+        """The parameters of the vertices of each cell in the domain of the cell's own patch, (k, d + 1, d)."""
         if not isinstance(self.own_corners, tuple):
             return self.own_corners
         corners, (places, moved) = self.parameters[self.cells], self.own_corners
@@ -56,7 +56,7 @@ class Complex:
 
     @property
     def without_collapsed(self) -> tuple[IntArray, BoolArray | slice]:
-        """Cells after vertices that are one point became one, and which of all keep all their corners.
+        """The cells that are left when vertices at one point become one, and which of all cells they are.
 
         Edges that are one point are never split: their ends become one, and the cells beside them vanish.
         """
@@ -68,10 +68,10 @@ class Complex:
 
     @property
     def further_places(self) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
-        """(q, 2) vertices and patches, (q, d) parameters: further places of the vertices of `without_collapsed`.
+        """Places of vertices of `without_collapsed` beside their own: (q, 2) vertices and patches, (q, d) parameters.
 
-        They are on edges that patches share, on edges that are one point, and on an edge that its patch has twice.
-        Also the (c,) corners that have them, counted through all cells, and the (c,) place of each.
+        A vertex has such places on an edge that patches share, that is one point, or that its patch has twice. The last
+        two arrays are the (c,) corners of cells at such places, counted through all cells, and the place of each.
         """
         cells, rows = self.without_collapsed
         row, k = np.nonzero(self.face[cells] != INTERIOR)
@@ -92,7 +92,7 @@ class Complex:
 
 
 def kinds_of(domains: Sequence[Domain]) -> IntArray:
-    """(r,) number of the first domain that equals each one: what depends on the domain alone is found once for all."""
+    """Return, for each domain, the number of the first one that equals it: what depends on Δ alone is found once."""
     first: dict[tuple[bytes, bytes], int] = {}
     keys = ((domain.knots.tobytes(), domain.normals.tobytes()) for domain in domains)
     return np.array([first.setdefault(key, number) for number, key in enumerate(keys)])
@@ -136,7 +136,7 @@ def coarse_complexes(patches: Sequence[Patch], joints: Joints) -> Iterator[Compl
 
 
 def _moves(patches: Sequence[Patch], joints: Joints, resolution: int) -> dict[EdgeRef, FloatArray]:
-    """Ascending fractions of edges, where these are not equal, at the points of those that they are joined with."""
+    """Return the fractions of edges, ascending, at the vertices of edges with which they are joined unevenly."""
     even = np.arange(resolution + 1) / resolution
     return {joint.second: np.sort(joint.across(patches, even)) for joint in joints.shared if joint.match}
 
@@ -147,7 +147,7 @@ def _move(parts: list[Triangulation], patches: Sequence[Patch], moves: Mapping[E
 
 
 def alone(domain: Domain, part: Triangulation) -> Complex:
-    """The complex of one patch that is joined with nothing."""
+    """Return the complex of one patch that is joined with nothing."""
     count = len(part.parameters)
     return Complex(
         patch=np.zeros(count, dtype=np.int64),
@@ -162,7 +162,7 @@ def alone(domain: Domain, part: Triangulation) -> Complex:
 
 
 def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
-    """Patches and their corners between two edges that are the same curve, as at the tip of a cone."""
+    """Return the patches, and their corners, between two edges that are the same curve, as at the tip of a cone."""
     tips = []
     for joint in joints.shared:
         (index, edge), (other, following) = joint.first, joint.second
@@ -174,7 +174,7 @@ def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
 
 
 def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation]) -> tuple[Complex, IntArray]:
-    """The complex of triangulated domains, and the patches with cells or sides that share all their vertices."""
+    """Join triangulated domains; also return the patches with cells or sides that share all their vertices."""
     is_surface = patches[0].dimension == 2
     offsets = np.cumsum([0, *(len(part.parameters) for part in parts)])
     owner = np.repeat(np.arange(len(parts), dtype=index_type(len(parts))), np.diff(offsets))
@@ -210,7 +210,7 @@ def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulat
 
 
 def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) -> tuple[IntArray, IntArray]:
-    """(c, 2) vertices that joints make one, and (q, 2) neighbours on edges that are one point."""
+    """Return the pairs of vertices that joints make one, (c, 2), and of neighbours on edges that are points, (q, 2)."""
 
     def side(ref: EdgeRef) -> IntArray:
         patch, edge = ref
@@ -224,7 +224,7 @@ def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) ->
 
 
 def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
-    """A vertex of each cell, and of each side inside a patch, with the same boundary vertices as another one."""
+    """Return a vertex of each cell, and of each side inside a patch, that has the boundary vertices of another one."""
     a, b, c = (on_boundary[corner] for corner in cells.T)
     cells = cells[(a & b) | (b & c) | (c & a)]
     cells = cells[are_proper(label[cells])]

@@ -36,10 +36,10 @@ def unused(recipe: Recipe, *names: str) -> list[str]:
 
 
 def quadratic_cells(spec: Patch | Model, recipe: Recipe) -> list[QuadraticCells]:
-    """Return the cells of each patch: those of its mesh, each with a point of the surface at the middle of each side.
+    """Return the cells of each patch's mesh, each with a point of the surface at the middle parameter of each side.
 
-    The middles are those of parameters. With a tolerance, triangles with straight sides are within it; these are much
-    nearer. The recipe's attributes are fields on all points. A `ToleranceError` refuses too many cells.
+    With a tolerance, triangles with straight sides are within it, and curved cells much nearer. The recipe's attributes
+    are fields on all points. A `ToleranceError` refuses too many cells.
     """
     count = recipe.faces(spec)
     if recipe.tolerance is None and count > recipe.max_faces:
@@ -63,7 +63,7 @@ def quadratic_cells(spec: Patch | Model, recipe: Recipe) -> list[QuadraticCells]
 def _fields(
     patch: Patch, points: FloatArray, parameters: FloatArray, cells: np.ndarray, recipe: Recipe
 ) -> dict[str, FloatArray]:
-    """(m,) values of each attribute at the points."""
+    """Return the values of each attribute at the points."""
     order = [[0, 2], [2, 1]] if patch.dimension == 1 else [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]
     mesh = Mesh(points, np.concatenate([cells[:, part] for part in order]), parameters=parameters)
     found = with_attributes(patch, mesh, recipe.attributes, "linear")[0].attributes

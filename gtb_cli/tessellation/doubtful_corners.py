@@ -13,7 +13,7 @@ from gtb_cli.theory.patch import Patch
 
 
 def doubtful_corners(spec: Patch | Model) -> list[str]:
-    """Say where corners of surfaces are one place or, joined by straight lines in their order, make these cross."""
+    """Say where corners of surfaces are at one place, or in an order in which the lines between them cross."""
     if spec.dimension == 1:
         return []
     places: dict[int, _CornerPlaces] = {}  # by the domain, which patches share

@@ -48,7 +48,7 @@ def finished(
         return rows
 
     def normals() -> Normals:
-        """Normals of the vertices in their patches, and those in further patches, or at further places of a tip."""
+        """Return a normal of each vertex in its patch, then more in further patches, or at further places of a tip."""
         visible = 1e-7  # least distance between normals that files of 32-bit numbers tell apart
         found = sampler.normals(patch, parameters, face)
         if not joints.joins:
@@ -82,14 +82,14 @@ def finished(
 
 
 def _groups(patches: Sequence[Patch], cell_patch: IntArray) -> tuple[tuple[str, int, int], ...]:
-    """The name of each patch, and the range of its cells."""
+    """Return the name of each patch, and the range of its cells."""
     starts = np.searchsorted(cell_patch, np.arange(len(patches) + 1)).tolist()
     names = [patch.name or f"patch{index}" for index, patch in enumerate(patches)]
     return tuple(zip(names, starts[:-1], starts[1:], strict=True))
 
 
 def _rows_of_missing(normals: FloatArray, patch: IntArray, vertex: IntArray) -> IntArray:
-    """(k,) the row of each normal of vertices in patches; one for all (NaN) that a vertex lacks in a patch."""
+    """Return the row of each normal, (k,); normals (NaN) that one vertex lacks in one patch share a row."""
     result = np.arange(len(normals))
     missing = np.flatnonzero(np.isnan(normals[:, 0]))
     keys = paired(vertex[missing], patch[missing], int(patch.max()) + 1)

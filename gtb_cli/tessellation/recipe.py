@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @by_value
 @frozen
 class Recipe:
-    """The way from a patch or model to its mesh: the options of ``gtb mesh`` but for those of files.
+    """The way from a patch or model to its mesh: the options of ``gtb mesh`` without the options of files.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class Recipe:
         return mesh, remarks + faults + folds + thin
 
     def _surface(self, spec: Patch | Model, rounding: float) -> tuple[Mesh, float | None]:
-        """Mesh the surface or curve, within the tolerance that a tube leaves to its middle line; return both."""
+        """Mesh the surface or curve; also return the tolerance, that of a tube less what its rings need."""
         from gtb_cli.tessellation.tessellate import tessellate
 
         tolerance, around = self.tolerance_for(spec), 1
@@ -180,7 +180,7 @@ class Recipe:
         return mesh, tolerance
 
     def _remarks(self, spec: Patch | Model, surface: Mesh) -> list[str]:
-        """Remarks on corners, on the seams of a model, and on how its mesh is spread."""
+        """Return remarks on corners, on the seams of a model, and on how its mesh is spread."""
         from gtb_cli.models.model import Model
         from gtb_cli.tessellation.doubtful_corners import doubtful_corners
 
@@ -204,7 +204,7 @@ class Recipe:
         return TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
 
     def _fine(self, spec: Patch | Model, surface: Mesh) -> Mesh:
-        """The mesh of a surface if it folds or is fine, else one of at most half a million faces that may fold."""
+        """Return the mesh of a surface if it folds or is fine, else a finer one of at most half a million faces."""
         from gtb_cli.knots.triangulation import cell_count
         from gtb_cli.solids.solidity import folded_places
         from gtb_cli.tessellation.tessellate import tessellate

@@ -1,9 +1,8 @@
 """Refinement of a complex until the surface is within a tolerance of the mesh.
 
-Edges carry the state: each is sampled once, when it is made, and split in the middle if the surface is farther from it
-than the tolerance. Both cells beside an edge see the same decision, so there are no hanging vertices. When all edges
-hold, segments of curves are certified, and triangles that were not sampled yet are sampled densely; the worst edge of
-each that fails is split.
+Each edge is sampled when it is made, and split in the middle if the surface is farther from it than the tolerance. Both
+cells beside an edge see the same decision, so there are no hanging vertices. When all edges hold, segments of curves
+are certified, and new triangles are sampled densely; the worst edge of each cell that fails is split.
 """
 
 from functools import reduce
@@ -40,12 +39,11 @@ def refine(
 ) -> tuple[Complex, FloatArray]:
     """Refine a simplicial complex until a curve, or samples of a surface, are within a tolerance of their cells.
 
-    Returned are the complex, with the edges it started from or parts of them, and the (v, 3) points of its vertices.
-    The sampler takes linear parameters: toric ones are too close to tell apart where exponents are small.
-
-    Segments are certified. Triangles are sampled at the quarters of their sides, at their centroids, and at and between
-    knots; on a lattice of `FINE_LATTICE_STEPS` steps, if samples differ from a quadratic surface; and on one on which
-    all have about `points_in_all` points, if cells are few.
+    Return the complex, whose edges are those of the start or parts of them, and the (v, 3) points of its vertices. The
+    sampler takes linear parameters: toric ones are too close to tell apart where exponents are small. Segments are
+    certified. Triangles are sampled at the quarters of their sides, at their centroids, and at and between knots; on a
+    lattice of `FINE_LATTICE_STEPS` steps, if samples differ from a quadratic surface; and, if cells are few, on a
+    lattice on which all have about `points_in_all` points.
 
     Raises
     ------
@@ -149,7 +147,7 @@ class _Refinement:
         marked[sides[np.arange(len(sides)), rank.argmax(axis=1)]] = True
 
     def heights(self, rows: IntArray) -> FloatArray:
-        """(3, k) heights of the middles of the sides' curves over some triangles."""
+        """Return the heights of the middles of the sides' curves over some triangles, (3, k)."""
         corners, sides = self.mesh.corner_columns(rows), self.mesh.cells.sides.take(rows, axis=0)
         normal = cross_of_columns(corners[1] - corners[0], corners[2] - corners[0])
         length = np.sqrt(column_dot(normal, normal))
@@ -158,9 +156,9 @@ class _Refinement:
         return np.stack([column_dot(middles[k] - (corners[k] + corners[k - 2]) / 2, normal) * scale for k in range(3)])
 
     def bulge(self, rows: IntArray) -> FloatArray:
-        """Largest heights over some cells of the quadratic surfaces through their corners and the middles of sides.
+        """Measure how high the quadratic surfaces through the corners and middles of sides of some cells rise, (k,).
 
-        They are measured at the middles of the sides, at the centroid, and between middles.
+        Heights are taken at the middles of the sides, at the centroid, and between middles.
         """
         if not self.mesh.is_surface:
             return np.zeros(len(rows))
@@ -197,7 +195,7 @@ class _Refinement:
         return marked
 
     def sample_peaks(self, sides: IntArray, peaks: PeakParameters) -> None:
-        """Note how far the curves of edges are from them at possible peaks, and how near samples must be."""
+        """Note how far edges are from their curves at possible peaks, and how near samples must be."""
         place_share = 0.01  # part of the tolerance by which a sample may be off along the surface: it is found sooner
         mesh = self.mesh
         edges = rows_of(mesh.edges, sides)
@@ -208,7 +206,7 @@ class _Refinement:
         np.maximum.at(mesh.edges.error, sides[row], cell_distances(sample, *mesh.ends(sides[row])))
 
     def steps_at(self, rows: IntArray) -> IntArray:
-        """(k,) steps of the lattices on which some cells are sampled."""
+        """Return the steps of the lattices on which some cells are sampled, (k,)."""
         columns = self.mesh.cells.corners.take(rows, axis=0).reshape(-1, 6).T
         extents = (reduce(np.maximum, columns[axis::2]) - reduce(np.minimum, columns[axis::2]) for axis in (0, 1))
         width = np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows])
@@ -217,10 +215,10 @@ class _Refinement:
     def sample_on_lattices(
         self, rows: IntArray, steps_at: IntArray, peaks: PeakParameters
     ) -> tuple[IntArray, IntArray]:
-        """Sample cells at peaks, and on lattices of the given steps, and return those that fail, and that are doubtful.
+        """Sample cells at peaks, and on lattices of the given steps; return the cells that fail, and the doubtful ones.
 
-        Doubtful cells hold, but the surface is not quadratic there. If nothing else is left to split, they are sampled
-        on a finer lattice.
+        Doubtful cells hold, but the surface over them is not quadratic. They are sampled on a finer lattice when
+        nothing else is left to split.
         """
         fails, doubts = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
         for steps in np.unique(steps_at).tolist():
@@ -269,7 +267,7 @@ class _Refinement:
         return fails, (rough > quadratic_share * self.tolerance) & (seen + bump_factor * rough > self.tolerance)
 
     def sample_sides(self, rows: IntArray, fractions: FloatArray) -> FloatArray:
-        """(e, f, 3) points of edges at fractions, quarters among them; notes how far and how rough they are."""
+        """Sample edges at fractions, quarters among them, (e, f, 3), and note how far and how rough they are."""
         if not len(rows):
             return np.empty((0, len(fractions), 3))
         edges = self.mesh.edges
@@ -281,7 +279,7 @@ class _Refinement:
         return points
 
     def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
-        """Mark edges, (e,), along which quarters or middles of their curves are far from their own."""
+        """Mark edges, (e,), whose curves have a quarter or their middle far from that of the edge."""
         max_slide = 0.1  # part of an edge: a curve that runs farther ahead along it may overshoot the other end
         start, end = self.mesh.ends(rows)
         chord = end - start
@@ -330,10 +328,9 @@ def refuse_rounding(tolerance: float, points: FloatArray) -> None:
 
 
 def cells_needed(errors: FloatArray) -> float:
-    """Estimate how many cells there will be if halving the width divides errors by four.
+    """Estimate how many cells there will be, from the (1 or 3, k) errors of sides in units of the tolerance.
 
-    Given are (1 or 3, k) errors of the sides, in units of the tolerance. A triangle is taken to bend in a second
-    direction only as much as its straightest side does.
+    Halving the width divides errors by four. A triangle bends in a second direction only as its straightest side does.
     """
     parts = np.exp2(np.ceil(np.log2(np.maximum(errors, 1.0)) / 2))
     return float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())

@@ -20,8 +20,8 @@ from gtb_cli.theory.patch import Patch
 def crowding(spec: Patch | Model, resolution: int) -> list[str]:
     """Say how far the vertices of a uniform toric mesh crowd, and what helps; nothing if they do not.
 
-    Places are compared by μ = Σ_i T_i a_i, their parameters in the linear parametrisation, in which a mesh is even.
-    They are the vertices of a patch with the knots in place of the control points.
+    Vertices are compared by μ = Σ_i T_i a_i, their linear parameters, which are the vertices of a patch with the knots
+    in place of the control points.
     """
     max_side = 0.1  # part of the domain's size that a side may span before vertices are said to crowd
     min_resolution = 16  # from which on even spacing gives no sides as wide as that
@@ -93,11 +93,11 @@ def sharpest_bend(
 ) -> tuple[float, FloatArray]:
     """Find the smallest radius of curvature at which the offset of surfaces folds, inf if there is none, and its place.
 
-    The offset is by a thickness along the normals, which are reversed for patches that are `turned`. Samples inside
-    each patch are closer together than the cells of the mesh, but no more than 48 lie along an edge: a narrower fold
-    may be missed. With a principal curvature κ towards the offset by D, this is regular if 1 − D κ > 0. Where it is
-    not, a point of the offset is nearer than D to the surface; a fold counts if it is nearer by 2 %, so that curvatures
-    that are infinite only at an edge or a corner do not.
+    The offset is by a thickness along the normals, which are reversed for patches that are `turned`. Samples are closer
+    together than the cells of the mesh, but at most 48 lie along an edge: a narrower fold may be missed. An offset by D
+    is regular if 1 − D κ > 0 for each principal curvature κ towards it. Where it is not, a point of the offset is
+    nearer than D to the surface. A fold counts if it is nearer by 2 %: curvatures infinite only at an edge do not
+    count.
     """
     sparsest, densest, per_patch = 16, 48, cells / len(patches)
     radius, place = math.inf, np.full(3, np.nan)
@@ -119,7 +119,7 @@ def sharpest_bend(
 
 
 def _bends(patch: Patch, u: FloatArray, offset: float) -> FloatArray:
-    """(m,) largest principal curvatures towards an offset; 0 where the surface is not regular."""
+    """Return the largest principal curvatures towards an offset, (m,); 0 where the surface is not regular."""
     gaussian, mean = curvature(patch, u, "linear")
     mean = -math.copysign(1.0, offset) * mean
     bends = mean + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))
@@ -127,7 +127,7 @@ def _bends(patch: Patch, u: FloatArray, offset: float) -> FloatArray:
 
 
 def _is_nearer(patch: Patch, u: FloatArray, offset: float, step: float) -> BoolArray:
-    """(k,) true where the offset of the point at each parameter is nearer by 2 % to another point of the surface."""
+    """Mark parameters, (k,), at which the offset point is nearer by 2 % to another point of the surface."""
     rounds, share = 6, 0.98
     points = patch.evaluate(u, "linear") + offset * patch.normals(u, "linear")
     pattern = np.stack(np.meshgrid([-2, -1, 0, 1, 2], [-2, -1, 0, 1, 2]), axis=-1).reshape(-1, 2)
@@ -144,7 +144,7 @@ def _is_nearer(patch: Patch, u: FloatArray, offset: float, step: float) -> BoolA
 
 
 def _inside(domain: Domain, around: FloatArray, instead: FloatArray) -> FloatArray:
-    """(k, p, 2) parameters, those not clearly inside Δ replaced by one of (k, 2) that are."""
+    """Replace each of (k, p, 2) parameters that is not clearly inside Δ by its row's one of (k, 2)."""
     least = 1e-6 * domain.size * domain.normal_lengths
     heights = np.einsum("kprd,rd->kpr", around[:, :, None] - domain.vertices, domain.normals)
     return np.where((heights > least).all(axis=2)[:, :, None], around, instead[:, None])

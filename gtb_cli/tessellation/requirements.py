@@ -1,4 +1,4 @@
-"""Whether a model or its mesh is what is required: watertight, solid, unfolded, smooth up to an angle."""
+"""Requirements on a model or its mesh: watertight, solid, unfolded, smooth up to an angle."""
 
 from collections.abc import Sequence
 
@@ -28,9 +28,9 @@ def require(
 ) -> None:
     """Raise `RequirementError`, with a line for each edge or place, unless the required properties are there.
 
-    `mesh` must be watertight or solid, `surface`, from which a tube or solid was made, unfolded (default: `mesh`), and
-    `folds` are known folds and crossings of the tube or solid, one line each. `held` is the mesh as a file's numbers
-    hold it, which must be watertight or solid as well, and a remark for where they are too coarse.
+    `mesh` must be watertight or solid; `surface`, from which a tube or solid was made (default: `mesh`), unfolded;
+    `folds` are known folds and crossings, one line each. `held` is the mesh as a file's numbers hold it, which must be
+    watertight or solid as well, and a remark for where they are too coarse.
     """
     asked = requirements(words)
     lines = []

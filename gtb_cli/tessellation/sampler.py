@@ -23,7 +23,7 @@ Locate: TypeAlias = Callable[..., Iterator[Location]]
 
 
 def evenly(resolution: int) -> Locate:
-    """Locate linear parameters, which may be all those of a triangulation: they are then found sooner."""
+    """Locate linear parameters; all parameters of a triangulation are found sooner together."""
     return partial(LinearParametrization.locations, resolution=resolution)
 
 
@@ -46,10 +46,10 @@ def torically_inside(
 
 @frozen
 class Sampler:
-    """Points and normals of several patches; those with equal knots are located together.
+    """Points and normals of several patches; parameters of patches with equal knots are located together.
 
-    Parameters may be in parts of the patches' domains: then `parts` are these, and the (patches, faces) `faces` have
-    the number of the face of the patch's domain that holds each face of its part.
+    Parameters may be in `parts` of the patches' domains; then `faces`, (patches, faces), has the number of the face of
+    the patch's domain that holds each face of its part.
     """
 
     patches: Sequence[Patch]
@@ -63,7 +63,7 @@ class Sampler:
         return self.parts or [patch.domain for patch in self.patches]
 
     def points(self, patch: IntArray, parameters: FloatArray, face: IntArray, within: float = 0.0) -> FloatArray:
-        """(m, 3) positions of (m, d) parameters, each in its own patch, known to lie on given faces.
+        """Return the points, (m, 3), at (m, d) parameters, each in its own patch and known to lie on a given face.
 
         Linear parameters may be off by `within`, a fraction of the domain's size: they are then found sooner.
         """
@@ -78,7 +78,7 @@ class Sampler:
         return result
 
     def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
-        """(m, 3) unit normals, NaN where there is none."""
+        """Return the unit normals, (m, 3), NaN where there is none."""
         result, face = np.empty((len(patch), 3)), self._faces_of_patches(patch, face)
         for index, rows in groups(patch):
             locations = self.locations(index, parameters[rows], face[rows])
@@ -90,7 +90,7 @@ class Sampler:
         return self.locate(self.patches[index].rational_basis.linear, u, face)
 
     def faces_at(self, patch: IntArray, parameters: FloatArray) -> IntArray:
-        """(m,) numbers of the faces of the patches' domains on which (m, d) parameters lie."""
+        """Return the numbers of the faces of the patches' domains on which (m, d) parameters lie."""
         result = np.empty(len(patch), dtype=np.int64)
         for index, rows in groups(patch):
             domain = self.patches[index].domain
@@ -100,9 +100,9 @@ class Sampler:
     def near(
         self, patch: IntArray, parameters: FloatArray, face: IntArray, guesses: FloatArray, within: float
     ) -> tuple[FloatArray, FloatArray]:
-        """(m, 3) points of surfaces like `points`, found sooner from (2, m) guesses; also the (2, m) right guesses.
+        """Return the points of surfaces, found sooner from (2, m) guesses, and the right guesses.
 
-        Both are NaN where there are none, as on the boundary. See `_AlikePatches.near`.
+        A guess is NaN where there is none, as on the boundary. See `_AlikePatches.near`.
         """
         points, right = np.full((len(patch), 3), np.nan), np.full(guesses.shape, np.nan)
         inside = np.flatnonzero(self._faces_of_patches(patch, face) == INTERIOR)
@@ -122,7 +122,7 @@ class Sampler:
         return face if self.faces is None else self.faces[patch, face]
 
     def _alike(self, patch: IntArray) -> Iterator[tuple[_AlikePatches, IntArray, IntArray]]:
-        """Yield for (m,) patches those with equal knots, (k,) rows, and the (k,) ascending numbers of their nets."""
+        """Yield the patches with equal knots, the (k,) rows of points in them, and the ascending numbers among them."""
         for kind, rows in groups(self._kinds[patch]):
             nets = self._nets[kind]
             rows = rows[np.argsort(patch[rows], kind="stable")]
@@ -158,15 +158,15 @@ class _AlikePatches:
 
     @cached_property
     def control_points(self) -> FloatArray:
-        """(p, n, 3) control points."""
+        """The control points of all, (p, n, 3)."""
         return np.stack([patch.control_points for patch in self.patches])
 
     def near(self, numbers: IntArray, u: FloatArray, guesses: FloatArray, within: float) -> tuple[Location, FloatArray]:
         """Locate (m, 2) linear parameters inside Δ, in the coordinates of its longest edge, from (2, m) guesses.
 
-        A guess is the difference between torus coordinates and those from the nearest layers of knots, or from 0 if
-        knots crowd. It changes slowly, so that a nearby point's serves; NaN stands for an unknown one. Returns the
-        points found, and their (2, k) right guesses.
+        A guess is what must be added to the torus coordinates that the nearest layers of knots give, or to 0 if knots
+        crowd. It changes slowly: that of a point nearby serves. NaN is an unknown guess. Return the points found, and
+        their right guesses.
         """
         longest = self.linear.longest
         places = longest.columns(u)
@@ -183,8 +183,8 @@ class _AlikePatches:
     def _is_crowded(self) -> bool:
         """Whether knots are so near an edge that starts from these alone say nothing of points farther inside.
 
-        The distance from an edge to the next knot, in units of 1/√n of the widest, is 1 in lattices; it was 0.4 or more
-        in all of specs/, and 0.001 among 1,000 random knots.
+        The distance from an edge to the next knot, in units of 1/√n of the widest, is 1 in lattices, and 0.001 among
+        1,000 random knots.
         """
         heights = self.linear.shape.heights
         least = np.where(heights > 0, heights, np.inf).min(axis=0) / heights.max(axis=0)

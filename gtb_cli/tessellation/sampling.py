@@ -1,7 +1,7 @@
-"""Samples of the surface over a subdivision's edges and cells: where they are taken, and their distances from these.
+"""Samples of the surface over a subdivision's edges and cells: where they are taken, and how far they are.
 
-Where a point is looked for, is guessed from its neighbours (see `gtb_cli.tessellation.sampler`): vertices and edges
-have guesses, these in their middles, NaN where there are none, as on the boundary of Δ.
+Points are found sooner from guesses (see `gtb_cli.tessellation.sampler`), which are interpolated between guesses at the
+vertices and in the middles of edges; NaN where there are none, as on the boundary of Δ.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -22,7 +22,7 @@ MIN_SAMPLES = 20_000  # points at which a coarse mesh is sampled, at least, by a
 
 
 def inner_points(steps: int) -> FloatArray:
-    """(k, 3) barycentric coordinates of the inner points of a triangle's lattice; of the coarsest, of the centroid."""
+    """Return the barycentric coordinates of the inner points of a triangle's lattice, (k, 3); the coarsest has one."""
     steps = steps if steps > SIDE_STEPS else 3  # one point is enough where the surface is quadratic
     i, j = np.mgrid[1:steps, 1:steps]
     inner = i + j < steps
@@ -30,7 +30,7 @@ def inner_points(steps: int) -> FloatArray:
 
 
 def steps_for(width: FloatArray, samples: int) -> IntArray:
-    """(k,) steps of the lattices of cells of given widths in Δ: many if cells are few or wide."""
+    """Return the steps of the lattices of cells of (k,) widths in Δ: many if cells are few or wide."""
     most = 32 / SIDE_STEPS
     few = np.clip(np.sqrt(2 * samples / len(width)) / SIDE_STEPS, 1, most)
     steps, parts = np.full(len(width), int(few)), width * most
@@ -40,7 +40,7 @@ def steps_for(width: FloatArray, samples: int) -> IntArray:
 
 
 def quadratic_heights(places: FloatArray) -> FloatArray:
-    """(k, 3) factors by which heights over the middles of sides 0, 1 and 2 enter those at (k, 3) barycentric places."""
+    """Return the factors, (k, 3), of heights over the middles of sides in the heights at (k, 3) barycentric places."""
     a, b, c = places.T
     return np.asarray(4 * np.stack([a * b, b * c, c * a], axis=1))
 
@@ -53,7 +53,7 @@ class Sampling:
         self.block_rows = block_length(max(len(patch.knots) for patch in sampler.patches))
 
     def along(self, rows: IntArray, fractions: FloatArray, within: float) -> list[FloatArray]:
-        """(k, w, 3) points of some edges' curves at fractions, (k, w) distances from the edges, and right guesses."""
+        """Sample edges' curves at fractions: points, (k, w, 3), distances from the edges, (k, w), and right guesses."""
         mesh, t = self.mesh, fractions
         ends, quadratic = np.array([1 - t, t]), np.array([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
 
@@ -68,7 +68,7 @@ class Sampling:
         return self._in_blocks(sample, rows, len(t))
 
     def inside(self, rows: IntArray, weights: FloatArray, within: float) -> FloatArray:
-        """(k, w) distances of the surface over some triangles, at (w, 3) barycentric places, from these."""
+        """Measure the distances, (k, w), of some triangles from the surface over their (w, 3) barycentric places."""
         mesh, a = self.mesh, weights.T
         quadratic = np.concatenate([a * (2 * a - 1), 4 * a * np.roll(a, -1, axis=0)])
 
@@ -85,7 +85,7 @@ class Sampling:
         return self._in_blocks(sample, rows, len(weights))[1]
 
     def at(self, cell: IntArray, u: FloatArray, within: float) -> FloatArray:
-        """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
+        """Measure the distances of the surface at (m, 2) parameters from the cells that hold them."""
         inner = np.full(len(cell), INTERIOR)
         sample = self.sampler.points(self.mesh.cells.patch.take(cell), u, inner, within)
         return cell_distances(sample, *self.mesh.corners(cell))
@@ -118,7 +118,7 @@ class Sampling:
     def _near(
         self, patch: IntArray, u: FloatArray, face: IntArray, guesses: FloatArray, within: float
     ) -> tuple[FloatArray, FloatArray]:
-        """(m, 3) points, and (m, 2) right guesses."""
+        """Return the points, (m, 3), and right guesses, (m, 2)."""
         if not self.mesh.is_surface:
             return self.sampler.points(patch, u, face, within), guesses
         points, right = self.sampler.near(patch, u, face, guesses.T, within)
@@ -127,7 +127,7 @@ class Sampling:
     def _in_blocks(
         self, sample: Callable[[IntArray, IntArray], list[FloatArray]], rows: IntArray, w: int
     ) -> list[FloatArray]:
-        """Columns of (k, w, ...) samples of edges or cells, whose numbers are given once, and once for each place."""
+        """Sample edges or cells block by block, by a function of their numbers, once each and once for each place."""
         length = max(self.block_rows // w, 1)
         blocks = [rows[begin : begin + length] for begin in range(0, max(len(rows), 1), length)]
         found = [sample(block, np.repeat(block, w)) for block in blocks]
@@ -149,7 +149,7 @@ def _either(values: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def _at_shares(corners: FloatArray, shares: FloatArray) -> FloatArray:
-    """(kw, d) sums of the (k, c, d) corners of k edges or cells with (c, w) shares."""
+    """Return the sums, (kw, d), of the (k, c, d) corners of edges or cells with (c, w) shares."""
     count, number, d = corners.shape
     # One product of matrices takes less time than many small ones.
     for_rows = (shares[:, None, :, None] * np.eye(d)[:, None]).reshape(number * d, -1)
@@ -157,7 +157,7 @@ def _at_shares(corners: FloatArray, shares: FloatArray) -> FloatArray:
 
 
 class PeakParameters:
-    """Parameters, inside the domains of surfaces and on their edges, near which samples may miss much.
+    """Parameters, inside the domains of surfaces and on their edges, near which samples may miss a peak.
 
     They are the knots, whose weights may be extreme, the middles between neighbouring knots, which may crowd, and
     places between knots in a narrow layer at an edge; found once for all domains of one kind, see `kinds_of`.
@@ -183,7 +183,7 @@ class PeakParameters:
 
 
 def _peaks_of(domain: Domain) -> list[FloatArray]:
-    """The peaks inside Δ, and those on each edge of it."""
+    """Return the parameters inside Δ, then those on each edge of it."""
     knots = domain.knots
     inner = np.unique(knots[~domain.incidence.any(axis=1)], axis=0)
     middles, length = [], block_length(len(knots))
@@ -199,9 +199,9 @@ def _peaks_of(domain: Domain) -> list[FloatArray]:
 
 
 def _peaks_of_layer(domain: Domain, edge: int) -> FloatArray:
-    """PeakParameters between knots so near to an edge that the surface may turn in a narrow layer there.
+    """Return parameters between knots so near to an edge that the surface may turn in a narrow layer there.
 
-    They are on the segments from each such knot to its neighbours along the edge: among all of them, and on the edge.
+    They are on the segments from each such knot to its neighbours along the edge, among such knots and on the edge.
     """
     slope = 0.1  # height over the edge of the farther end of such a segment, by its length
     height, place = domain.heights[:, edge] / domain.normal_lengths[edge], domain.along(edge, domain.knots)

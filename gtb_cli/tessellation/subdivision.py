@@ -16,9 +16,9 @@ from gtb_cli.theory.edges import edge_curves
 
 
 class Vertices(NamedTuple):
-    """Vertices of a complex, each with its patch, its (v, d) parameters there and the number of the face of Δ below it.
+    """Vertices, each with its patch, its (v, d) parameters there and the number of the face of Δ that holds them.
 
-    A (v, 2) `guess` is for points of a surface beside it, see `gtb_cli.tessellation.sampling`.
+    The (v, 2) `guess` is for points of a surface beside the vertex, see `gtb_cli.tessellation.sampling`.
     """
 
     patch: IntArray
@@ -31,10 +31,10 @@ class Vertices(NamedTuple):
 class Edges(NamedTuple):
     """Sides of cells, and the surface over them as far as it is known; NaN stands for what is not known yet.
 
-    Each has two `ends`, the (e, 2, d) `parameters` of these in a patch, and the face of Δ that holds its middle; the
-    (e, 3) `middle` of its curve, and the (e, 2) `guess` of the vertex there. `bend` and `error` are the distances of
-    the middle, and of the farthest sample of the curve, from the edge, 0 if it was split; `roughness` is by how much
-    samples differ from a parabola.
+    An edge has two `ends` with (e, 2, d) `parameters` in a patch, and the face of Δ that holds its middle; the (e, 3)
+    `middle` of its curve, and the (e, 2) `guess` of a vertex there. `bend` and `error` are the distances of the middle
+    and of the farthest sample of the curve from the edge, 0 if it was split; `roughness` is by how much samples differ
+    from a parabola.
     """
 
     ends: IntArray
@@ -49,12 +49,12 @@ class Edges(NamedTuple):
 
     @property
     def middles(self) -> FloatArray:
-        """(e, d) parameters halfway."""
+        """The parameters halfway, (e, d)."""
         return np.asarray((self.parameters[:, 0] + self.parameters[:, 1]) / 2)
 
     @property
     def widths(self) -> FloatArray:
-        """(e,) largest differences of parameters."""
+        """The largest differences of parameters, (e,)."""
         width = np.abs(self.parameters[:, 1] - self.parameters[:, 0])
         return np.maximum(width[:, 0], width[:, -1])
 
@@ -114,25 +114,25 @@ class Subdivision:
         return len(self.cells.cells)
 
     def corners(self, rows: IntArray) -> list[FloatArray]:
-        """(k, 3) points of the first vertices of some cells, of the second ones, and so on."""
+        """Return the points, (k, 3), of the first vertices of some cells, of the second ones, and so on."""
         return [self.points.take(vertex, axis=0) for vertex in self.cells.cells.take(rows, axis=0).T]
 
     def corner_columns(self, rows: IntArray) -> list[FloatArray]:
-        """(3, k) columns of the points of the first vertices of some cells, of the second ones, and so on."""
+        """Return what `corners` does in columns, (3, k)."""
         return [np.ascontiguousarray(corner.T) for corner in self.corners(rows)]
 
     def ends(self, rows: IntArray) -> list[FloatArray]:
-        """(e, 3) points of both ends of some edges."""
+        """Return the points of both ends of some edges, (e, 3) each."""
         return [self.points.take(end, axis=0) for end in self.edges.ends.take(rows, axis=0).T]
 
     def sides_of(self, rows: IntArray) -> IntArray:
-        """The sides of some cells, each once, ascending."""
+        """Return the sides of some cells, each once, ascending."""
         chosen = np.zeros(len(self.edges.ends), dtype=bool)
         chosen[self.cells.sides.take(rows, axis=0)] = True
         return np.flatnonzero(chosen)
 
     def lengths(self, sides: IntArray) -> FloatArray:
-        """Lengths of edges, in the shape of their numbers."""
+        """Return the lengths of edges, in the shape of their numbers."""
         start, end = self.ends(sides.ravel())
         chord = end - start
         return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
@@ -145,9 +145,9 @@ class Subdivision:
     def mark_thin(self, marked: BoolArray) -> None:
         """Mark the longest edge of triangles that are thin, in space or in Δ, and have a marked edge.
 
-        Without those thin in Δ, parts of a surface that bends to and fro along an edge could be split for ever.
-        Triangles beyond the newly marked edges are left as they are: near a knot close to an edge of Δ all triangles
-        are thin, in space and in Δ along different sides, and marks would spread over the whole neighbourhood.
+        Without triangles thin in Δ, parts of a surface that bends to and fro along an edge could be split for ever.
+        Those beyond the newly marked edges are left as they are: near a knot close to an edge of Δ all triangles are
+        thin, in space and in Δ along different sides, and marks would spread over the whole neighbourhood.
         """
         if not self.is_surface:
             return
@@ -247,7 +247,7 @@ class Subdivision:
     def _sides(
         self, piece: tuple[int, ...], inner: dict[frozenset[int], IntArray], cells: Cells, child: IntArray
     ) -> IntArray:
-        """The edges around a piece of each cell: new ones inside it, sides of it and halves of these."""
+        """Return the edges around a piece of each cell: new edges inside the cell, its sides, and halves of these."""
         columns = []
         for i in range(cells.sides.shape[1]):
             start, end = piece[i], piece[(i + 1) % len(piece)]
@@ -264,7 +264,7 @@ class Subdivision:
         return np.stack(columns, axis=1)
 
     def _middles(self, cells: Cells, vertex: IntArray) -> FloatArray:
-        """(k, s, d) parameters of the middles of the sides of cells, with the (e,) vertices there, −1 for none.
+        """Return the parameters, (k, s, d), in the middles of sides of cells, with (e,) vertices there, −1 for none.
 
         They are halfway; but a vertex from another patch is where this patch's edge has the same point.
         """
@@ -291,7 +291,7 @@ class Subdivision:
         return result
 
     def result(self) -> Complex:
-        """The complex, its cells ordered by patch, then as they were made."""
+        """Return the complex, its cells ordered by patch, then as they were made."""
         order = np.argsort(self.cells.patch, kind="stable")
         cells = rows_of(self.cells, order)
         patch, parameters, face, *_ = self.vertices
@@ -309,7 +309,7 @@ def _new_cells(cells: IntArray, sides: IntArray, corners: FloatArray, patch: Int
 
 
 def _edges_of(start: Complex, domains: Sequence[Domain], kinds: IntArray) -> tuple[Edges, IntArray]:
-    """The sides of all cells, each once, and the (k, 1 or 3) sides of each cell."""
+    """Return the sides of all cells, each once, and the (k, 1 or 3) sides of each cell."""
     if start.cells.shape[1] == 2:
         no_face = np.zeros(len(start.cells), dtype=np.int64)
         edges = _unknown_edges(start.cells, start.cell_patch, start.corners, no_face)
@@ -328,7 +328,7 @@ def _edges_of(start: Complex, domains: Sequence[Domain], kinds: IntArray) -> tup
 
 
 def _turned(whole: Cells, rows: IntArray, first: IntArray) -> Cells:
-    """Some triangles, each from the given corner on."""
+    """Return some triangles, each from the given corner on."""
     order = 3 * rows[:, None] + (first[:, None] + np.arange(3)) % 3
     return _new_cells(
         whole.cells.ravel().take(order),
@@ -339,7 +339,7 @@ def _turned(whole: Cells, rows: IntArray, first: IntArray) -> Cells:
 
 
 def _slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
-    """(k,) ratios of height to longest side of (k, 3, 2) triangles, and which side is the longest."""
+    """Return the ratios of height to longest side of (k, 3, 2) triangles, and which side is the longest."""
     x, y = (corners[:, :, axis].T for axis in (0, 1))
     x, y = (np.ascontiguousarray(np.roll(each, -1, axis=0) - each) for each in (x, y))
     squares = x * x + y * y
@@ -347,5 +347,5 @@ def _slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _largest(rows: Sequence[FloatArray] | FloatArray) -> IntArray:
-    """(k,) numbers of the largest of three rows, the first of equal ones."""
+    """Return the number of the largest of three rows in each column, the first of equal ones."""
     return np.where(rows[2] > np.maximum(rows[0], rows[1]), 2, rows[1] > rows[0])

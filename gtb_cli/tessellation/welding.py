@@ -69,7 +69,7 @@ class Weld:
 
     @cached_property
     def _corners(self) -> tuple[list[FloatArray], list[FloatArray]]:
-        """The corners of each patch, and the means of all corners that become one with them."""
+        """The corners of each patch, and for each corner the mean of all corners that become one with it."""
         counts = [len(patch.domain.vertices) for patch in self.patches]
         offsets = np.cumsum([0, *counts]).tolist()
 
