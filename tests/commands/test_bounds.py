@@ -32,7 +32,7 @@ def refused(folder, *arguments):
     "words",
     [
         (*HUGE, "-o", "old.obj"),
-        ("mesh", SPECS / "teapot.toml", "--tolerance", "0.00001%", "-o", "old.obj"),
+        ("mesh", SPECS / "teapot.toml", "--tolerance", "0.0001%", "--max-faces", "100000000", "-o", "old.obj"),
         ("mesh", "-j", "2", PENTAGON, BICUBIC, *HUGE[2:], "-o", "new/"),
     ],
     ids=["numpy", "refinement", "processes"],

@@ -7,7 +7,7 @@ import pytest
 
 from gtb_cli.plots.look import Camera
 from gtb_cli.plots.raster import NO_TRIANGLE, rasterised
-from gtb_cli.plots.scene import Surface, View, plain, space_views
+from gtb_cli.plots.scene import ShadedTriangles, View, plain, space_views
 
 
 def test_pixels_whose_centres_a_triangle_covers():
@@ -77,7 +77,7 @@ def test_the_triad_stands_beside_the_surface(corner, side):
 
     vertices = np.array([[*corner, 0], [-corner[0], corner[1], 0], [*(-x for x in corner), 0]]) * [1.0, 1.0, 0.0]
     vertices[1] = [corner[0], -corner[1], 0]  # of three corners of a square, the second is above the first
-    surface = Surface(vertices, np.array([[0, 1, 2]]), None, plain(1))
+    surface = ShadedTriangles(vertices, np.array([[0, 1, 2]]), None, plain(1))
     ax = Figure(figsize=(3, 3)).add_subplot()
     (view,) = space_views([ax], Camera(-90, 90), [surface])
     view.triad()

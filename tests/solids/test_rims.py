@@ -121,9 +121,9 @@ def test_faces_beyond_the_plane_become_parts_of_the_rim():
 
 
 def test_what_has_no_flat_rim_is_refused():
-    angles = 2 * math.pi / 5 * np.arange(5)
-    corners = np.column_stack([np.cos(angles), np.sin(angles)])
-    bowl = Patch([*corners, [0, 0]], [*np.column_stack([corners, np.ones(5)]), [0, 0, -1]])
+    grid = np.stack(np.mgrid[:4, :4], axis=-1).reshape(-1, 2)
+    inside = np.all((grid > 0) & (grid < 3), axis=1)
+    bowl = Patch(grid, np.column_stack([grid, np.where(inside, -3.0, 0.0)]))
     cases = [
         (octant(), 0.1, "a rim leaves its plane by 0.159 near"),
         (bowl, 0.1, r"lies almost in its rim.s plane near \(.*\), as a patch does at a corner"),

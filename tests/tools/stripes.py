@@ -19,6 +19,7 @@ from gtb_cli.filling.fill import filled
 from gtb_cli.filling.loops import read_loop
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
+from gtb_cli.meshes.shading import filled_normals
 from gtb_cli.models.model import Model
 from gtb_cli.plots.raster import rasterised
 from gtb_cli.theory.patch import Patch
@@ -44,7 +45,8 @@ def of_patches(patches: Iterable[Patch], n: int) -> Surface:
     for patch in patches:
         mesh = central_triangulation(patch.domain, n)
         points = patch.evaluate(mesh.parameters, "linear")  # toric ones crowd inside
-        found.append(Surface(points, patch.normals(mesh.parameters, "linear"), mesh.cells))
+        known = patch.normals(mesh.parameters, "linear")  # NaN at corners without a plane
+        found.append(Surface(points, filled_normals(known, points, mesh.cells), mesh.cells))
     return joined(found)
 
 
