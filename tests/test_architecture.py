@@ -104,6 +104,23 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
     return sorted(graph)
 
 
+def test_the_table_of_wings_is_what_they_say_themselves():
+    readme = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    folders = [wing for wing in WINGS if (PACKAGE / wing).is_dir()]
+    said = [f"| `{wing}` | {ast.get_docstring(modules()[wing])} |" for wing in folders]
+    assert re.search(r"^\| wing \|.*\n\|---\|---\|\n((?:\|.*\n)+)", readme, re.M)[1].splitlines() == said
+
+
+def test_a_room_has_a_name_of_its_own():
+    rooms = Counter(name.split(".")[1] for name in modules() if "." in name and wing_of(name) != "commands")
+    assert [room for room, times in rooms.items() if times > 1] == []
+
+
+def test_a_class_has_a_name_of_its_own():
+    tops = [node for tree in modules().values() for node in tree.body if isinstance(node, ast.ClassDef)]
+    assert [name for name, times in Counter(node.name for node in tops).items() if times > 1] == []
+
+
 def test_every_folder_is_a_floor():
     assert {path.parent.name for path in PACKAGE.glob("*/__init__.py")} <= set(WINGS)
 

@@ -50,10 +50,10 @@ def files(folder: Path) -> set[str]:
 
 def test_a_mesh_is_compared_with_its_golden_file(folder):
     gtb("mesh", folder / "lamp.toml", "-n", 8, "-o", folder / "lamp.obj", status=0)
-    readme = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    page = (REPOSITORY / "specs" / "COMMANDS.md").read_text(encoding="utf-8")
     new, same, near, far, renewed, again = runs(
         folder,
-        re.search(r"^```python\n((?:(?!```)[^\n]*\n)*?def test_lamp.*?)^```$", readme, re.M | re.S)[1],
+        re.search(r"^```python\n((?:(?!```)[^\n]*\n)*?def test_lamp.*?)^```$", page, re.M | re.S)[1],
         """
 run(), run(), move(5.0000001), run(), move(5.1), run()
 shutil.copytree("test_lamp", "differs")

@@ -1,1 +1,1 @@
-"""Patches as Bézier patches: of a higher degree, and in exact rational pieces."""
+"""Patches as Bézier patches: of a higher degree, as curves in them, and in exact rational pieces."""

@@ -1,1 +1,1 @@
-"""Energies of surfaces, and the control points that minimise them."""
+"""Energies of surfaces, and the control points that minimise them: fair surfaces, fits through points."""

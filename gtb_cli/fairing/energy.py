@@ -71,7 +71,7 @@ def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: 
     if kind not in ("dirichlet", "thin-plate"):
         raise DomainError(f"energy: expected thin-plate or dirichlet, got {kind!r}")
     form = np.zeros((len(knots), len(knots)))
-    for block, places in moments(knots, log_weights, s):
+    for block, places in central_moments(knots, log_weights, s):
         root, (tx, ty), (cxx, cxy, cyy) = np.sqrt(areas[places]), block.first, block.covariance
         det = cxx * cyy - cxy**2
         jxx, jxy, jyy = cyy / det, -cxy / det, cxx / det
@@ -92,7 +92,7 @@ def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: 
     return form
 
 
-class Moments:
+class CentralMoments:
     """T and its derivatives at m places, in coordinates x, y of the knots from their mean μ, listed by the powers of y.
 
     The (n, m) tables `first`, `second` and `third` are T times one, two and three coordinates. The first are the
@@ -118,12 +118,14 @@ class Moments:
         return [table.sum(axis=0) for table in self.third]
 
 
-def moments(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Iterator[tuple[Moments, slice]]:
+def central_moments(
+    knots: FloatArray, log_weights: FloatArray, s: FloatArray
+) -> Iterator[tuple[CentralMoments, slice]]:
     """Yield the moments at (2, m) torus coordinates, block by block, and which places these are."""
     step = max(256, block_length(len(knots)) // 16)  # as many tables of T's size are alive at once
     for begin in range(0, s.shape[1], step):
         places = slice(begin, begin + step)
-        yield Moments(knots, log_weights, s[:, places]), places
+        yield CentralMoments(knots, log_weights, s[:, places]), places
 
 
 def energy_samples(

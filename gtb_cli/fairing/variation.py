@@ -26,7 +26,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.fairing.energy import Moments, moments
+from gtb_cli.fairing.energy import CentralMoments, central_moments
 from gtb_cli.values import frozen
 
 
@@ -72,7 +72,7 @@ class _Frame(NamedTuple):
     drifts: list[list[FloatArray]]
 
 
-def _frame(block: Moments, points: FloatArray) -> _Frame:
+def _frame(block: CentralMoments, points: FloatArray) -> _Frame:
     """Return the surface of (n, 3) control points."""
     p = block.t.T @ points
     one = [table.T @ points for table in block.first]
@@ -98,7 +98,7 @@ def _frame(block: Moments, points: FloatArray) -> _Frame:
 
 
 def _rows(
-    block: Moments, frame: _Frame, members: IntArray | slice = slice(None)
+    block: CentralMoments, frame: _Frame, members: IntArray | slice = slice(None)
 ) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
     """Return (k, m) coefficients of k control points in each P_a, P_;ab and P_;abc."""
     a, b, c = frame.change
@@ -144,7 +144,7 @@ def bendings(
     All surfaces have these knots and weights; each has its (n, 3) control points.
     """
     sums, largest = np.zeros((len(surfaces), 3)), np.zeros(len(surfaces))
-    for block, places in moments(knots, log_weights, s):
+    for block, places in central_moments(knots, log_weights, s):
         for k, points in enumerate(surfaces):
             frame = _frame(block, points)
             xx, xy, yy = frame.second
@@ -163,7 +163,7 @@ def variation_matrices(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the (n, n) matrices of ``∫ |P_;ab|²`` and ``∫ |P_;abc|²`` in the metric that (n, 3) points give."""
     matrices = np.zeros((2, len(knots), len(knots)))
-    for block, places in moments(knots, log_weights, s):
+    for block, places in central_moments(knots, log_weights, s):
         frame = _frame(block, points)
         roots = np.sqrt(_spaces(block, frame, areas[places]))
         _, *orders = _rows(block, frame)
@@ -195,7 +195,7 @@ def linearisation(
     k = len(members)
     values, slopes = np.zeros(3), np.zeros((3, 3 * k))
     squares, matrices = np.zeros((2, 3 * k, 3 * k)), np.zeros((2, k, k))
-    for block, places in moments(knots, log_weights, s):
+    for block, places in central_moments(knots, log_weights, s):
         frame = _frame(block, points)
         space = _spaces(block, frame, areas[places])
         root = np.sqrt(space)
@@ -257,7 +257,7 @@ def _rates(
     return of_bend, of_slope, rate(np.zeros_like(first[0]), *first)
 
 
-def _spaces(block: Moments, frame: _Frame, areas: FloatArray) -> FloatArray:
+def _spaces(block: CentralMoments, frame: _Frame, areas: FloatArray) -> FloatArray:
     """Return the areas of the surface for areas of the domain, which the covariance maps to those of x and y."""
     xx, xy, yy = block.covariance
     return np.asarray(areas * frame.scale / (xx * yy - xy**2))

@@ -1,1 +1,1 @@
-"""Text to patch and back: expressions, documents with lines, reader, writer, schema, templates."""
+"""Text to patch and back: expressions, lines and columns of errors, reader, writer, schema, templates."""

@@ -1,1 +1,1 @@
-"""Meshes, and operations on them that need no patch: measures, distances, differences, tubes, solids."""
+"""Meshes without a patch: topology, measures, distances, and what differs between two."""

@@ -1,1 +1,1 @@
-"""Figures for print and films, drawn by matplotlib."""
+"""Figures for print, and films as GIF, drawn by matplotlib."""

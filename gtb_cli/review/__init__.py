@@ -1,1 +1,1 @@
-"""Meshes under review: what changed between two folders of meshes, as a page to look at and as Markdown to read."""
+"""What changed between two meshes or folders of them: a page to look at, Markdown to read, pictures."""

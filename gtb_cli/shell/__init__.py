@@ -1,1 +1,1 @@
-"""Parts that commands share: streams, messages, options, manifests; no mathematics and no geometry."""
+"""What commands share: options, streams, messages, manifests, servers; no mathematics and no geometry."""

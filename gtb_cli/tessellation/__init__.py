@@ -1,1 +1,1 @@
-"""Patch or model to mesh."""
+"""Patch or model to mesh: recipes, subdivision within a tolerance, welding, attributes, requirements."""

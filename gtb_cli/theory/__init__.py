@@ -1,1 +1,1 @@
-"""The paper, in its order: basis, moment map, parametrisations, patch, limits. Does not import meshes."""
+"""The paper, in its order: weights, basis, parametrisations, patch, edges; then normals, curvature, integrals."""

@@ -1,1 +1,1 @@
-"""Verdicts on files of meshes and specs: two files, or all of two folders, compared, and what is said of them."""
+"""Whether two files, or all of two folders, agree, and the words for it."""
