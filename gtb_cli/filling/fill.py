@@ -60,8 +60,8 @@ def fill(
         Factor, up to 1000, of the distance for which the patch continues along the given planes; 1 is the fairest.
     raises : int, optional
         Smallest number of times that the degree of edges is raised. Default: 2 for a side with a ribbon and 1 for
-        others, or one less if the patch folds then, and 4 with "g2" if edges are not many; with 0, edges stay as they
-        are if an exact field is found.
+        others, or one less if the patch folds then, and 4 if edges are not many; with 0, edges stay as they are if an
+        exact field is found.
     name : str, optional
         Name of the patch.
 

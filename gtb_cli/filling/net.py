@@ -1,8 +1,9 @@
-"""Knots and weights of a patch that fills a hole: edges, a row inside each, and rings of inner knots.
+"""Knots and weights of a patch that fills a hole: edges, a row inside each, knots for its corners, and rings inside.
 
 The row determines the tangent plane along its edge, so all other knots are at least twice as far from the edge (which
-keeps curvature finite); the rings are closer together near the boundary than in the middle. The inner weights give each
-knot the same share of T at its own place, so that no control point is too weak or too strong.
+keeps curvature finite); the rings are closer together near the boundary than in the middle. Knots that would break the
+plane or the curvature of a corner are left out (`corner_exponents`). The inner weights give each knot the same share of
+T at its own place, so that no control point is too weak or too strong.
 """
 
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.filling.corner_exponents import FREE, SUMS, corner_places, frames, keeps_corners
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.values import frozen
@@ -22,8 +24,9 @@ THIRD_LAYER = 3.0  # where a second row gives the curvature
 class Net:
     """(n, 2) knots and (n,) log weights, given on edges, and in each row up to a common factor.
 
-    `edges` have the m + 1 knots of each edge, from corner to corner, `rows` the m of each row, and `seconds` the m − 1
-    of a second row, or none.
+    `edges` have the m + 1 knots of each edge, from corner to corner, `rows` the m of each row, `seconds` the m − 1 of a
+    second row, or none, and `inner` all others. The (r, 10) `corners` are the knots that rule each corner, as in
+    `corner_exponents.corner_places`.
     """
 
     knots: FloatArray
@@ -32,6 +35,7 @@ class Net:
     rows: tuple[IntArray, ...]
     seconds: tuple[IntArray, ...]
     inner: IntArray
+    corners: IntArray
 
 
 def net(
@@ -45,25 +49,44 @@ def net(
     Products c ω of the knots are given: (m + 1,) of each edge, 1 at the corners, (m,) of its row, up to a factor, and
     of its second row, if it has one, (m − 1,), up to the square of this factor.
     """
-    corners = polygon(lengths)
+    vertices = polygon(lengths)
     degrees = np.array([len(weights) - 1 for weights in edge_weights])
     logs_of_seconds = [np.log([] if weights is None else weights) for weights in second_weights]
     layer = THIRD_LAYER if any(map(len, logs_of_seconds)) else SECOND_LAYER
-    distance = _row_distance(corners, degrees, layer)
-    edges, rows, seconds, knots = _boundary(corners, degrees, distance, [len(row) for row in logs_of_seconds])
-    inner_knots = _rings(corners, degrees, distance, layer)
-    inner = np.arange(len(knots), len(knots) + len(inner_knots))
-    knots = np.concatenate([knots, inner_knots])
+    distances = _row_distances(vertices, degrees, layer)
+    edges, rows, seconds, boundary = _boundary(vertices, degrees, distances, [len(row) for row in logs_of_seconds])
+    places = corner_places(vertices, degrees, distances)
+    sums = _apart(places[:, FREE].reshape(-1, 2), boundary, 1e-6 * distances.min())
+    rings = _rings(vertices, degrees, distances, layer)
+    rings = rings[keeps_corners(rings, places)]
+    rings = _apart(rings, sums, 0.8 * distances.min())
+    knots = np.concatenate([boundary, sums, rings])
     logs = np.full(len(knots), np.log(4.0))
     given = (*map(np.log, edge_weights), *map(np.log, row_weights), *logs_of_seconds)
     for members, own in zip((*edges, *rows, *seconds), given, strict=True):
         logs[members] = own
-    return Net(knots, _even_weights(knots, logs, rows, seconds, inner), edges, rows, seconds, inner)
+    inner = np.arange(len(boundary), len(knots))
+    distance_to = np.linalg.norm(knots - places[:, :, None], axis=3)
+    corners = distance_to.argmin(axis=2)
+    logs = _even_weights(knots, logs, rows, seconds, inner, corners)
+    return Net(knots, logs, edges, rows, seconds, inner, corners)
+
+
+def _apart(points: FloatArray, others: FloatArray, distance: float) -> FloatArray:
+    """Return the points that are farther than a distance from others, and from those before them that are returned."""
+    kept: list[FloatArray] = []
+    near = (np.linalg.norm(points[:, None] - others, axis=2) <= distance).any(axis=1)
+    for point in points[~near]:
+        if all(np.linalg.norm(point - other) > distance for other in kept):
+            kept.append(point)
+    return np.array(kept).reshape(-1, 2)
 
 
 def polygon(lengths: FloatArray) -> FloatArray:
     """Return (r, 2) corners, counter-clockwise, of a polygon in a circle with sides like `lengths` and mean side 1."""
-    shortest = 0.4  # of the mean side: the inner knots of a more elongated domain would crowd
+    # Of the mean side: the inner knots of a more elongated domain would crowd, and at its wide corners between short
+    # sides no row would be near enough to its edge
+    shortest = 0.9
     longest_share = 0.7  # of the sum of the other sides: corners stay convex by tens of degrees
     sides = np.maximum(lengths / lengths.mean(), shortest)
     for _ in range(3):
@@ -96,104 +119,150 @@ def _angles(sides: FloatArray, radius: float, longest: int, wide: bool) -> Float
     return np.asarray(angles)
 
 
-def _frames(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the lengths, directions and inward normals of a polygon's sides."""
-    sides = np.roll(corners, -1, axis=0) - corners
-    lengths = np.hypot(sides[:, 0], sides[:, 1])
-    along = sides / lengths[:, None]
-    return lengths, along, np.column_stack([-along[:, 1], along[:, 0]])
+def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> FloatArray:
+    """Return (r,) distances of rows from their edges: the largest that the ends of neighbouring rows allow.
 
-
-def _row_distance(corners: FloatArray, degrees: IntArray, layer: float) -> float:
-    """Return the distance of rows from their edges: the largest that the ends of neighbouring rows allow."""
-    row_spacing = 0.98  # at 1, rows would be in each other's second layer
-    lengths, along, _ = _frames(corners)
+    At each corner the first knots of both rows have to lie below the line of the next knots on the edges, or these
+    would carry the twists of both sides.
+    """
+    spacing = 0.98  # at 1, rows would be in each other's second layer
+    most_sum = 0.95  # of the exponents of a row's first knot: at 1 it would lie on the line
+    lengths, along, _ = frames(vertices)
     steps = lengths / degrees
+    before = np.roll(steps, 1)
     cosine = -(np.roll(along, 1, axis=0) * along).sum(axis=1)  # of the angle inside corner k, between k − 1 and k
     sine = np.sqrt(1 - cosine**2)
-    step = np.minimum(np.roll(steps, 1), steps)
-    found = step / 2 * sine / (layer + cosine)
+    step = np.minimum(before, steps)
+    even = spacing * step / 2 * sine / (layer + cosine)
     if layer > SECOND_LAYER:
-        found = np.minimum(found, step * sine / (layer + 2 * cosine))
-    return float(row_spacing * found.min())
+        even = np.minimum(even, spacing * step * sine / (layer + 2 * cosine))
+    ahead = 1 / (before * sine) - cosine / (sine * steps)  # what a unit of distance adds to the sum of exponents
+    back = 1 / (steps * sine) - cosine / (sine * before)
+    with np.errstate(divide="ignore"):
+        of_ahead, of_back = ((most_sum - 0.5) / np.maximum(slope, 0.0) for slope in (ahead, back))
+    found = np.minimum(even.min(), np.minimum(of_ahead, np.roll(of_back, -1)))
+    for _ in range(50):  # lowered until the ends of rows are in the neighbours' layers; mostly they are at once
+        old = found.copy()
+        for k in range(len(found)):
+            for one, other, size in ((k, k - 1, before[k]), (k - 1, k, steps[k])):
+                room = spacing * size / 2 * sine[k] - cosine[k] * found[other]
+                if layer > SECOND_LAYER:
+                    room = min(room, spacing * size * sine[k] - 2 * cosine[k] * found[other])
+                if layer * found[one] > room:
+                    shrunk = room / (layer * found[one])
+                    found[one] *= shrunk
+                    if cosine[k] > 0:
+                        found[other] *= shrunk
+        if np.allclose(old, found, rtol=1e-10):
+            break
+    return np.asarray(found)
 
 
 def _boundary(
-    corners: FloatArray, degrees: IntArray, distance: float, seconds: Sequence[int]
+    vertices: FloatArray, degrees: IntArray, distances: FloatArray, seconds: Sequence[int]
 ) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
     """Return the knots of edges, m + 1 each, and of rows, m each and shifted by half a step."""
-    lengths, along, inward = _frames(corners)
-    r = len(corners)
+    lengths, along, inward = frames(vertices)
+    r = len(vertices)
     steps = lengths / degrees
-    knots, edges, rows = [*corners], [], []
+    knots, edges, rows = [*vertices], [], []
     for side in range(r):
         edges.append(np.array([side, *range(len(knots), len(knots) + degrees[side] - 1), (side + 1) % r]))
-        knots += [corners[side] + j * steps[side] * along[side] for j in range(1, degrees[side])]
+        knots += [vertices[side] + j * steps[side] * along[side] for j in range(1, degrees[side])]
     for side in range(r):
         rows.append(np.arange(len(knots), len(knots) + degrees[side]))
-        start = corners[side] + distance * inward[side]
+        start = vertices[side] + distances[side] * inward[side]
         knots += [start + (j + 0.5) * steps[side] * along[side] for j in range(degrees[side])]
     second_rows = []
     for side in range(r):
         second_rows.append(np.arange(len(knots), len(knots) + seconds[side]))
-        start = corners[side] + 2 * distance * inward[side]
+        start = vertices[side] + 2 * distances[side] * inward[side]
         knots += [start + (j + 1) * steps[side] * along[side] for j in range(seconds[side])]
     return tuple(edges), tuple(rows), tuple(second_rows), np.array(knots)
 
 
-def _rings(corners: FloatArray, degrees: IntArray, distance: float, layer: float) -> FloatArray:
-    """Return the knots inside, ring by ring, then the centre."""
+def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer: float) -> FloatArray:
+    """Return the knots inside, ring by ring, then the centre; gaps between rings grow linearly from each side's row."""
     # Of the first gap between rings, and of the domain; with fewer steps, curvature varies more, as few knots are left
     # to choose it with. Where a second row gives the curvature, it is met less exactly with more.
     gap_growth, last_size, first_ring_steps = (0.35, 0.1, 48) if layer == SECOND_LAYER else (0.5, 0.15, 36)
     # About: if there would be many more, rings have fewer steps, or there are fewer rings
     inner_knots = 320 if layer == SECOND_LAYER else 440
-    lengths, _, inward = _frames(corners)
-    centre = corners.mean(axis=0)
-    depth = float(((centre - corners) * inward).sum(axis=1).min())
+    lengths, along, inward = frames(vertices)
+    centre = vertices.mean(axis=0)
+    depths = ((centre - vertices) * inward).sum(axis=1)
+    depth, widest = float(depths.min()), float(distances.max())
     while True:
-        gaps, sizes = [distance], [1 - layer * distance / depth]
+        gaps, sizes = [widest], [1 - layer * widest / depth]
         while (size := sizes[-1] - gaps[-1] / depth) > last_size:
             sizes.append(size)
-            gaps.append(gaps[-1] + gap_growth * distance)
-        if len(sizes) * len(corners) <= inner_knots:
+            gaps.append(gaps[-1] + gap_growth * widest)
+        if len(sizes) * len(vertices) <= inner_knots:
             break
         gap_growth *= 1.2
+    steps_in = np.arange(len(sizes) - 1)
+    first, last = layer * distances, (1 - sizes[-1]) * depths
+    growth = ((last - first) / distances - len(steps_in)) / max(1, steps_in.sum())
+    gaps_of_sides = distances * (1 + growth * steps_in[:, None])
+    rings = [_offset(vertices, first + gaps_of_sides[:k].sum(axis=0)) for k in range(len(sizes))]
     coarser = 1.0
     while True:
         steps = coarser * np.minimum(lengths / degrees, lengths.sum() / first_ring_steps)
-        counts = [
-            np.maximum(1, np.rint(size * lengths / np.maximum(gap, steps)).astype(np.int64))
-            for size, gap in zip(sizes, gaps, strict=True)
-        ]
+        counts = []
+        for ring, gap in zip(rings, gaps, strict=True):
+            sides = ((np.roll(ring, -1, axis=0) - ring) * along).sum(axis=1)
+            counts.append(np.maximum(1, np.rint(sides / np.maximum(gap, steps)).astype(np.int64)))
         if coarser > 100 or sum(int(count.sum()) for count in counts) <= inner_knots:
             break
         coarser *= 1.1
     knots = []
-    for size, count in zip(sizes, counts, strict=True):
-        ring = centre + size * (corners - centre)
+    for ring, count in zip(rings, counts, strict=True):
         for side, pieces in enumerate(count.tolist()):
             shares_along = np.arange(pieces)[:, None] / pieces
             knots.append(ring[side] + shares_along * (np.roll(ring, -1, axis=0)[side] - ring[side]))
-    return np.concatenate([*knots, centre[None]])
+    found = np.concatenate([*knots, centre[None]])
+    above = ((found[:, None] - vertices) * inward).sum(axis=2)
+    return np.asarray(found[(above >= (layer - 1e-6) * distances).all(axis=1)])
+
+
+def _offset(vertices: FloatArray, heights: FloatArray) -> FloatArray:
+    """Return the corners of the polygon whose sides are moved inwards by (r,) heights."""
+    _, _, inward = frames(vertices)
+    values = (vertices * inward).sum(axis=1) + heights
+    lines = np.stack([np.roll(inward, 1, axis=0), inward], axis=1)
+    return np.linalg.solve(lines, np.column_stack([np.roll(values, 1), values])[:, :, None])[:, :, 0]
 
 
 def _even_weights(
-    knots: FloatArray, logs: FloatArray, rows: Sequence[IntArray], seconds: Sequence[IntArray], inner: IntArray
+    knots: FloatArray,
+    logs: FloatArray,
+    rows: Sequence[IntArray],
+    seconds: Sequence[IntArray],
+    inner: IntArray,
+    corners: IntArray,
 ) -> FloatArray:
-    """Return log weights with which inner knots, and rows on average, have a certain share at their own places."""
+    """Return log weights with which inner knots, and rows on average, have a certain share at their own places.
+
+    Knots at sums of two first ones have a small multiple of the product of their weights.
+    """
     # Most of the rest belongs to a knot's neighbours: the bumps of inner knots overlap so much that no ripple is left.
     # A row with less than this hides its planes in a strip too thin to be seen; with more, it is a crease.
     inner_share, row_share = (0.06, 0.13) if any(map(len, seconds)) else (0.04, 0.15)
+    tie = 0.05  # curvature varies most with even shares, and little between 0.03 and 0.1
     rounds, damping = 15, 0.6  # towards weights right if the others stayed; a few per cent of a share remain
     logs = logs.copy()
-    free = np.concatenate([*rows, inner])
+    pairs = np.array(SUMS)
+    owners, sums = np.nonzero(corners[:, 5:] >= inner[0])
+    tied, (first, other) = corners[owners, sums + 5], (corners[owners, pairs[sums, k]] for k in (0, 1))
+    products = np.log(tie * np.where(first == other, 1, 2)) - logs[corners[owners, 0]]
+    free = np.concatenate([*rows, np.setdiff1d(inner, tied)])
     ends = np.cumsum([len(row) for row in rows])
     columns = np.arange(len(free))
     s = None
     share = np.where(columns < ends[-1], row_share, inner_share)
     wanted = np.log(share / (1 - share))
     for _ in range(rounds):
+        logs[tied] = products + logs[first] + logs[other]
         s = MomentMap(knots, logs).inverse(knots[free], 1e-6, s)
         t = shares(exponents(knots, logs, s))[free, columns]
         with np.errstate(divide="ignore"):

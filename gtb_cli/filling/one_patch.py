@@ -23,6 +23,7 @@ from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.folds import sharp_turns
 from gtb_cli.fairing.variation import Bending, bendings, variation_matrices
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends
+from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import plane_angles
 from gtb_cli.filling.net import net
 from gtb_cli.filling.osculation import SecondRow, polar
@@ -38,11 +39,18 @@ from gtb_cli.filling.sides import (
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.theory.corners import corner_limits
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
 VISIBLE = 0.01
 """Of the way to the middle: what is nearer to the boundary is not seen, and there curvature may grow without bounds."""
+
+DEEP = 1e-3
+"""Likewise, down to which the energy has a weight, so that what is not seen stays bounded."""
+
+DISAGREEING = 1.0
+"""Degrees between the planes of two sides at a corner from which on normals have several limits whatever the patch."""
 
 _Attempt: TypeAlias = tuple[tuple[int, bool], Patch, Bending, list[int], int, int]
 
@@ -84,6 +92,12 @@ def fill_loop(
         strip = None if side.strip is None else (side.strip[0] / size, side.strip[1] / size)
         unit.append(replace(side, curve=curve, bend=bend, strip=strip))
     normals = [None if side.across is None else side_normals(side) for side in unit]
+    corner_angles = plane_angles(normals)
+    legs = np.array(
+        [np.linalg.norm(np.diff(side.curve[:, :3] / side.curve[:, 3:], axis=0)[[0, -1]], axis=1) for side in unit]
+    )
+    # The corners at which a patch has one plane: those with two directions of edges and no two planes
+    sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > DISAGREEING)
 
     def attempt(least: int, fewer: bool) -> _Attempt:
         """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
@@ -94,9 +108,10 @@ def fill_loop(
         if fewer:
             fields, seconds = nearest_fields(unit, normals, fields, seconds)
         found: list[_Attempt] = []
-        for patch, bent in _solved(edges, fields, seconds, inner, fullness):
+        for patch, bent in _solved(edges, normals, fields, seconds, inner, fullness):
             turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
             turns, folds = sharp_turns(patch), count_folds(patch)
+            folds += sum(corner_limits(patch, int(k)).folds for k in np.flatnonzero(sound))
             faults = turns + 1000 * (folds + turned)
             found.append(((faults, bool(found)), patch, bent, times, turns, folds))
             if not faults:
@@ -106,8 +121,9 @@ def fill_loop(
     least = raises
     if least is None:
         least = 2 if any(n is not None for n in normals) else 1
-        most_knots = 45  # of all edges together: with more, inner knots would be too few
-        if any(side.bend is not None for side in unit) and sum(side.degree + 4 for side in unit) <= most_knots:
+        # Of all edges together: with more, inner knots would be too few, and where planes alone are given they are free
+        most_knots = 45 if any(side.bend is not None for side in unit) else 36
+        if any(n is not None for n in normals) and sum(side.degree + 4 for side in unit) <= most_knots:
             least = 4
     plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
@@ -143,7 +159,7 @@ def fill_loop(
         ordered,
         Bending(bent.area * size**2, bent.energy, bent.variation, bent.curvature / size),
         tuple(contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True))),
-        plane_angles(normals),
+        corner_angles,
         tuple(times),
         folds,
         0 if folds else turns,
@@ -174,6 +190,7 @@ def closed(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
 
 def _solved(
     edges: Sequence[FloatArray],
+    normals: Sequence[FloatArray | None],
     fields: Sequence[Field],
     seconds: Sequence[SecondRow | None],
     inner: str,
@@ -194,22 +211,27 @@ def _solved(
     p, areas = energy_samples(region, resolution, VISIBLE)
     places = MomentMap(shape.knots, shape.log_weights).inverse
     s = places(p, 1e-6)
-    rows = Rows(shape, edges, fields, seconds)
+    deep, all_deep_areas = energy_samples(region, math.ceil(1.3 * resolution), DEEP)
+    deep_areas = all_deep_areas * np.minimum(_depths(region.vertices, deep) / VISIBLE, 1) ** 4
+    deep_s = places(deep, 1e-6)
+    rows = Rows(shape, edges, normals, fields, seconds)
     least = partial(rows.fairest, fullness=fullness)
     measured = partial(bendings, shape.knots, shape.log_weights, s, areas)
     if inner == "fair":
+        matrices = partial(variation_matrices, shape.knots, shape.log_weights)
         # The search begins in the metric of the domain.
-        flat = np.column_stack([shape.knots, np.zeros(len(shape.knots))])
-        second, third = variation_matrices(shape.knots, shape.log_weights, s, areas, flat)
+        second, third = matrices(s, areas, np.column_stack([shape.knots, np.zeros(len(shape.knots))]))
         found = [least(third + 30 / areas.sum() * second)]
-        # The less weight bending has, the less curvature varies, and the more some patches bend.
-        second, third = variation_matrices(shape.knots, shape.log_weights, s, areas, found[0])
         area = measured(found)[0].area
-        found += [least(third + factor / area * second) for factor in (0, 100, 400)]
-        bent = measured(found)
+        # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
+        # it varies less at the boundary, and more inside.
+        for energy in (matrices(s, areas, found[0]), matrices(deep_s, deep_areas, found[0])):
+            found += [least(energy[1] + factor / area * energy[0]) for factor in (0, 100, 400)]
+        bent, below = measured(found), bendings(shape.knots, shape.log_weights, deep_s, all_deep_areas, found)
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         power = 0 if any(seconds) else BENDING_POWER
-        best = min(range(len(bent)), key=lambda k: bent[k].energy ** power * bent[k].variation)
+        scores = [b.energy**power * b.variation * math.sqrt(d.variation) for b, d in zip(bent, below, strict=True)]
+        best = int(np.argmin(scores))
         for k in dict.fromkeys((best, 0)):
             yield Patch(shape.knots, found[k], log_weights=shape.log_weights), bent[k]
     # A thin plate overshoots least; a membrane is what was asked for.
@@ -217,6 +239,14 @@ def _solved(
     kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
     points = least(energy_at(shape.knots, shape.log_weights, places(p, 1e-6, s), all_areas, kind))
     yield Patch(shape.knots, points, log_weights=shape.log_weights), measured([points])[0]
+
+
+def _depths(vertices: FloatArray, places: FloatArray) -> FloatArray:
+    """Return how far places in a polygon are from its boundary, of the way to the mean of its corners."""
+    along = np.roll(vertices, -1, axis=0) - vertices
+    inward = np.column_stack([-along[:, 1], along[:, 0]])
+    whole = ((vertices.mean(axis=0) - vertices) * inward).sum(axis=1)
+    return np.asarray((((places[:, None] - vertices) * inward).sum(axis=2) / whole).min(axis=1))
 
 
 def _length(curve: FloatArray) -> float:

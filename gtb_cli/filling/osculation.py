@@ -213,7 +213,7 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
         curve = raised(side.curve, count, side.multiplier)
         rim, most = Rim.of(curve, normals), len(curve) - 2
         if side.strip is not None:
-            degree = (most + side.degree) // 2
+            degree = (most - 1 + side.degree) // 2
             if degree >= side.degree and (strip := StripRow(rim, side, curve, degree)).crosses():
                 return strip
             continue

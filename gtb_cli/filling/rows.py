@@ -6,6 +6,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.fairing.fair import RIDGE_FRACTION
+from gtb_cli.filling.corner_forms import APART, CROSSING, POINT, SMOOTH_COSINE, CornerForms
 from gtb_cli.filling.net import Net
 from gtb_cli.filling.osculation import SecondRow, polar
 from gtb_cli.filling.planes import Field
@@ -18,8 +19,14 @@ class Rows:
     """
 
     def __init__(
-        self, net: Net, edges: Sequence[FloatArray], fields: Sequence[Field], seconds: Sequence[SecondRow | None]
+        self,
+        net: Net,
+        edges: Sequence[FloatArray],
+        normals: Sequence[FloatArray | None],
+        fields: Sequence[Field],
+        seconds: Sequence[SecondRow | None],
     ) -> None:
+        self._net, self._normals = net, normals
         free = [members for members, field in zip(net.rows, fields, strict=True) if field is None]
         self._free = np.concatenate([*free, net.inner])
         self._given = np.zeros((len(net.knots), 3))
@@ -59,7 +66,8 @@ class Rows:
         """Return the (n, 3) control points with the least energy, a quadratic form; fields are longer by a factor.
 
         Second rows depend on the factors: the form is minimised with them free, then by Gauss's and Newton's method,
-        which has converged to eight digits in two steps.
+        which has converged to eight digits in two steps. Then factors and inner points move as little as they can, in
+        the metric of the form, to fulfil the equations of corners and the bounds of smooth ones.
         """
         rounds = 2
         matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
@@ -71,8 +79,114 @@ class Rows:
         factors = np.zeros(self._count)
         for form in forms:
             factors = factors + form.least(*self._at(factors))[1][: self._count]
+        turning: set[int] = set()
+        # Second rows are given up to the factors, and forms that do not join there would drive these to infinity.
+        for with_equations in (False, *[not self._seconds] * rounds):
+            points, moves = self._at(factors)
+            turning |= self._turning(points)
+            factors = factors + self._step(final, factors, self._bounds(turning), with_equations)
         points, moves = self._at(fullness * factors)
-        return final.least(points, moves[self._count :])[0]
+        points = final.least(points, moves[self._count :])[0]
+        for _ in range(rounds if all(n is not None for n in self._normals) else 4):  # coefficients follow free rows
+            equations = self._equations(points)
+            table = final.softness(equations)
+            points = final.moved(points, equations, _multipliers(table, -equations.residuals(points), len(table)))
+        return points
+
+    def _equations(self, points: FloatArray) -> CornerForms:
+        given = np.array([n is not None for n in self._normals])
+        return CornerForms.of(points, self._net.log_weights, self._net.corners, given)
+
+    def _legs(self, points: FloatArray, corner: int) -> tuple[FloatArray, FloatArray]:
+        """Return (4, 3) ways from a corner to the control points of its first knots, and the normals of its sides."""
+        first = self._net.corners[corner, :5]
+        legs = points[first[1:]] - points[first[0]]
+        sides = self._normals[corner], self._normals[corner - 1]
+        own = np.cross(legs[0], legs[3])
+        return legs, np.array([own if n is None else n[end] for n, end in zip(sides, (0, -1), strict=True)])
+
+    def _turning(self, points: FloatArray) -> set[int]:
+        """Return the corners at which the ways to first control points do not turn one way, as without a fold."""
+        found = set()
+        for corner in range(len(self._net.corners)):
+            legs, normals = self._legs(points, corner)
+            if (np.cross(legs[:-1], legs[1:]) @ normals.sum(axis=0)).min() <= 0:
+                found.add(corner)
+        return found
+
+    def _bounds(self, turning: set[int]) -> tuple[FloatArray, FloatArray]:
+        """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows at some corners cross their edges, and do not meet.
+
+        These are smooth corners, and those that turn back.
+        """
+        rows, least = [], []
+        for corner in range(len(self._net.corners)):
+            legs, normals = self._legs(self._given, corner)
+            lengths = np.linalg.norm(legs[[0, 3]], axis=1)
+            smooth = legs[0] @ legs[3] <= SMOOTH_COSINE * lengths.prod()
+            if not (smooth or corner in turning) or lengths.min() <= POINT * lengths.max():
+                continue
+            middle = legs[0] / lengths[0] + legs[3] / lengths[1]
+            convex = np.cross(legs[0], legs[3]) @ normals.sum(axis=0) > 0
+            for knot, end, normal, sign in zip((2, 3), (0, 1), normals, (1, -1), strict=True):
+                if self._normals[corner - end] is None:
+                    continue
+                own = self._moves[: self._count, self._net.corners[corner, knot]]
+                ways = [(np.cross(normal, legs[3 * end] / lengths[end]), CROSSING)]
+                if corner in turning and convex and not smooth:
+                    ways.append((np.cross(middle / np.linalg.norm(middle), normal), APART))
+                for way, share in ways:
+                    rows.append(sign * own @ way)
+                    least.append(share * lengths[end] - sign * legs[knot - 1] @ way)
+        return np.array(rows).reshape(len(rows), self._count), np.array(least)
+
+    def _step(
+        self, final: "_Form", factors: FloatArray, bounds: tuple[FloatArray, FloatArray], with_equations: bool
+    ) -> FloatArray:
+        """Return the change of factors, the least in the metric of the form, with which bounds and equations hold.
+
+        Equations are linearised; the free points share in what is missing.
+        """
+        difference = 1e-4  # of the loop's size: equations are nearly linear
+        points, moves = self._at(factors)
+        table, missing, count = bounds[0], bounds[1] - bounds[0] @ factors, 0
+        soft = final.soft(moves[: self._count])
+        form = table @ soft @ table.T
+        if with_equations:
+            points = final.least(points, moves[self._count :])[0]
+            followed = final.followed(moves[: self._count])
+            equations = self._equations(points)
+            residuals = equations.residuals(points)
+            step = difference / (np.abs(followed).max(initial=0.0) or 1.0)
+            there = points + step * followed
+            rates = (self._equations(there).residuals(there) - residuals) / step
+            count, table = len(residuals), np.vstack([rates.T, table])
+            form = table @ soft @ table.T
+            form[:count, :count] += final.softness(equations)
+            missing = np.concatenate([-residuals, missing])
+        return np.asarray(soft @ table.T @ _multipliers(form, missing, count))
+
+
+def _multipliers(form: FloatArray, missing: FloatArray, equations: int) -> FloatArray:
+    """Return multipliers x with which ``form @ x`` is what is missing in equations, and at least that in bounds after.
+
+    Those of bounds are positive, or 0 where the bound holds without. If there is no solution, that is the nearest.
+    """
+    rank = 1e-12
+    size = np.sqrt(np.where(np.diag(form) > 0, np.diag(form), 1.0))
+    form, missing = form / size / size[:, None], missing / size
+    if equations == len(form):
+        return np.asarray(np.linalg.lstsq(form, missing, rcond=rank)[0] / size)
+    from scipy.optimize import lsq_linear
+
+    values, vectors = np.linalg.eigh(form)
+    good = values > rank * values[-1]
+    roots = np.sqrt(values[good])
+    lowest = np.where(np.arange(len(form)) < equations, -np.inf, 0.0)
+    found = lsq_linear(
+        roots[:, None] * vectors[:, good].T, vectors[:, good].T @ missing / roots, (lowest, np.inf), "bvls"
+    )
+    return np.asarray(found.x / size)
 
 
 class _Form:
@@ -81,7 +195,8 @@ class _Form:
     def __init__(self, matrix: FloatArray, free: IntArray) -> None:
         self._free, self._outer = free, np.setdiff1d(np.arange(len(matrix)), free)
         others = matrix[np.ix_(free, self._outer)]
-        self._weights = np.linalg.solve(matrix[np.ix_(free, free)], others)
+        self._own = matrix[np.ix_(free, free)]
+        self._weights = np.linalg.solve(self._own, others)
         form = matrix[np.ix_(self._outer, self._outer)] - others.T @ self._weights
         self._form = (form + form.T) / 2
 
@@ -96,3 +211,30 @@ class _Form:
             points[self._outer] += np.einsum("f,fik->ik", factors, own)
         points[self._free] = -self._weights @ points[self._outer]
         return points, factors
+
+    def followed(self, moves: FloatArray) -> FloatArray:
+        """Return (f, n, 3) moves which the free points follow."""
+        moves = moves.copy()
+        moves[:, self._free] = -self._weights @ moves[:, self._outer]
+        return moves
+
+    def soft(self, moves: FloatArray) -> FloatArray:
+        """Return the (f, f) inverse of the form of factors of moves, without those that it does not see."""
+        own = moves[:, self._outer]
+        images = np.einsum("ij,fjk->fik", self._form, own)
+        return np.asarray(np.linalg.pinv(np.einsum("fik,gik->fg", images, own), rcond=RIDGE_FRACTION, hermitian=True))
+
+    def _shifts(self, equations: CornerForms) -> tuple[FloatArray, FloatArray]:
+        table = equations.matrix(len(self._free) + len(self._outer))[:, self._free]
+        return table, np.linalg.solve(self._own, table.T)
+
+    def softness(self, equations: CornerForms) -> FloatArray:
+        """Return (c, c) changes of equations by unit forces of each on the free points."""
+        table, shifts = self._shifts(equations)
+        return np.asarray((table @ shifts) * (equations.normals @ equations.normals.T))
+
+    def moved(self, points: FloatArray, equations: CornerForms, forces: FloatArray) -> FloatArray:
+        """Return the points after forces of equations."""
+        points = points.copy()
+        points[self._free] += self._shifts(equations)[1] @ (forces[:, None] * equations.normals)
+        return points

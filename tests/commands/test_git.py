@@ -1,4 +1,4 @@
-"""Git shows changes of meshes, with the configuration that the README gives."""
+"""Git shows changes of meshes, with the configuration that specs/COMMANDS.md gives."""
 
 import re
 import shutil
@@ -10,7 +10,8 @@ from tests.shell import PENTAGON, REPOSITORY, shell
 
 IDENTITY = "git -c user.name=a -c user.email=a@b.c -c commit.gpgsign=false"
 
-CONFIGURATION = "\n".join(re.findall(r"^    (git config .*)$", (REPOSITORY / "README.md").read_text(), re.MULTILINE))
+COMMANDS = (REPOSITORY / "specs" / "COMMANDS.md").read_text(encoding="utf-8")
+CONFIGURATION = "\n".join(re.findall(r"^    (git config .*)$", COMMANDS, re.MULTILINE))
 
 
 @pytest.fixture(scope="module")

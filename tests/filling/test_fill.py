@@ -13,7 +13,7 @@ from gtb_cli.filling.sides import loop
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
-from tests.filling.test_one_patch import CUP, HERE, TRIANGLE
+from tests.filling.test_one_patch import CUP, HERE, PLANES, TRIANGLE
 from tests.marks import long, mostly_long
 from tests.solids.test_rims import walls
 from tests.specs import SECONDS
@@ -74,9 +74,13 @@ def test_plane_rims_are_closed_by_plane_lids_and_floors(profile, sides):
 
 
 @long
-def test_planes_that_are_not_met_are_refused():
-    upright = gtb_cli.fill(walls([(1, 0), (1, 1), (1, 2)], 3), hole="patches[0] edge 2")
-    assert upright.fault.startswith("the patch leaves the given planes by 90 degrees along an edge")
+def test_a_dome_closes_a_pipe():
+    """Its planes stand upright, and differ at the corners of a pipe of three walls."""
+    dome = gtb_cli.fill(walls([(1, 0), (1, 1), (1, 2)], 3), hole="patches[0] edge 2")
+    assert dome.fault is None
+    assert dome.angle < PLANES
+    np.testing.assert_allclose(dome.corner_angles, 120)
+    assert gtb_cli.tessellate(dome.patch, 16).vertices[:, 2].max() > 2.2
     with pytest.raises(DomainError, match="continuity: expected g1, g0 or g2, got 'g7'"):
         gtb_cli.fill(triangle(), continuity="g7")
 

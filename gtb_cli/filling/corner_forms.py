@@ -1,0 +1,100 @@
+"""The equations that join the quadratic forms of a filling at its corners, so that curvature stays bounded there.
+
+Control points at sums p_i + p_j of the first knots of a corner (`corner_exponents`) have heights h over its plane that
+give the surface's form there: ℓ_i(b_j) = W_ij h_ij / (W_i W_j) and ℓ_i(b_i) = 2 W_ii h_ii / W_i². The forms of the ways
+between b₀, b₁, b₂ and b₃ join if ℓ_1 and ℓ_2 are linear, each with three values. So there are two equations, linear in
+the heights at 2 p₁, p₁ + p₂ and 2 p₂. A row without given planes also has to begin in the corner's plane.
+"""
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.values import frozen
+
+SMOOTH_COSINE = np.cos(np.radians(150))
+"""Of the angle in space from which a corner is smooth: there, rows that ran along their edges would fold."""
+
+CROSSING = 0.25
+"""Least distance at a smooth corner of a row from its edge, relative to the first leg of the edge's control polygon."""
+
+APART = 0.1
+"""Likewise, from the direction midway between the edges, at corners at which rows would cross."""
+
+
+POINT = 1e-9
+"""Size of a first way of an edge, relative to the longest at its corner, that is 0: such corners have other forms."""
+
+SHORT = 1e-2
+"""Likewise, of a side so short that equations would only be fulfilled by a wave of its neighbours' size."""
+
+
+@frozen
+class CornerForms:
+    """(…, c, 3) factors and (…, c, 3) normals of equations ``Σ factor ⟨normal, P − V⟩ = 0`` in (c, 3) `members`."""
+
+    members: IntArray
+    origins: IntArray
+    factors: FloatArray
+    normals: FloatArray
+
+    @classmethod
+    def of(cls, points: FloatArray, log_weights: FloatArray, corners: IntArray, given: BoolArray) -> "CornerForms":
+        """Return the equations of (r, 10) `corners`, with coefficients as (…, n, 3) points have them.
+
+        `given` tells for each of r sides whether its row has planes.
+        """
+        b = points[..., corners, :] - points[..., corners[:, :1], :]
+        w = np.exp(log_weights[corners] - log_weights[corners[:, :1]])
+        before: BoolArray = np.roll(given, 1)
+        planes = [_unit(np.cross(b[..., i, :], b[..., i + 1, :])) for i in (1, 3)]
+        normals = planes[0] * given[:, None] + planes[1] * before[:, None]
+        neither = ~given & ~before
+        normals = _unit(np.where(neither[:, None], np.cross(b[..., 1, :], b[..., 4, :]), normals))
+        lengths = np.linalg.norm(b[..., 1:5, :], axis=-1)
+        known = lengths.min(axis=-1) > SHORT * lengths.max(axis=-1)
+        members, factors = [], []
+        for i, j, k, sums in ((1, 2, 3, (5, 6, 7)), (4, 3, 2, (9, 8, 7))):
+            across = np.cross(normals, b[..., j, :])
+            (x0, y0), (x2, y2) = ((dots(b[..., a, :], b[..., j, :]), dots(b[..., a, :], across)) for a in (i, k))
+            size = np.maximum(dots(across, across), 1e-300)
+            row = [
+                -y2 * w[:, sums[0]] / (w[:, i] * w[:, j]),
+                2 * (x0 * y2 - x2 * y0) / size * w[:, sums[1]] / w[:, j] ** 2,
+                y0 * w[:, sums[2]] / (w[:, j] * w[:, k]),
+            ]
+            members.append(corners[:, list(sums)])
+            factors.append(
+                np.stack(row, axis=-1) / np.maximum(np.abs(row).max(axis=0), 1e-300)[..., None] * known[..., None]
+            )
+        free: tuple[tuple[int, BoolArray], ...] = ((2, ~given), (3, ~before))
+        for column, rows in free:
+            members.append(np.tile(corners[rows, column, None], 3))
+            factors.append(np.broadcast_to([1.0, 0.0, 0.0], (*points.shape[:-2], int(rows.sum()), 3)))
+        kinds = (slice(None), slice(None), ~given, ~before)
+        return cls(
+            np.concatenate(members),
+            np.concatenate([corners[kind, 0] for kind in kinds]),
+            np.concatenate(factors, axis=-2),
+            np.concatenate([normals[..., kind, :] for kind in kinds], axis=-2),
+        )
+
+    def residuals(self, points: FloatArray) -> FloatArray:
+        """Return what is missing: (…, c) sums at (…, n, 3) points."""
+        ways = points[..., self.members, :] - points[..., self.origins[:, None], :]
+        return np.asarray((self.factors * dots(ways, self.normals[..., None, :])).sum(axis=-1))
+
+    def matrix(self, count: int) -> FloatArray:
+        """Return the (c, n) factors of n points."""
+        table = np.zeros((len(self.members), count))
+        np.add.at(table, (np.arange(len(table))[:, None], self.members), self.factors)
+        return table
+
+
+def dots(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the scalar products of rows of tables with any axes before."""
+    return np.asarray((a * b).sum(axis=-1))
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
