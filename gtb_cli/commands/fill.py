@@ -15,6 +15,7 @@ from gtb_cli.vocabulary import CONTINUITIES
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
+    from gtb_cli.fairing.variation import Bending
     from gtb_cli.filling.certificate import Filling
 
 
@@ -84,9 +85,10 @@ def fill(
     that of a neighbour in a model, of a .gbp file of degree 5 or more, or of the strip of a curve, its "ribbon" and its
     "ribbon2", the third row. Where no polynomial rows have it exactly, the hole is refused.
 
-    A certificate says what was measured: for each side the largest angle between normals, away from corners, and, in a
-    model or with g2, the largest difference between curvatures across; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its
-    variation) and the largest curvature of the patch without its outermost hundredth; folds among some thousand places.
+    A certificate says what was measured: for each side the largest angle between normals and, in a model or with g2,
+    the largest difference between curvatures across; of corners, in closed form, whether there is one plane, and the
+    curvature; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its variation) and the largest curvature to a hundredth and to a
+    thousandth of the way from the edges, with the digits that two quadratures share; folds at corners and elsewhere.
     With --json it is printed as data in place of the spec, which -o writes. A patch that folds or is turned over is not
     written, and the exit status is 1.
 
@@ -133,10 +135,20 @@ def _certificate(filling: Filling) -> dict[str, Any]:
         "name": filling.patch.name,
         "sides": sides,
         "corner_angles": [known(angle) for angle in filling.corner_angles.tolist()],
-        "area": filling.bending.area,
-        "bending": filling.bending.energy,
-        "variation": filling.bending.variation,
-        "curvature": filling.bending.curvature,
+        "corners": [
+            {
+                "corner": corner,
+                "at": side.ends[0].tolist(),
+                "angle": known(limits.angle),
+                "curvature": known(limits.curvature),
+                "curvature_exponent": known(limits.curvature_exponent),
+                "folds": limits.folds,
+            }
+            for part in filling.parts or (filling,)
+            for corner, (side, limits) in enumerate(zip(part.sides, part.corners, strict=True))
+        ],
+        **_bending(filling.bending, filling.bending_errors[0]),
+        "nearer": _bending(filling.bending_nearer, filling.bending_errors[1]),
         "folds": filling.folds,
         "sharp_turns": filling.sharp_turns,
         "patches": [patch.name for patch in filling.patches],
@@ -146,10 +158,21 @@ def _certificate(filling: Filling) -> dict[str, Any]:
     }
 
 
+def _bending(bending: Bending, error: float) -> dict[str, float]:
+    return {
+        "area": bending.area,
+        "bending": bending.energy,
+        "variation": bending.variation,
+        "curvature": bending.curvature,
+        "relative_error": error,
+    }
+
+
 def _report(filling: Filling, console: Console) -> None:
     import numpy as np
 
     from gtb_cli.arrays import point_text
+    from gtb_cli.fairing.fair import agreed_text
     from gtb_cli.filling.certificate import SPIKE
 
     # Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so
@@ -182,10 +205,35 @@ def _report(filling: Filling, console: Console) -> None:
         if not math.isnan(contact.bend_inside):
             bent += f", at 1% of its length inside by {contact.bend_inside:.2g}"
         console.note(f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees {near(contact.place)}{bent}")
-    bending, knots = filling.bending, sum(len(patch.knots) for patch in filling.patches)
+    _report_corners(filling, console)
+    knots = sum(len(patch.knots) for patch in filling.patches)
     sides = " + ".join(str(len(part.sides)) for part in filling.parts or (filling,))
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
-    console.note(f"{sides} sides, {knots} knots, no folds at some thousand places{angle}")
-    bent, varied = (f"{round(value, 12):.3g}" for value in (bending.energy, bending.variation))  # 0 of planes
-    curvature = f"largest curvature {bending.curvature:.3g}"
-    console.note(f"but for the outermost hundredth: bending {bent}, variation {varied}, {curvature}")
+    console.note(f"{sides} sides, {knots} knots, no folds at corners and some thousand places{angle}")
+    measured = zip((filling.bending, filling.bending_nearer), filling.bending_errors, strict=True)
+    for what, (bending, error) in zip(("hundredth", "thousandth"), measured, strict=True):
+        bent, varied = (agreed_text(value, error) for value in (bending.energy, bending.variation))
+        largest = f"largest curvature {bending.curvature:.2g}"
+        console.note(f"to a {what} of the way from the edges: bending {bent}, variation {varied}, {largest}")
+
+
+def _report_corners(filling: Filling, console: Console) -> None:
+    """Say in a line what curvature the corners have, and of each that has several planes or no bound, what it has."""
+    from gtb_cli.theory.corners import PLANE_DEGREES
+
+    most, where, parts = 0.0, "", filling.parts or (filling,)
+    for number, part in enumerate(parts):
+        for corner, limits in enumerate(part.corners):
+            place = f"{f'part {number}, ' if len(parts) > 1 else ''}corner {corner}"
+            named = f"{place}, of {part.sides[corner - 1].name} and {part.sides[corner].name}: normals"
+            if limits.angle > PLANE_DEGREES:
+                console.note(
+                    f"{named} have limits up to {limits.angle:.3g} degrees apart, so that curvature is unbounded"
+                )
+            elif math.isinf(limits.curvature):
+                power = limits.curvature_exponent
+                console.note(f"{named} have one limit, and curvature grows like the distance to the power {power:.2g}")
+            elif limits.curvature >= most:
+                most, where = limits.curvature, f", at {place}"
+    if where:
+        console.note(f"corners: tangent planes, curvature at most {round(most, 12):.3g}{where}")

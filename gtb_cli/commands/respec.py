@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import click
@@ -261,20 +260,16 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
 
 def _changes(part: Fairing) -> str:
     """Say what was measured before and after, with the digits on which two quadratures agree."""
-    digits = max(1, min(3, math.ceil(-math.log10(part.error or 1e-3))))
+    from gtb_cli.fairing.fair import agreed_text
 
-    def change(what: str, before: float, after: float, digits: int = digits) -> str:
-        one, other = (
-            f"{round(value, 12) + 0.0:.{digits}g}" if math.isfinite(value) else "unknown" for value in (before, after)
-        )
+    def change(what: str, before: float, after: float, error: float = part.error) -> str:
+        one, other = agreed_text(before, error), agreed_text(after, error)
         return f"{what} {one}" if one == other else f"{what} from {one} to {other}"
 
     energies = f"{change('energy', *part.energies)} but for the outermost thousandth; " if part.energies else ""
     changes = [
         change("bending", part.before.energy, part.after.energy),
         change("variation", part.before.variation, part.after.variation),
-        change(
-            "largest curvature", part.before.curvature, part.after.curvature, 2
-        ),  # of the places that were looked at
+        change("largest curvature", part.before.curvature, part.after.curvature, 0.05),  # of places that were looked at
     ]
     return f"{energies}but for the outermost hundredth: {', '.join(changes)}"

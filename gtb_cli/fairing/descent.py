@@ -23,10 +23,11 @@ def measured(zones: Sequence[Samples], surfaces: Sequence[FloatArray]) -> list[l
     """Integrate each of the surfaces, (n, 3) control points, over the first zone, the first two and so on."""
     with np.errstate(all="ignore"):  # where a surface has no tangent plane, integrals are not finite
         parts = [bendings(*zone, surfaces) for zone in zones]
-    return [[_together(found[: k + 1]) for k in range(len(zones))] for found in zip(*parts, strict=True)]
+    return [[together(found[: k + 1]) for k in range(len(zones))] for found in zip(*parts, strict=True)]
 
 
-def _together(parts: Sequence[Bending]) -> Bending:
+def together(parts: Sequence[Bending]) -> Bending:
+    """Return the integrals over all of several regions."""
     area, energy = (sum(getattr(part, name) for part in parts) for name in ("area", "energy"))
     varied = sum(part.variation / part.area if part.area else 0.0 for part in parts)
     return Bending(area, energy, area * varied, max(part.curvature for part in parts))

@@ -155,7 +155,7 @@ def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
         energies = least[0] * size * size, least[1] * size * size
     elif len(free):
         found = _least_varied(patch, given, free)
-    (before, after), error = _measured(patch, [given, found])
+    (before, after), (error, _) = agreed(patch, [given, found])
     if energies is None and (figures(after) > np.maximum(figures(before), FLAT)).any():  # by the finest quadrature
         found, after = given, before
     if found is not given:
@@ -194,20 +194,32 @@ def _zones(patch: Patch, resolution: int) -> list[Samples]:
     return [samples(shape, weights, resolution, inside), samples(shape, weights, resolution, outside, inside)]
 
 
-def _measured(patch: Patch, surfaces: Sequence[FloatArray]) -> tuple[list[list[Bending]], float]:
-    """Measure surfaces by ever finer quadratures; also return the error of what is reported, the first region's."""
+def agreed(
+    patch: Patch, surfaces: Sequence[FloatArray], resolutions: Sequence[int] = (32, 48, 64, 96)
+) -> tuple[list[list[Bending]], tuple[float, float]]:
+    """Measure surfaces without what is `LEFT_OUT`, by ever finer quadratures until two agree in the first region.
+
+    Also return the largest relative difference of bending and variation in each region.
+    """
     enough = 3e-3
-    earlier, error = None, math.inf
-    for resolution in (32, 48, 64, 96):
+    earlier, errors = None, (math.inf, math.inf)
+    for resolution in resolutions:
         bent = measured(_zones(patch, resolution), surfaces)
-        now = np.array([figures(one)[:2] for one in bent])
+        now = np.array([figures(one) for one in bent])
         if earlier is not None:
             known = np.isfinite(now) & np.isfinite(earlier) & (now > FLAT)
-            error = float(np.abs(earlier[known] / now[known] - 1).max(initial=0.0))
-        if error <= enough:
+            change = np.where(known, np.abs(earlier / np.where(known, now, 1.0) - 1), 0.0)
+            errors = float(change[:, :2].max()), float(change[:, 2:].max())
+        if errors[0] <= enough:
             break
         earlier = now
-    return bent, error
+    return bent, errors
+
+
+def agreed_text(value: float, error: float) -> str:
+    """Return a figure with the digits, at most three, on which quadratures with a relative difference agree."""
+    digits = max(1, min(3, math.ceil(-math.log10(error or 1e-3)))) if error < 1 else 1
+    return f"{round(value, 12) + 0.0:.{digits}g}" if math.isfinite(value) else "unknown"
 
 
 def _least(matrix: FloatArray, given: FloatArray, free: IntArray) -> FloatArray:

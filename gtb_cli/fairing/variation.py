@@ -160,19 +160,22 @@ def bendings(
 
 def variation_matrices(
     knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, points: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the (n, n) matrices of ``∫ |P_;ab|²`` and ``∫ |P_;abc|²`` in the metric that (n, 3) points give."""
-    matrices = np.zeros((2, len(knots), len(knots)))
+) -> FloatArray:
+    """Return the (…, 2, n, n) matrices of ``∫ |P_;ab|²`` and ``∫ |P_;abc|²`` in the metric that (n, 3) points give.
+
+    They are those of each of the (…, m) areas.
+    """
+    matrices = np.zeros((*areas.shape[:-1], 2, len(knots), len(knots)))
     for block, places in central_moments(knots, log_weights, s):
         frame = _frame(block, points)
-        roots = np.sqrt(_spaces(block, frame, areas[places]))
+        roots = np.sqrt(_spaces(block, frame, areas[..., places]))
         _, *orders = _rows(block, frame)
-        for matrix, rows, multiples in zip(matrices, orders, ((1, 2, 1), (1, 3, 3, 1)), strict=True):
-            table = np.concatenate(
-                [row * (math.sqrt(n) * roots) for row, n in zip(rows, multiples, strict=True)], axis=1
-            )
-            matrix += table @ table.T
-    return matrices[0], matrices[1]
+        for k, (rows, multiples) in enumerate(zip(orders, ((1, 2, 1), (1, 3, 3, 1)), strict=True)):
+            for zone in np.ndindex(areas.shape[:-1]):
+                parts = [row * (math.sqrt(n) * roots[zone]) for row, n in zip(rows, multiples, strict=True)]
+                table = np.concatenate(parts, axis=1)
+                matrices[*zone, k] += table @ table.T
+    return matrices
 
 
 class Linearisation(NamedTuple):

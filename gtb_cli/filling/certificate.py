@@ -12,10 +12,9 @@ from gtb_cli.filling.hole_corners import concave_corners
 from gtb_cli.filling.osculation import Rim, patch_bend
 from gtb_cli.filling.sides import HoleSide, edge_normals, points_and_tangents, stations
 from gtb_cli.models.model import Model
+from gtb_cli.theory.corners import CornerLimits
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-
-_AWAY = (stations() > 0.02) & (stations() < 0.98)  # places nearer to the ends of a side belong to its corners
 
 SPIKE = 30.0
 """Largest curvature, relative to that of a sphere with the same area, of a patch that does not turn sharply."""
@@ -28,7 +27,7 @@ class Contact:
     Attributes
     ----------
     angle : float
-        In degrees, between its normals and the given ones, away from the ends of the side; NaN without planes.
+        In degrees, between its normals and the given ones; NaN without planes.
     place : (3,) float
         The point with this angle; NaN without planes.
     bend : float
@@ -57,16 +56,21 @@ class Filling:
     patch : Patch
     sides : tuple of HoleSide
         In the order of the patch's edges.
-    bending : Bending
-        Integrals of curvature and of its variation over the patch without the outermost hundredth.
+    bending, bending_nearer : Bending
+        Integrals of curvature and of its variation over the patch without the outermost hundredth of the way from edges
+        to the middle, and without the outermost thousandth.
+    bending_errors : (float, float)
+        Largest relative difference of each, and of its variation, to those by a coarser quadrature.
     contacts : tuple of Contact
         What was measured along each side.
     corner_angles : (r,) float
         Angle in degrees between the planes of sides k − 1 and k at corner k; NaN if a side has no planes.
+    corners : tuple of CornerLimits
+        The limits of the patch's own normals and curvatures at each corner, in closed form.
     raises : tuple of int
         Number of times that the degree of each side was raised.
     folds : int
-        Number of places, among some thousand, at which the patch turns back.
+        Number of places, among some thousand and the corners, at which the patch turns back.
     sharp_turns : int
         Number of sides in a mesh of some thousand triangles at which a patch without folds turns by more than a right
         angle.
@@ -81,8 +85,11 @@ class Filling:
     patch: Patch
     sides: tuple[HoleSide, ...]
     bending: Bending
+    bending_nearer: Bending
+    bending_errors: tuple[float, float]
     contacts: tuple[Contact, ...]
     corner_angles: FloatArray
+    corners: tuple[CornerLimits, ...]
     raises: tuple[int, ...]
     folds: int
     sharp_turns: int
@@ -97,7 +104,7 @@ class Filling:
 
     @property
     def angle(self) -> float:
-        """Largest angle in degrees between the patch's normals and the given ones, away from corners; NaN if none."""
+        """Largest angle in degrees between the patch's normals and the given ones along sides; NaN if none."""
         return max((each.angle for each in self.contacts if not math.isnan(each.angle)), default=math.nan)
 
     @property
@@ -141,20 +148,20 @@ def contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None
     angles = angles_to(patch, side, normals)
     k = int(angles.argmax())
     points = points_and_tangents(given.curve, stations())[0]
-    found = Contact(float(angles[k]), points[_AWAY][k])
+    found = Contact(float(angles[k]), points[k])
     if given.bend is None:
         return found
     bend = np.abs(patch_bend(patch, edge_of(patch, side), given.curve, normals) - given.bend)
-    k = int(np.where(_AWAY, bend, -1.0).argmax())
+    k = int(bend.argmax())
     inside = bend_inside(patch, edge_of(patch, side), given.curve)
     return replace(found, bend=float(bend[k]), bend_place=points[k], bend_inside=inside)
 
 
 def angles_to(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
-    """Return the angles in degrees between the patch's and the given normals along a side, without its ends."""
-    found = edge_normals(patch, edge_of(patch, side), stations()[_AWAY])
-    sine = np.linalg.norm(np.cross(found, normals[_AWAY]), axis=1)
-    return np.asarray(np.degrees(np.arctan2(sine, (found * normals[_AWAY]).sum(axis=1))))
+    """Return the angles in degrees between the patch's and the given normals at the `stations` of a side."""
+    found = edge_normals(patch, edge_of(patch, side), stations())
+    sine = np.linalg.norm(np.cross(found, normals), axis=1)
+    return np.asarray(np.degrees(np.arctan2(sine, (found * normals).sum(axis=1))))
 
 
 def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:

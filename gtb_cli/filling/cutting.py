@@ -14,7 +14,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, point_text, unit
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.variation import Bending
+from gtb_cli.fairing.descent import together
 from gtb_cli.filling.certificate import SPIKE, Filling
 from gtb_cli.filling.hole_corners import Corner, across_at, corners
 from gtb_cli.filling.sides import HoleSide, bernstein, points_and_tangents, stations
@@ -96,15 +96,15 @@ def _together(found: Parts) -> Filling:
     parts = found.fillings
     if len(parts) == 1:
         return parts[0]
-    bent = [part.bending for part in parts]
-    area = sum(each.area for each in bent)
-    variation = area * sum(each.variation / each.area for each in bent)
     return Filling(
         parts[0].patch,
         tuple(side for part in parts for side in part.sides),
-        Bending(area, sum(each.energy for each in bent), variation, max(each.curvature for each in bent)),
+        together([part.bending for part in parts]),
+        together([part.bending_nearer for part in parts]),
+        (max(part.bending_errors[0] for part in parts), max(part.bending_errors[1] for part in parts)),
         tuple(contact for part in parts for contact in part.contacts),
         np.concatenate([part.corner_angles for part in parts]),
+        tuple(corner for part in parts for corner in part.corners),
         tuple(times for part in parts for times in part.raises),
         0,
         sum(part.sharp_turns for part in parts),

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.filling.corner_exponents import FREE, SUMS, corner_places, frames, keeps_corners
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
@@ -56,10 +56,11 @@ def net(
     distances = _row_distances(vertices, degrees, layer)
     edges, rows, seconds, boundary = _boundary(vertices, degrees, distances, [len(row) for row in logs_of_seconds])
     places = corner_places(vertices, degrees, distances)
-    sums = _apart(places[:, FREE].reshape(-1, 2), boundary, 1e-6 * distances.min())
+    sums = places[:, FREE].reshape(-1, 2)
+    known, same = np.concatenate([boundary, sums]), 1e-6 * distances.min()
+    sums = known[[k for k in range(len(boundary), len(known)) if not _near(known[k : k + 1], known[:k], same)]]
     rings = _rings(vertices, degrees, distances, layer)
-    rings = rings[keeps_corners(rings, places)]
-    rings = _apart(rings, sums, 0.8 * distances.min())
+    rings = rings[keeps_corners(rings, places) & ~_near(rings, sums, 0.8 * distances.min())]
     knots = np.concatenate([boundary, sums, rings])
     logs = np.full(len(knots), np.log(4.0))
     given = (*map(np.log, edge_weights), *map(np.log, row_weights), *logs_of_seconds)
@@ -72,14 +73,8 @@ def net(
     return Net(knots, logs, edges, rows, seconds, inner, corners)
 
 
-def _apart(points: FloatArray, others: FloatArray, distance: float) -> FloatArray:
-    """Return the points that are farther than a distance from others, and from those before them that are returned."""
-    kept: list[FloatArray] = []
-    near = (np.linalg.norm(points[:, None] - others, axis=2) <= distance).any(axis=1)
-    for point in points[~near]:
-        if all(np.linalg.norm(point - other) > distance for other in kept):
-            kept.append(point)
-    return np.array(kept).reshape(-1, 2)
+def _near(points: FloatArray, others: FloatArray, distance: float) -> BoolArray:
+    return np.asarray((np.linalg.norm(points[:, None] - others, axis=2) <= distance).any(axis=1))
 
 
 def polygon(lengths: FloatArray) -> FloatArray:

@@ -19,10 +19,11 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
 from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
+from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.folds import sharp_turns
-from gtb_cli.fairing.variation import Bending, bendings, variation_matrices
-from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends
+from gtb_cli.fairing.variation import bendings, variation_matrices
+from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import plane_angles
 from gtb_cli.filling.net import net
@@ -43,16 +44,16 @@ from gtb_cli.theory.corners import corner_limits
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
-VISIBLE = 0.01
-"""Of the way to the middle: what is nearer to the boundary is not seen, and there curvature may grow without bounds."""
+VISIBLE, NEARER = LEFT_OUT
+"""Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
 
-DEEP = 1e-3
-"""Likewise, down to which the energy has a weight, so that what is not seen stays bounded."""
+QUADRATURES = 24, 36
+"""By which the certificate is measured: digits on which they agree are said."""
 
 DISAGREEING = 1.0
 """Degrees between the planes of two sides at a corner from which on normals have several limits whatever the patch."""
 
-_Attempt: TypeAlias = tuple[tuple[int, bool], Patch, Bending, list[int], int, int]
+_Attempt: TypeAlias = tuple[tuple[int, bool], Patch, list[int], int, int]
 
 
 def fill_loop(
@@ -108,12 +109,12 @@ def fill_loop(
         if fewer:
             fields, seconds = nearest_fields(unit, normals, fields, seconds)
         found: list[_Attempt] = []
-        for patch, bent in _solved(edges, normals, fields, seconds, inner, fullness):
+        for patch in _solved(edges, normals, fields, seconds, inner, fullness):
             turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
             turns, folds = sharp_turns(patch), count_folds(patch)
             folds += sum(corner_limits(patch, int(k)).folds for k in np.flatnonzero(sound))
             faults = turns + 1000 * (folds + turned)
-            found.append(((faults, bool(found)), patch, bent, times, turns, folds))
+            found.append(((faults, bool(found)), patch, times, turns, folds))
             if not faults:
                 break
         return min(found, key=lambda each: each[0])
@@ -134,7 +135,8 @@ def fill_loop(
         if not any(best[0]):
             break
         best = min(best, attempt(*plan), key=lambda found: found[0])
-    _, patch, bent, times, turns, folds = best
+    _, patch, times, turns, folds = best
+    ((bending, nearer),), errors = agreed(patch, [patch.control_points], QUADRATURES)
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
@@ -157,9 +159,12 @@ def fill_loop(
     return Filling(
         patch,
         ordered,
-        Bending(bent.area * size**2, bent.energy, bent.variation, bent.curvature / size),
+        bending.scaled(size),
+        nearer.scaled(size),
+        errors,
         tuple(contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True))),
         corner_angles,
+        tuple(corner_limits(patch, edge_of(patch, k)) for k in range(len(ordered))),
         tuple(times),
         folds,
         0 if folds else turns,
@@ -195,8 +200,8 @@ def _solved(
     seconds: Sequence[SecondRow | None],
     inner: str,
     fullness: float,
-) -> Iterator[tuple[Patch, Bending]]:
-    """Yield patches in units of the loop's size, and their bending: the fairest, and others if that folds."""
+) -> Iterator[Patch]:
+    """Yield patches in units of the loop's size: the fairest, and others if that folds."""
     polars = [polar(edge) for edge in edges]
     shape = net(
         np.array([_length(edge) for edge in edges]),
@@ -204,41 +209,41 @@ def _solved(
         [binomials(len(row) - 1) * row[:, 3] for row in polars],
         [None if second is None else second.weights for second in seconds],
     )
-    # Variation is right to some hundredths with 24; with 4 samples for each knot, no control point is left free.
-    samples = max(24**2 * min(len(edges), 8), 4 * len(shape.knots))
+    # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
+    samples = max(32**2 * min(len(edges), 8), 4 * len(shape.knots))
     resolution = math.ceil(math.sqrt(samples / len(edges)))
     region = domain(shape.knots, "unit")
-    p, areas = energy_samples(region, resolution, VISIBLE)
+    p, areas = energy_samples(region, resolution, NEARER)
+    # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
+    depths = np.minimum(_depths(region.vertices, p) / VISIBLE, 1)
+    zones = areas * np.stack([depths**16, depths**4])
     places = MomentMap(shape.knots, shape.log_weights).inverse
     s = places(p, 1e-6)
-    deep, all_deep_areas = energy_samples(region, math.ceil(1.3 * resolution), DEEP)
-    deep_areas = all_deep_areas * np.minimum(_depths(region.vertices, deep) / VISIBLE, 1) ** 4
-    deep_s = places(deep, 1e-6)
     rows = Rows(shape, edges, normals, fields, seconds)
     least = partial(rows.fairest, fullness=fullness)
-    measured = partial(bendings, shape.knots, shape.log_weights, s, areas)
+    measured = partial(bendings, shape.knots, shape.log_weights, s)
     if inner == "fair":
-        matrices = partial(variation_matrices, shape.knots, shape.log_weights)
+        matrices = partial(variation_matrices, shape.knots, shape.log_weights, s)
         # The search begins in the metric of the domain.
-        second, third = matrices(s, areas, np.column_stack([shape.knots, np.zeros(len(shape.knots))]))
+        second, third = matrices(zones[0], np.column_stack([shape.knots, np.zeros(len(shape.knots))]))
         found = [least(third + 30 / areas.sum() * second)]
-        area = measured(found)[0].area
+        area = measured(zones[0], found)[0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
         # it varies less at the boundary, and more inside.
-        for energy in (matrices(s, areas, found[0]), matrices(deep_s, deep_areas, found[0])):
-            found += [least(energy[1] + factor / area * energy[0]) for factor in (0, 100, 400)]
-        bent, below = measured(found), bendings(shape.knots, shape.log_weights, deep_s, all_deep_areas, found)
+        for second, third in matrices(zones, found[0]):
+            found += [least(third + factor / area * second) for factor in (0, 100, 400)]
+        bent, below = measured(zones[0], found), measured(areas, found)
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         power = 0 if any(seconds) else BENDING_POWER
         scores = [b.energy**power * b.variation * math.sqrt(d.variation) for b, d in zip(bent, below, strict=True)]
         best = int(np.argmin(scores))
         for k in dict.fromkeys((best, 0)):
-            yield Patch(shape.knots, found[k], log_weights=shape.log_weights), bent[k]
+            yield Patch(shape.knots, found[k], log_weights=shape.log_weights)
     # A thin plate overshoots least; a membrane is what was asked for.
     p, all_areas = energy_samples(region, resolution)
     kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
     points = least(energy_at(shape.knots, shape.log_weights, places(p, 1e-6, s), all_areas, kind))
-    yield Patch(shape.knots, points, log_weights=shape.log_weights), measured([points])[0]
+    yield Patch(shape.knots, points, log_weights=shape.log_weights)
 
 
 def _depths(vertices: FloatArray, places: FloatArray) -> FloatArray:

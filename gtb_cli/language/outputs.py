@@ -162,6 +162,7 @@ MADE: Kind = MEASURES | {
     "versions?": VERSIONS,
 }
 
+BENT = _each("area bending variation curvature relative_error", NUMBER)
 FILLED: dict[str, Kind] = {
     "name": (TEXT, None),
     "sides": [
@@ -172,8 +173,17 @@ FILLED: dict[str, Kind] = {
         }
     ],
     "corner_angles": [(NUMBER, None)],
+    "corners": [
+        {
+            "corner": INTEGER,
+            "at": POINT,
+            **_each("angle curvature curvature_exponent", (NUMBER, None)),
+            "folds": BOOLEAN,
+        }
+    ],
     "patches": [(TEXT, None)],
-    **_each("area bending variation curvature", NUMBER),
+    **BENT,
+    "nearer": BENT,
     **_each("folds sharp_turns knots", INTEGER),
     "remarks": [TEXT],
     "fault": (TEXT, None),

@@ -233,6 +233,9 @@ def test_corners_where_ribbons_disagree_are_said(tmp_path):
     assert filling.corner_angles[0] > 5
     assert filling.corner_angles[1] > 5
     assert np.nanmax(filling.corner_angles[2:]) < 1e-6
+    angles = np.array([limits.angle for limits in filling.corners])
+    assert (angles[:2] >= filling.corner_angles[:2] * (1 - 1e-9)).all()
+    assert (angles[2:] < 1e-6).all()
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e-200, 0.0), (1e9, 0.0), (1.0, 1e7)])
@@ -613,6 +616,15 @@ def test_the_certificate_is_what_curvature_and_normals_say_at_its_places(tmp_pat
         assert across[8:-8].max() < 1.1 * side["curvature_difference"]  # what is nearer to a corner belongs to it
     bent = np.abs(mean_curvature(patch, energy_samples(patch.domain, 12, 0.01)[0]))
     assert bent.max() < found["curvature"] < 2 * bent.max()
+    vertices = patch.domain.vertices
+    for k, corner in enumerate(found["corners"]):
+        np.testing.assert_allclose(corner["at"], patch.evaluate(vertices[k]), atol=1e-9)
+        ways = (
+            np.linspace(0.01, 0.99, 99)[:, None] * (vertices[k - 1] - vertices[k - 2]) + vertices[k - 2] - vertices[k]
+        )
+        near = patch.curvature(vertices[k] + 1e-5 * ways, "linear")
+        largest = np.abs(near.mean) + np.sqrt(np.maximum(near.mean**2 - near.gaussian, 0))
+        assert largest.max() == pytest.approx(corner["curvature"], rel=0.06)  # reached slowly
 
 
 def bent_beside(patch):
