@@ -30,7 +30,11 @@ def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
 
 @click.command
 @click.argument("loop", metavar="LOOP", type=INPUT)
-@click.option("--hole", metavar="EDGE", help='In a model, fill the ring with this edge, such as "wall-0 edge 2".')
+@click.option(
+    "--hole",
+    metavar="EDGE",
+    help='In a model, fill the ring with this edge, such as "wall-0 edge 2"; in a part, the hole near "10,0,2.5".',
+)
 @click.option(
     "--continuity",
     multiple=True,
@@ -78,7 +82,8 @@ def fill(
 
     LOOP is a spec whose patches are the sides, in any order: rational Bézier curves, each with a "ribbon" if the patch
     is to touch tangent planes along it (the second row of control points, as many as in the first). It may also be a
-    .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring. A B-spline of a
+    .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring, or a STEP, IGES
+    or BREP file (with the extra gtb-cli[cad]), of which a ring of edges with one face each is filled. A B-spline of a
     .lop file is one side, a Bézier curve within 1e-5 of the loop's size; its distance is said.
 
     Along each side with a ribbon the tangent planes are exact up to rounding. With --continuity g2 so is the curvature:
@@ -96,13 +101,14 @@ def fill(
     points of sides), into parts with a patch each, whose tangent planes along the cuts are the same.
     """
     from gtb_cli.filling.fill import filled
-    from gtb_cli.filling.loops import read_loop
+    from gtb_cli.filling.loops import read_hole
     from gtb_cli.language.writer import dump
     from gtb_cli.models.model import Model
 
     source = shown_input(loop)
-    found = read_loop(read_bytes(loop), source, streams.reading)
+    data = read_bytes(loop)
     with about(source):
+        found, hole = read_hole(data, source, hole, streams.reading)
         name = None if isinstance(found, Model) else stem_of(loop)
         filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)
     if not filling.fault and not (as_json and streams.output == STANDARD):
@@ -225,14 +231,12 @@ def _report_corners(filling: Filling, console: Console) -> None:
     for number, part in enumerate(parts):
         for corner, limits in enumerate(part.corners):
             place = f"{f'part {number}, ' if len(parts) > 1 else ''}corner {corner}"
-            named = f"{place}, of {part.sides[corner - 1].name} and {part.sides[corner].name}: normals"
+            named = f"{place}, of {part.sides[corner - 1].name} and {part.sides[corner].name}"
             if limits.angle > PLANE_DEGREES:
-                console.note(
-                    f"{named} have limits up to {limits.angle:.3g} degrees apart, so that curvature is unbounded"
-                )
+                console.note(f"{named}: limits of normals are up to {limits.angle:.3g} degrees apart")
             elif math.isinf(limits.curvature):
                 power = limits.curvature_exponent
-                console.note(f"{named} have one limit, and curvature grows like the distance to the power {power:.2g}")
+                console.note(f"{named}: one tangent plane, and curvature grows like distance ^ {power:.2g}")
             elif limits.curvature >= most:
                 most, where = limits.curvature, f", at {place}"
     if where:

@@ -26,9 +26,9 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
 
     Print a file of another program as a spec: a patch, or a model of several.
 
-    Formats: toric patches (.trp), BezierView (.bv), Bézier nets (.bpt, .bzr), and, exactly, span by span, B-splines and
-    NURBS from IGES (.igs, .iges: entities 126 and 128). A message names what a patch cannot hold, such as trimming and
-    units. Boundaries of holes (.gbp, .lop) are filled as gtb fill does.
+    Formats: toric patches (.trp), BezierView (.bv), Bézier nets (.bpt, .bzr), and, by Open CASCADE (the extra
+    gtb-cli[cad]), the untrimmed faces of STEP, IGES and BREP files, exactly, span by span. A message names what a patch
+    cannot hold, such as trimmed faces. Boundaries of holes (.gbp, .lop) are filled as gtb fill does.
     """
     from gtb_cli.filling.loops import SUFFIXES, loop_from_text
     from gtb_cli.filling.one_patch import fill_loop

@@ -15,7 +15,7 @@ from gtb_cli.filling.certificate import Filling, edge_of
 from gtb_cli.filling.cutting import fill_parts
 from gtb_cli.filling.hole_corners import corners
 from gtb_cli.filling.holes import ring_of, ring_sides
-from gtb_cli.filling.loops import read_loop
+from gtb_cli.filling.loops import read_hole
 from gtb_cli.filling.one_patch import closed, fill_loop, met_with
 from gtb_cli.filling.sides import HoleSide
 from gtb_cli.filling.strips import curve_side
@@ -43,13 +43,14 @@ def fill(
     ----------
     loop : Model or path
         A model of curves, which are the sides in any order; a model of surfaces with an open ring of edges; or a file
-        with one of these or with a `.gbp` or `.lop` loop.
+        with one of these, with a `.gbp` or `.lop` loop, or with a CAD part (STEP, IGES or BREP).
     ribbons : sequence of (n, 3) float or None, optional
         For each curve of a model of curves, the second row of control points: ribbon − curve is the cross field.
     ribbons2 : sequence of (n, 3) float or None, optional
         The third row. All three are those of a strip (1 − u)² curve + 2 u (1 − u) ribbon + u² ribbon2.
     hole : str, optional
-        An edge of the ring in a model of surfaces, such as ``"wall-0 edge 2"``; not needed if there is one ring.
+        An edge of the ring in a model of surfaces, such as ``"wall-0 edge 2"``, or a point near the hole of a CAD part,
+        such as ``"10,0,2.5"``; not needed if there is one ring.
     continuity : {"g1", "g0", "g2"} or mapping
         With "g1" the patch touches the tangent planes that are given; with "g0" it only meets the curves, and is plane
         where they lie in a plane; with "g2" it also has the neighbour's curvature along each side, which must be known.
@@ -84,7 +85,7 @@ def fill(
         found = loop if loop.dimension == 2 else _sides(loop, ribbons, ribbons2)
     else:
         source = os.fspath(loop)
-        found = read_loop(read_file(source, MAX_BYTES + 1), source)
+        found, hole = read_hole(read_file(source, MAX_BYTES + 1), source, hole)
     return filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness, raises=raises)
 
 

@@ -14,6 +14,7 @@ from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import CAD_SUFFIXES
 
 SUFFIXES = (".gbp", ".lop")
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
@@ -38,6 +39,18 @@ def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> list[Hole
         return [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
     except DomainError as error:
         raise SpecError(f"{source}: {error}") from None
+
+
+def read_hole(
+    data: bytes, source: str, hole: str | None, reading: Reading = AS_SEEN
+) -> tuple[list[HoleSide] | Model, str | None]:
+    """Read a loop as `read_loop` does, or a hole of a CAD part, and return it with the edge that is left to find."""
+    kind = CAD_SUFFIXES.get(os.path.splitext(source)[1].lower().removeprefix("."))
+    if reading.spec_format is not None or kind is None:
+        return read_loop(data, source, reading), hole
+    from gtb_cli.filling.part_holes import part_hole
+
+    return part_hole(data, kind, source, hole), None
 
 
 def loop_from_text(data: bytes, source: str) -> list[HoleSide]:

@@ -4,42 +4,14 @@ Knots are inserted until their multiplicity is the degree. This gives the Bézie
 values of its polar form at (t_k, …, t_k, t_{k+1}, …, t_{k+1}), which de Boor's algorithm finds by averages alone.
 """
 
-import itertools
-import math
-from collections.abc import Sequence
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.importers.classical_nets import MAX_DEGREE, curve, dehomogenized, rectangle
+from gtb_cli.importers.classical_nets import MAX_DEGREE
 from gtb_cli.language.patch_reader import MAX_PATCHES
-from gtb_cli.theory.patch import Patch
 
 MAX_CONTROL_POINTS = 100_000  # largest number of control points of a curve or surface
-
-
-def spans(degrees: Sequence[int], knots: Sequence[FloatArray], net: FloatArray, name: str | None = None) -> list[Patch]:
-    """Return the Bézier curves of a NURBS curve, one for each span, or the Bézier rectangles of a surface.
-
-    Knots are one or two ascending rows, clamped or not; the net has (m, 4) or (m, n, 4) homogeneous control points x w,
-    y w, z w, w. If there are several spans, their numbers follow the name. A `DomainError` says that knots do not fit
-    or do not ascend, that a weight is not positive, or that there are too many spans.
-    """
-    parts = [span_matrices(*row) for row in zip(degrees, knots, net.shape, strict=False)]
-    total = math.prod(map(len, parts))
-    if total > MAX_PATCHES:
-        raise DomainError(f"has {total} spans, a model has at most {MAX_PATCHES} patches")
-    patches: list[Patch] = []
-    for pieces in itertools.product(*parts):
-        rows = net[tuple(slice(first, first + len(matrix)) for first, matrix in pieces)]
-        for axis, (_, matrix) in enumerate(pieces):
-            rows = np.moveaxis(np.tensordot(matrix, rows, (1, axis)), 0, axis)
-        points, weights = dehomogenized(rows.reshape(-1, 4))
-        make, shape = (curve if rows.ndim == 2 else rectangle), rows.shape[:-1]
-        label = name if total == 1 or name is None else f"{name}-{len(patches)}"
-        patches.append(make(points.reshape(*shape, 3), weights.reshape(shape)).replace(name=label))
-    return patches
 
 
 def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int, FloatArray]]:

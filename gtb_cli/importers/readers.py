@@ -11,6 +11,7 @@ from gtb_cli.language.loading import stem_of
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES
 
 
 class Imported(NamedTuple):
@@ -27,10 +28,10 @@ READERS = {
     "bv": "bezierview",
     "bpt": "bezierview",
     "bzr": "bezierview",
-    "iges": "iges",
+    **dict.fromkeys(CAD_FORMATS, "cad_files"),
 }
 
-SUFFIXES = {".igs": "iges"} | {f".{name}": name for name in READERS}
+SUFFIXES = {f".{suffix}": name for suffix, name in CAD_SUFFIXES.items()} | {f".{name}": name for name in READERS}
 
 # Formats that hold little but numbers: a file has the one whose reader gets to its end
 NUMBER_FORMATS = ("trp", "bv", "bpt", "bzr")
@@ -42,7 +43,7 @@ def import_file(path: str | os.PathLike[str], format: str | None = None) -> Impo
     Parameters
     ----------
     path : path
-    format : {"trp", "bv", "bpt", "bzr", "iges"}, optional
+    format : {"trp", "bv", "bpt", "bzr", "step", "iges", "brep"}, optional
         By default it is found from the content or the suffix.
 
     Returns
@@ -112,4 +113,4 @@ def _by_content(data: bytes) -> str | None:
     first = data[:82].replace(b"\r", b"\n").partition(b"\n")[0]
     if len(first) >= 80 and first[72:73] == b"S" and first[73:80].strip() == b"1":
         return "iges"
-    return None
+    return "step" if first.startswith(b"ISO-10303-21") else "brep" if b"DBRep_DrawableShape" in data[:100] else None

@@ -1,0 +1,127 @@
+"""Holes of CAD parts: rings of edges with one face each, as sides with the tangent planes of these faces."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, point_text
+from gtb_cli.errors import DomainError
+from gtb_cli.filling.sides import MAX_GAP, HoleSide, bernstein, points_and_tangents, stations
+from gtb_cli.importers.cad_files import edge_pieces, kernel, parts, read_shape
+
+EXACT = 1e-6
+"""Distance, of the size of a part, within which edges of several spans become one Bézier curve."""
+
+
+def part_hole(data: bytes, kind: str, source: str, hole: str | None) -> list[HoleSide]:
+    """Return the sides of a hole in a part: the only one, or that nearest to a point such as "10, 0, 2.5".
+
+    Raises `SpecError` if the file cannot be read, and `DomainError` if it has no such hole.
+    """
+    shape = read_shape(data, kind, source)
+    found = _rings(_free_sides(shape))
+    if not found:
+        raise DomainError("hole: the part has no closed ring of edges with one face")
+    places = np.array([np.mean([side.ends[0] for side in ring], axis=0) for ring in found])
+    if hole is None:
+        if len(found) > 1:
+            known = "; ".join(
+                f"{point_text(place, places)} (of {len(ring)} sides)" for place, ring in zip(places, found, strict=True)
+            )
+            raise DomainError(f"hole: the part has {len(found)}, `hole` is a point near one of: {known}")
+        return found[0]
+    try:
+        point = np.array([float(word) for word in hole.split(",")])
+    except ValueError:
+        point = np.empty(0)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise DomainError(f"hole: expected a point x,y,z near a hole of the part, got {hole!r}")
+    return found[int(np.linalg.norm(places - point, axis=1).argmin())]
+
+
+def _free_sides(shape: Any) -> list[HoleSide]:
+    """Return the edges with one face, in the direction and with the fields across of a patch that continues it."""
+    tool, forward = kernel("BRep").BRep_Tool, kernel("TopAbs").TopAbs_Orientation.TopAbs_FORWARD
+    uses = defaultdict(list)
+    for number, face in enumerate(parts(shape, "FACE")):
+        for edge in parts(face, "EDGE"):
+            if not tool.Degenerated_s(edge) and not tool.IsClosed_s(edge, face):
+                uses[hash(edge)].append((number, face, edge))
+    free = [one for (one, *others) in uses.values() if not others]
+    points = [ends[[0, -1], :3] / ends[[0, -1], 3:] for _, _, edge in free for ends in edge_pieces(edge)]
+    size = float(np.ptp(np.concatenate(points), axis=0).max()) if points else 1.0
+    sides = []
+    for count, (number, face, edge) in enumerate(free):
+        curves = _curves(edge, EXACT * size)
+        for k, curve in enumerate(curves):
+            sign = 1.0 if edge.Orientation() == forward else -1.0
+            points_there, tangents = points_and_tangents(curve, stations())
+            name = f"face-{number} edge {count}" + (f" part {k}" if len(curves) > 1 else "")
+            side = HoleSide(name, curve, sign * np.cross(tangents, _normals(face, points_there, name)))
+            sides.append(side.reversed() if sign > 0 else side)
+    return sides
+
+
+def _normals(face: Any, points: FloatArray, name: str) -> FloatArray:
+    """Return the outward unit normals of a face at the points of it that are nearest."""
+    surface, gp = kernel("BRep").BRep_Tool.Surface_s(face), kernel("gp")
+    project = kernel("GeomAPI").GeomAPI_ProjectPointOnSurf
+    sign = -1.0 if face.Orientation() == kernel("TopAbs").TopAbs_Orientation.TopAbs_REVERSED else 1.0
+    found = []
+    for point in points.tolist():
+        place, along, across = gp.gp_Pnt(), gp.gp_Vec(), gp.gp_Vec()
+        surface.D1(*project(gp.gp_Pnt(*point), surface).LowerDistanceParameters(), place, along, across)
+        normal = along.Crossed(across)
+        found.append((normal.X(), normal.Y(), normal.Z()))
+    normals = np.array(found)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    if lengths.min() <= 1e-9 * lengths.max():
+        place_text = point_text(points[int(lengths.argmin())], points)
+        raise DomainError(f"{name}: its face has no normal near {place_text}")
+    return np.asarray(sign * normals / lengths)
+
+
+def _curves(edge: Any, tolerance: float) -> list[FloatArray]:
+    """Return an edge as the fewest Bézier curves, even parts of it, of degree 8 or less within a tolerance."""
+    pieces = edge_pieces(edge)
+    if len(pieces) < 2:
+        return pieces
+    most_parts, found = 4, []
+    adaptor = kernel("BRepAdaptor").BRepAdaptor_Curve(edge)
+    t = (1 - np.cos(np.linspace(0, np.pi, 200))) / 2
+    for count in range(1, most_parts + 1):
+        ends = np.linspace(adaptor.FirstParameter(), adaptor.LastParameter(), count + 1)
+        found = [_near(adaptor, t, start, end, tolerance) for start, end in pairwise(ends)]
+        if all(curve is not None for curve in found):
+            return [curve for curve in found if curve is not None]
+    return pieces
+
+
+def _near(adaptor: Any, t: FloatArray, start: float, end: float, tolerance: float) -> FloatArray | None:
+    points = np.array([[p.X(), p.Y(), p.Z()] for p in map(adaptor.Value, start + (end - start) * t)])
+    for degree in range(3, 9):
+        values = bernstein(degree, t)
+        inner = np.linalg.lstsq(values[:, 1:-1], points - values[:, [0, -1]] @ points[[0, -1]], rcond=None)[0]
+        control = np.vstack([points[0], inner, points[-1]])
+        if np.linalg.norm(values @ control - points, axis=1).max() <= tolerance:
+            return np.column_stack([control, np.ones(degree + 1)])
+    return None
+
+
+def _rings(sides: Sequence[HoleSide]) -> list[list[HoleSide]]:
+    """Return the closed rings of sides, each of which ends where the next begins."""
+    left, found = list(sides), []
+    size = float(np.ptp([side.ends for side in sides], axis=(0, 1)).max()) if sides else 1.0
+    while left:
+        ring = [left.pop(0)]
+        while np.linalg.norm(ring[-1].ends[1] - ring[0].ends[0]) > MAX_GAP * size or len(ring) < 2:
+            gaps = [np.linalg.norm(side.ends[0] - ring[-1].ends[1]) for side in left]
+            if not gaps or min(gaps) > MAX_GAP * size:
+                break
+            ring.append(left.pop(int(np.argmin(gaps))))
+        else:
+            found.append(ring)
+    return found
