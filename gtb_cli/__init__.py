@@ -33,71 +33,73 @@ from gtb_cli.version import __version__ as __version__
 if TYPE_CHECKING:
     from gtb_cli.bezier.elevation import elevate as elevate
     from gtb_cli.bezier.isocurve import isocurve as isocurve
-    from gtb_cli.bezier.pieces import bezier_pieces as bezier_pieces
-    from gtb_cli.bezier.pieces import split_curve as split_curve
+    from gtb_cli.bezier.pieces import bezier_pieces as bezier_pieces, split_curve as split_curve
     from gtb_cli.checks.properties import check as check
-    from gtb_cli.checks.report import Finding as Finding
-    from gtb_cli.checks.report import ModelReport as ModelReport
-    from gtb_cli.checks.report import Report as Report
-    from gtb_cli.distances.comparison import diff as diff
-    from gtb_cli.distances.comparison import distance as distance
-    from gtb_cli.errors import DomainError as DomainError
-    from gtb_cli.errors import ExportError as ExportError
-    from gtb_cli.errors import Fault as Fault
-    from gtb_cli.errors import GtbError as GtbError
-    from gtb_cli.errors import RequirementError as RequirementError
-    from gtb_cli.errors import SpecError as SpecError
-    from gtb_cli.errors import ToleranceError as ToleranceError
-    from gtb_cli.fairing.fair import Fairing as Fairing
-    from gtb_cli.fairing.fair import fair as fair
-    from gtb_cli.fairing.fit import Fit as Fit
-    from gtb_cli.fairing.fit import fit as fit
-    from gtb_cli.filling.certificate import Contact as Contact
-    from gtb_cli.filling.certificate import Filling as Filling
+    from gtb_cli.checks.report import Finding as Finding, ModelReport as ModelReport, Report as Report
+    from gtb_cli.distances.comparison import diff as diff, distance as distance
+    from gtb_cli.errors import (
+        DomainError as DomainError,
+        ExportError as ExportError,
+        Fault as Fault,
+        GtbError as GtbError,
+        RequirementError as RequirementError,
+        SpecError as SpecError,
+        ToleranceError as ToleranceError,
+    )
+    from gtb_cli.fairing.fair import Fairing as Fairing, fair as fair
+    from gtb_cli.fairing.fit import Fit as Fit, fit as fit
+    from gtb_cli.filling.certificate import Contact as Contact, Filling as Filling
     from gtb_cli.filling.fill import fill as fill
     from gtb_cli.formats.export import write_mesh as write_mesh
     from gtb_cli.formats.meshfiles import read_mesh as read_mesh
-    from gtb_cli.importers.readers import Imported as Imported
-    from gtb_cli.importers.readers import import_file as import_file
-    from gtb_cli.knots.all_decompositions import LiftingCone as LiftingCone
-    from gtb_cli.knots.all_decompositions import regular_decompositions as regular_decompositions
+    from gtb_cli.importers.readers import Imported as Imported, import_file as import_file
+    from gtb_cli.knots.all_decompositions import (
+        LiftingCone as LiftingCone,
+        regular_decompositions as regular_decompositions,
+    )
     from gtb_cli.knots.convergence import convergence_rate as convergence_rate
-    from gtb_cli.knots.decomposition import RegularDecomposition as RegularDecomposition
-    from gtb_cli.knots.decomposition import regular_decomposition as regular_decomposition
-    from gtb_cli.knots.domain import Domain as Domain
-    from gtb_cli.knots.domain import domain as domain
-    from gtb_cli.language.for_paths import boundary as boundary
-    from gtb_cli.language.for_paths import corner_limits as corner_limits
-    from gtb_cli.language.for_paths import joints as joints
-    from gtb_cli.language.for_paths import quadrature as quadrature
-    from gtb_cli.language.loading import from_dict as from_dict
-    from gtb_cli.language.loading import load as load
-    from gtb_cli.language.loading import load_model as load_model
-    from gtb_cli.language.loading import load_patch as load_patch
-    from gtb_cli.language.writer import save as save
-    from gtb_cli.language.writer import to_dict as to_dict
-    from gtb_cli.limits.degeneration import degenerate as degenerate
-    from gtb_cli.limits.degeneration import regular_control_surface as regular_control_surface
-    from gtb_cli.limits.knot_limit import Film as Film
-    from gtb_cli.limits.knot_limit import KnotLimit as KnotLimit
-    from gtb_cli.limits.knot_limit import knot_limit as knot_limit
-    from gtb_cli.limits.knot_limit import merge_knots as merge_knots
-    from gtb_cli.limits.knot_limit import move_knots as move_knots
+    from gtb_cli.knots.decomposition import (
+        RegularDecomposition as RegularDecomposition,
+        regular_decomposition as regular_decomposition,
+    )
+    from gtb_cli.knots.domain import Domain as Domain, domain as domain
+    from gtb_cli.language.for_paths import (
+        boundary as boundary,
+        corner_limits as corner_limits,
+        joints as joints,
+        quadrature as quadrature,
+    )
+    from gtb_cli.language.loading import (
+        from_dict as from_dict,
+        load as load,
+        load_model as load_model,
+        load_patch as load_patch,
+    )
+    from gtb_cli.language.writer import save as save, to_dict as to_dict
+    from gtb_cli.limits.degeneration import degenerate as degenerate, regular_control_surface as regular_control_surface
+    from gtb_cli.limits.knot_limit import (
+        Film as Film,
+        KnotLimit as KnotLimit,
+        knot_limit as knot_limit,
+        merge_knots as merge_knots,
+        move_knots as move_knots,
+    )
     from gtb_cli.meshes.difference import Difference as Difference
     from gtb_cli.meshes.hausdorff import Distance as Distance
     from gtb_cli.meshes.mesh import Mesh as Mesh
-    from gtb_cli.models.joints import Joint as Joint
-    from gtb_cli.models.joints import Joints as Joints
+    from gtb_cli.models.joints import Joint as Joint, Joints as Joints
     from gtb_cli.models.model import Model as Model
     from gtb_cli.models.seams import Seam as Seam
     from gtb_cli.pages.notebook import frame as frame
     from gtb_cli.pages.page import page as page
     from gtb_cli.plots.figures import plot as plot
     from gtb_cli.sequences.rates import MeasuredRate as MeasuredRate
-    from gtb_cli.sequences.sequence import Member as Member
-    from gtb_cli.sequences.sequence import MeshSequence as MeshSequence
-    from gtb_cli.sequences.sequence import degeneration as degeneration
-    from gtb_cli.sequences.sequence import knot_sequence as knot_sequence
+    from gtb_cli.sequences.sequence import (
+        Member as Member,
+        MeshSequence as MeshSequence,
+        degeneration as degeneration,
+        knot_sequence as knot_sequence,
+    )
     from gtb_cli.tessellation.recipe import Recipe as Recipe
     from gtb_cli.tessellation.tessellate import tessellate as tessellate
     from gtb_cli.theory.basis import unity_coefficients as unity_coefficients

@@ -7,8 +7,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from hypothesis import assume
-from hypothesis import strategies as st
+from hypothesis import assume, strategies as st
 
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch

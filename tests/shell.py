@@ -84,13 +84,7 @@ def command(*arguments: object) -> list[str]:
 def run_process(words: list[str], folder: Path | None = None, stdin: bytes = b"", **variables: str) -> Result:
     """Run any program to its end."""
     done = subprocess.run(
-        words,
-        input=stdin,
-        cwd=folder,
-        env=environment(**variables),
-        capture_output=True,
-        timeout=TIMEOUT,
-        check=False,
+        words, input=stdin, cwd=folder, env=environment(**variables), capture_output=True, timeout=TIMEOUT, check=False
     )
     return Result(done.returncode, done.stdout, done.stderr.decode("utf-8"), shlex.join(words))
 

@@ -26,14 +26,7 @@ from gtb_cli.shell.options import (
     text_options,
     tolerance_of,
 )
-from gtb_cli.shell.streams import (
-    refuse_overwriting,
-    refuse_reports,
-    refuse_within,
-    shown_input,
-    write_json,
-    write_text,
-)
+from gtb_cli.shell.streams import refuse_overwriting, refuse_reports, refuse_within, shown_input, write_json, write_text
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict, Verdicts

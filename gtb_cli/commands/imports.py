@@ -44,10 +44,7 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
             if filling.fault:
                 raise RequirementError(f"{filling.fault}; it is not written")
             text = dump(filling.patch)
-        remarks = (
-            *filling.remarks,
-            "the inside is made fair and is not that of the file's scheme",
-        )
+        remarks = (*filling.remarks, "the inside is made fair and is not that of the file's scheme")
     else:
         found = import_data(source, data, format)
         remarks = found.remarks

@@ -105,11 +105,7 @@ def variation_of(
     help="Lines of constant u, and of constant v; none without this option.",
 )
 @click.option(
-    "--index",
-    type=WholeNumber(0),
-    multiple=True,
-    metavar="I",
-    help="Draw only this basis function. May be repeated.",
+    "--index", type=WholeNumber(0), multiple=True, metavar="I", help="Draw only this basis function. May be repeated."
 )
 @click.option("--unnormalised", is_flag=True, help="Draw the basis β_i instead of the rational one, T_i.")
 @click.option("--lifted", is_flag=True, help="Draw lifted knots and their upper hull above the decomposition.")

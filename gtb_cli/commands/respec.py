@@ -107,8 +107,7 @@ def isocurve(
     """
     import numpy as np
 
-    from gtb_cli.bezier.isocurve import isocurve as curve_of
-    from gtb_cli.bezier.isocurve import isoparametric_points
+    from gtb_cli.bezier.isocurve import isocurve as curve_of, isoparametric_points
     from gtb_cli.language.writer import dump
     from gtb_cli.meshes.mesh import Mesh
 

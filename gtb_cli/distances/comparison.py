@@ -14,8 +14,7 @@ from gtb_cli.distances.between_shapes import shape_distance
 from gtb_cli.errors import DomainError, GtbError
 from gtb_cli.files import read_up_to
 from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
-from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES
-from gtb_cli.language.document import spec_format_of
+from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference

@@ -20,8 +20,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
 from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
 from gtb_cli.fairing.fair import LEFT_OUT, agreed
-from gtb_cli.fairing.folds import folds as count_folds
-from gtb_cli.fairing.folds import sharp_turns
+from gtb_cli.fairing.folds import folds as count_folds, sharp_turns
 from gtb_cli.fairing.variation import bendings, variation_matrices
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
@@ -30,13 +29,7 @@ from gtb_cli.filling.net import net
 from gtb_cli.filling.osculation import SecondRow, polar
 from gtb_cli.filling.planes import Field, nearest_fields, row_fields
 from gtb_cli.filling.rows import Rows
-from gtb_cli.filling.sides import (
-    HoleSide,
-    binomials,
-    loop,
-    points_and_tangents,
-    side_normals,
-)
+from gtb_cli.filling.sides import HoleSide, binomials, loop, points_and_tangents, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.moment_map import MomentMap

@@ -7,7 +7,6 @@ import os
 import re
 import tempfile
 from collections.abc import Sequence
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import begin
 from gtb_cli.formats.bspline_surfaces import SplineSurface
+from gtb_cli.importers.cad_files import MISSING, kernel, silence
 
 KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # the kernel's names
@@ -49,13 +49,11 @@ def encode_cad(
     the extra is missing, or that the kernel finds the result invalid or cannot write it.
     """
     try:
-        check = _kernel("BRepCheck").BRepCheck_Analyzer
-        _kernel("collections")
+        check = kernel("BRepCheck").BRepCheck_Analyzer
+        kernel("collections")
     except ModuleNotFoundError:
-        raise ExportError(
-            f"{kind.upper()} needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
-        ) from None
-    _silence()
+        raise ExportError(f"{kind.upper()} {MISSING}") from None
+    silence()
     size = float(np.ptp(np.concatenate([surface.net[..., :3].reshape(-1, 3) for surface in surfaces]), axis=0).max())
     tolerance = 1e-6 * size  # the edges of neighbours agree to rounding
     if tolerance < KERNEL_PRECISION:
@@ -82,21 +80,10 @@ def encode_cad(
     return Body(_without_time(data, kind), shells, solids)
 
 
-def _kernel(room: str) -> Any:
-    return import_module(f"OCP.{room}")
-
-
-def _silence() -> None:
-    """Keep the kernel from writing to standard output, which is for data."""
-    room = _kernel("Message")
-    for printer in list(room.Message.DefaultMessenger_s().Printers()):
-        printer.SetTraceLevel(room.Message_Gravity.Message_Fail)
-
-
 def _sewn(surfaces: Sequence[SplineSurface], tolerance: float) -> tuple[Any, list[tuple[Any, str]], int, int]:
     """Return a compound of solids and shells, its faces with their names, and the numbers of shells and solids."""
-    builder, topology, explorer = _kernel("BRepBuilderAPI"), _kernel("TopoDS"), _kernel("TopExp").TopExp_Explorer
-    kinds = _kernel("TopAbs").TopAbs_ShapeEnum
+    builder, topology, explorer = kernel("BRepBuilderAPI"), kernel("TopoDS"), kernel("TopExp").TopExp_Explorer
+    kinds = kernel("TopAbs").TopAbs_ShapeEnum
     sewing = builder.BRepBuilderAPI_Sewing(tolerance)
     given = [builder.BRepBuilderAPI_MakeFace(_surface(one), KERNEL_PRECISION).Face() for one in surfaces]
     for face in given:
@@ -107,15 +94,15 @@ def _sewn(surfaces: Sequence[SplineSurface], tolerance: float) -> tuple[Any, lis
         for face, surface in zip(given, surfaces, strict=True)
     ]
     compound = topology.TopoDS_Compound()
-    pile = _kernel("BRep").BRep_Builder()
+    pile = kernel("BRep").BRep_Builder()
     pile.MakeCompound(compound)
     shells = solids = 0
     walk = explorer(sewing.SewedShape(), kinds.TopAbs_SHELL)
     while walk.More():
         shell = _as(topology, "Shell", walk.Current())
-        if _kernel("BRep").BRep_Tool.IsClosed_s(shell):
+        if kernel("BRep").BRep_Tool.IsClosed_s(shell):
             solid = builder.BRepBuilderAPI_MakeSolid(shell).Solid()
-            _kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)  # its faces outwards
+            kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)  # its faces outwards
             pile.Add(compound, solid)
             solids += 1
         else:
@@ -136,17 +123,17 @@ def _sewn(surfaces: Sequence[SplineSurface], tolerance: float) -> tuple[Any, lis
 def _thickened(compound: Any, wall: Wall, kind: str) -> Any:
     """Return the solid between the only shell of a compound and its offset; the kernel decides which side is up."""
     near = 0.02  # of the volume, and ten times of the thickness for the centre: meshes are less exact
-    topology, room = _kernel("TopoDS"), _kernel("BRepOffsetAPI")
-    shell = _kernel("TopExp").TopExp_Explorer(compound, _kernel("TopAbs").TopAbs_ShapeEnum.TopAbs_SHELL).Current()
+    topology, room = kernel("TopoDS"), kernel("BRepOffsetAPI")
+    shell = kernel("TopExp").TopExp_Explorer(compound, kernel("TopAbs").TopAbs_ShapeEnum.TopAbs_SHELL).Current()
     for thickness in (wall.thickness, -wall.thickness):
         maker = room.BRepOffsetAPI_MakeThickSolid()
         maker.MakeThickSolidBySimple(shell, thickness)
         if not maker.IsDone():
             continue
         solid = _as(topology, "Solid", maker.Shape())
-        _kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)
-        found = _kernel("GProp").GProp_GProps()
-        _kernel("BRepGProp").BRepGProp.VolumeProperties_s(solid, found)
+        kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)
+        found = kernel("GProp").GProp_GProps()
+        kernel("BRepGProp").BRepGProp.VolumeProperties_s(solid, found)
         place = found.CentreOfMass()
         away = np.linalg.norm(np.array([place.X(), place.Y(), place.Z()]) - wall.centre)
         if abs(found.Mass() / wall.volume - 1) < near and away < 10 * near * abs(wall.thickness):
@@ -162,7 +149,7 @@ def _as(topology: Any, kind: str, shape: Any) -> Any:
 
 def _surface(surface: SplineSurface) -> Any:
     """Return the kernel's surface; polynomial where all weights are equal."""
-    collections, point = _kernel("collections"), _kernel("gp").gp_Pnt
+    collections, point = kernel("collections"), kernel("gp").gp_Pnt
     m, n = surface.net.shape[:2]
     poles = collections.Array2_gp_Pnt(1, m, 1, n)
     weights = collections.Array2_double(1, m, 1, n)
@@ -173,11 +160,11 @@ def _surface(surface: SplineSurface) -> Any:
             weights.SetValue(i + 1, j + 1, w)
     given = (poles,) if (surface.net[..., 3] == surface.net[0, 0, 3]).all() else (poles, weights)
     if m == surface.degrees[0] + 1 and n == surface.degrees[1] + 1:
-        return _kernel("Geom").Geom_BezierSurface(*given)
+        return kernel("Geom").Geom_BezierSurface(*given)
     tables = [np.unique(knots, return_counts=True) for knots in surface.knots]
     rows = [_filled(collections.Array1_double, places.tolist()) for places, _ in tables]
     multiplicities = [_filled(collections.Array1_int, counts.tolist()) for _, counts in tables]
-    return _kernel("Geom").Geom_BSplineSurface(*given, *rows, *multiplicities, *surface.degrees, False, False)
+    return kernel("Geom").Geom_BSplineSurface(*given, *rows, *multiplicities, *surface.degrees, False, False)
 
 
 def _filled(kind: Any, values: list[float]) -> Any:
@@ -188,44 +175,44 @@ def _filled(kind: Any, values: list[float]) -> Any:
 
 
 def _write_step(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
-    text = _kernel("TCollection").TCollection_ExtendedString
-    document = _kernel("TDocStd").TDocStd_Document(text("XmlXCAF"))
+    text = kernel("TCollection").TCollection_ExtendedString
+    document = kernel("TDocStd").TDocStd_Document(text("XmlXCAF"))
     main = document.Main()
-    tool = _kernel("XCAFDoc").XCAFDoc_DocumentTool.ShapeTool_s(main)
+    tool = kernel("XCAFDoc").XCAFDoc_DocumentTool.ShapeTool_s(main)
     label = tool.AddShape(shape, False)
-    naming = _kernel("TDataStd").TDataStd_Name
+    naming = kernel("TDataStd").TDataStd_Name
     naming.Set_s(label, text(name))
     for face, face_name in faces:
         part = tool.AddSubShape(label, face)
         if not part.IsNull():
             naming.Set_s(part, text(face_name))
-    writer = _kernel("STEPCAFControl").STEPCAFControl_Writer()
-    statics = _kernel("Interface").Interface_Static
+    writer = kernel("STEPCAFControl").STEPCAFControl_Writer()
+    statics = kernel("Interface").Interface_Static
     statics.SetIVal_s("write.stepcaf.subshapes.name", 1)
     statics.SetCVal_s("xstep.cascade.unit", KERNEL_UNITS[unit])
     statics.SetCVal_s("write.step.unit", KERNEL_UNITS[unit])
-    kinds = _kernel("STEPControl").STEPControl_StepModelType
+    kinds = kernel("STEPControl").STEPControl_StepModelType
     if not writer.Transfer(document, kinds.STEPControl_AsIs) or int(writer.Write(path).value) != 1:
         raise ExportError("STEP: the kernel cannot write it")
 
 
 def _write_iges(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
-    room = _kernel("IGESControl")
+    room = kernel("IGESControl")
     room.IGESControl_Controller.Init_s()
-    _kernel("Interface").Interface_Static.SetCVal_s("xstep.cascade.unit", KERNEL_UNITS[unit])
+    kernel("Interface").Interface_Static.SetCVal_s("xstep.cascade.unit", KERNEL_UNITS[unit])
     writer = room.IGESControl_Writer(KERNEL_UNITS[unit], 1)
     if not writer.AddShape(shape):
         raise ExportError("IGES: the kernel cannot write it")
     writer.ComputeModel()
     header = writer.Model().GlobalSection()
-    header.SetAuthorName(_kernel("TCollection").TCollection_HAsciiString("gtb"))  # by default, the user's name
+    header.SetAuthorName(kernel("TCollection").TCollection_HAsciiString("gtb"))  # by default, the user's name
     writer.Model().SetGlobalSection(header)
     if not writer.Write(path):
         raise ExportError("IGES: the kernel cannot write it")
 
 
 def _write_brep(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
-    if not _kernel("BRepTools").BRepTools.Write_s(shape, path):
+    if not kernel("BRepTools").BRepTools.Write_s(shape, path):
         raise ExportError("BREP: the kernel cannot write it")
 
 

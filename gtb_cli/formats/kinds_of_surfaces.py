@@ -8,13 +8,7 @@ from gtb_cli.theory.patch import Patch
 
 
 def encode_surfaces(
-    spec: Patch | Model,
-    kind: str,
-    unit: str,
-    tolerance: float | None,
-    *,
-    closed: bool,
-    wall: Wall | None = None,
+    spec: Patch | Model, kind: str, unit: str, tolerance: float | None, *, closed: bool, wall: Wall | None = None
 ) -> tuple[bytes, str, list[str]]:
     """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
 

@@ -19,12 +19,7 @@ from gtb_cli.vocabulary import plain_name
 
 
 def ply_blocks(
-    mesh: Mesh,
-    normals: FloatArray | None,
-    uv: FloatArray | None,
-    attributes: Mapping[str, FloatArray],
-    *,
-    ascii: bool,
+    mesh: Mesh, normals: FloatArray | None, uv: FloatArray | None, attributes: Mapping[str, FloatArray], *, ascii: bool
 ) -> Iterable[bytes]:
     """Return a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers."""
     scalars = ({} if uv is None else dict(zip("st", uv.T, strict=True))) | dict(attributes)

@@ -6,6 +6,7 @@ Its Python package is an extra: ``gtb-cli[cad]``. Lengths of STEP and IGES files
 import os
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -17,6 +18,8 @@ from gtb_cli.files import begin
 from gtb_cli.importers.classical_nets import curve, rectangle
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
+
+MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
 
 UNTRIMMED = 1e-7  # relative difference of a face's area to that between its bounds: the kernel's precision
 
@@ -32,11 +35,9 @@ def read_shape(data: bytes, kind: str, source: str) -> Any:
     Raises `SpecError`: the extra is missing, or the kernel cannot read the file.
     """
     try:
-        _silence()
+        silence()
     except ModuleNotFoundError:
-        raise SpecError(
-            f"{source}: {kind.upper()} needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
-        ) from None
+        raise SpecError(f"{source}: {kind.upper()} {MISSING}") from None
     with tempfile.TemporaryDirectory(prefix=".gtb-") as folder:
         path = os.path.join(folder, f"x.{kind}")
         begin(folder)
@@ -49,7 +50,7 @@ def read_shape(data: bytes, kind: str, source: str) -> Any:
     return shape
 
 
-def _silence() -> None:
+def silence() -> None:
     """Keep the kernel from writing to standard output, which is for data."""
     room = kernel("Message")
     for printer in list(room.Message.DefaultMessenger_s().Printers()):
@@ -134,7 +135,7 @@ def _net(pole: Callable[..., Any], weight: Callable[..., float], shape: tuple[in
     return net
 
 
-def _read(data: bytes, kind: str, source: str) -> tuple[list[Patch], list[str]]:
+def _read(kind: str, data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     """Return the untrimmed faces of a file, and the edges of no face, as patches; remarks name the others."""
     shape = read_shape(data, kind, source)
     patches: list[Patch] = []
@@ -166,16 +167,4 @@ def _patches(nets: list[FloatArray], name: str) -> list[Patch]:
     return found
 
 
-def read_step(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
-    """Read the faces of a STEP file."""
-    return _read(data, "step", source)
-
-
-def read_iges(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
-    """Read the surfaces and curves of an IGES file."""
-    return _read(data, "iges", source)
-
-
-def read_brep(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
-    """Read the faces of Open CASCADE's own format."""
-    return _read(data, "brep", source)
+read_step, read_iges, read_brep = (partial(_read, kind) for kind in ("step", "iges", "brep"))

@@ -3,8 +3,7 @@
 from gtb_cli.language.spec_paths import SpecPath, loaded, of_patch
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model
-from gtb_cli.theory import corners
-from gtb_cli.theory import quadrature as integrals
+from gtb_cli.theory import corners, quadrature as integrals
 from gtb_cli.theory.patch import Patch
 
 boundary = of_patch(Patch.boundary)

@@ -43,12 +43,7 @@ def schema() -> Schema:
             "additionalProperties": _number(),
             "maxProperties": MAX_NAMES,
         },
-        "name": {
-            "type": "string",
-            "maxLength": MAX_NAME,
-            "pattern": r"\S",
-            "not": {"pattern": CONTROL_CHARACTERS},
-        },
+        "name": {"type": "string", "maxLength": MAX_NAME, "pattern": r"\S", "not": {"pattern": CONTROL_CHARACTERS}},
         "coordinate": _number(minimum=-MAX_SIZE, maximum=MAX_SIZE),
         "positive": _number(exclusiveMinimum=0),
         "scale": _number(minimum=1 / MAX_SIZE, maximum=MAX_SIZE),

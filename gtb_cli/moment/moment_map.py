@@ -37,11 +37,7 @@ class MomentMap:
         return np.asarray((sums[1:] / sums[0]).T * self._extents + self._origin)
 
     def inverse(
-        self,
-        p: FloatArray,
-        within: float = 0.0,
-        start: FloatArray | None = None,
-        numbers: IntArray | None = None,
+        self, p: FloatArray, within: float = 0.0, start: FloatArray | None = None, numbers: IntArray | None = None
     ) -> FloatArray:
         """Solve μ(s) = p for points inside the hull, sooner from a good start: (m, d) → (d, m).
 

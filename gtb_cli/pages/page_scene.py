@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, cross, dot, shifted, unit
-from gtb_cli.arrays import joined as rows_joined
+from gtb_cli.arrays import FloatArray, IntArray, cross, dot, joined as rows_joined, shifted, unit
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.mesh import Mesh

@@ -15,13 +15,7 @@ from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
-from gtb_cli.shell.options import (
-    OUTPUT,
-    check_folder,
-    console_option,
-    mesh_options,
-    reading_option,
-)
+from gtb_cli.shell.options import OUTPUT, check_folder, console_option, mesh_options, reading_option
 from gtb_cli.shell.streams import (
     Streams,
     about,
@@ -175,12 +169,7 @@ class SequenceOutput:
 
 
 def _output(
-    emit_spec: bool,
-    no_distance: bool,
-    output: str | None,
-    options: MeshOptions,
-    reading: Reading,
-    console: Console,
+    emit_spec: bool, no_distance: bool, output: str | None, options: MeshOptions, reading: Reading, console: Console
 ) -> SequenceOutput:
     if output == STANDARD and emit_spec:
         raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")

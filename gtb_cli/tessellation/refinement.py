@@ -31,11 +31,7 @@ FINE_LATTICE_STEPS = 12  # steps of the lattice on which triangles are sampled o
 
 
 def refine(
-    start: Complex,
-    sampler: Sampler,
-    tolerance: float,
-    max_cells: int,
-    points_in_all: int = MIN_SAMPLES,
+    start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int = MIN_SAMPLES
 ) -> tuple[Complex, FloatArray]:
     """Refine a simplicial complex until a curve, or samples of a surface, are within a tolerance of their cells.
 

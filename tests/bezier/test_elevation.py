@@ -5,8 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gtb_cli.bezier.elevation import MAX_ELEVATED_KNOTS, elevate, multiplier, product
 from gtb_cli.checks.probe import points_at_torus

@@ -84,8 +84,7 @@ def test_they_hold_at_any_size_and_place(index, name):
     patch = spec(name)
     for scale, shift, points_scale, points_shift in (scales[3 * (index % 2)], scales[(1, 2, 4)[index % 3]]):
         moved = patch.replace(
-            knots=patch.knots * scale + shift,
-            control_points=patch.control_points * points_scale + points_shift,
+            knots=patch.knots * scale + shift, control_points=patch.control_points * points_scale + points_shift
         )
         report = check_patch(moved)
         assert report.holds

@@ -9,8 +9,7 @@ from importlib.metadata import version
 import click
 import pytest
 
-from gtb_cli.commands.cli import COMMANDS
-from gtb_cli.commands.cli import gtb as group
+from gtb_cli.commands.cli import COMMANDS, gtb as group
 from gtb_cli.shell import console
 from gtb_cli.version import __version__
 from tests.shell import PENTAGON, gtb, process

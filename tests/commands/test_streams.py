@@ -5,8 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from gtb_cli.shell import streams
 from tests.shell import BICUBIC, PENTAGON, command, environment, gtb
@@ -31,8 +30,7 @@ def test_an_input_that_comes_by_a_redirection_is_not_overwritten():
 
 
 @pytest.mark.parametrize(
-    "line",
-    [("isocurve", "--u", "3/2"), ("isocurve", "--u", "3/2", "--polyline", 4), ("decompose", "--net")],
+    "line", [("isocurve", "--u", "3/2"), ("isocurve", "--u", "3/2", "--polyline", 4), ("decompose", "--net")]
 )
 def test_an_output_that_cannot_be_written_is_no_fault_of_the_spec(line):
     result = gtb(line[0], BICUBIC, *line[1:], "-o", "nowhere/x.obj", status=2)

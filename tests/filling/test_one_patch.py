@@ -20,13 +20,7 @@ from gtb_cli.filling.hole_corners import concave_corners
 from gtb_cli.filling.holes import rings
 from gtb_cli.filling.loops import loop_from_text, read_loop
 from gtb_cli.filling.one_patch import fill_loop
-from gtb_cli.filling.sides import (
-    HoleSide,
-    bezier_form,
-    points_and_tangents,
-    raised,
-    stations,
-)
+from gtb_cli.filling.sides import HoleSide, bezier_form, points_and_tangents, raised, stations
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.strips import curve_side
 from gtb_cli.language.loading import parse
@@ -489,10 +483,7 @@ def test_a_spec_of_curves_is_filled(tmp_path):
             TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0, 0], [1, 0, 0]]"),
             "<stdin>:5: patches[0].ribbon: is the curve",
         ),
-        (
-            TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0], [1, 0]]"),
-            "<stdin>:5: patches[0].ribbon: is the curve",
-        ),
+        (TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0], [1, 0]]"), "<stdin>:5: patches[0].ribbon: is the curve"),
         (TRIANGLE.replace("[0, 1, 0], [0, 0, 0]", "[0, 1, 0], [0, 0, 1]"), "<stdin>: loop: is not closed"),
         ("knots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]", "<stdin>: one curve is not a loop"),
         ("knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]", "a single patch has no hole"),

@@ -12,8 +12,7 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.glb import glb_chunks

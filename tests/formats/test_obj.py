@@ -7,8 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from trimesh.exchange.obj import export_obj
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import SimpleMaterial
@@ -69,10 +68,7 @@ def test_obj_formats_any_double_as_percent_does(rows):
     assert as_obj(values) == as_percent(values, decimals(values))
 
 
-@given(
-    st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=1, max_size=30),
-    st.integers(8, 24),
-)
+@given(st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=1, max_size=30), st.integers(8, 24))
 def test_obj_formats_with_any_number_of_decimals(rows, digits):
     values = np.array(rows)
     assert with_decimals(values, digits) == as_percent(values, digits)
@@ -147,8 +143,7 @@ def test_obj_corners_have_normals_of_their_own(uv):
 
 
 @pytest.mark.parametrize(
-    ("size", "digits"),
-    [(1.0, 8), (9.99, 8), (0.99, 9), (0.1, 9), (1e-9, 17), (1e9, 8), (5e-324, 332), (1e308, 8)],
+    ("size", "digits"), [(1.0, 8), (9.99, 8), (0.99, 9), (0.1, 9), (1e-9, 17), (1e9, 8), (5e-324, 332), (1e308, 8)]
 )
 def test_decimals_keep_nine_digits_of_the_extent(size, digits):
     assert decimals(np.array([[0.0, 0.0, 0.0], [size, 0.0, size / 2]])) == digits

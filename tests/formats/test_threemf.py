@@ -108,10 +108,7 @@ def test_mirrored_objects_keep_their_outer_sides():
         (archive('<object id="1">'), "is not a whole 3MF file: mismatched tag"),
         (archive("", build=""), "has no vertices"),
         (archive(""), "its description is wrong: KeyError: '1'"),
-        (
-            archive(f'<object id="1">{BEYOND}</object>'),
-            "expected vertices below 3, got 3",
-        ),
+        (archive(f'<object id="1">{BEYOND}</object>'), "expected vertices below 3, got 3"),
         (archive(f'<object id="1">{BELOW}</object>'), "expected vertices below 3, got -1"),
         (archive(f'<object id="1">{LETTER}</object>'), "its description is wrong: "),
         (archive(f'<object id="1">{TRIANGLE}</object>', '<item objectid="1" transform="1 2"/>'), "cannot reshape"),

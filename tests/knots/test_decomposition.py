@@ -6,8 +6,7 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import control_net, lifting_of_knot, regular_decomposition
@@ -316,11 +315,7 @@ def test_neighbours_of_a_border_agree_on_its_knots():
     assert decomposition.cells == ((0, 1, 7, 8), (0, 3, 6, 8), (1, 2, 4, 5, 7, 8), (2, 3, 4, 8))
 
 
-@given(
-    st.integers(0, 2**32 - 1),
-    st.floats(-17, -6),
-    st.sampled_from([0.0, 1e-16, 1e-15]),
-)
+@given(st.integers(0, 2**32 - 1), st.floats(-17, -6), st.sampled_from([0.0, 1e-16, 1e-15]))
 def test_cells_tile_whatever_the_noise(seed, exponent, shake):
     """Gaps between rounding and 1e-9 may go either way, but never break the tiling."""
     rng = np.random.default_rng(seed)

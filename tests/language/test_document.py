@@ -5,8 +5,7 @@ import random
 import time
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gtb_cli.errors import SpecError
 from gtb_cli.language import scanner
@@ -105,10 +104,7 @@ def written(data: dict[str, object], seed: int, toml: bool) -> tuple[str, dict[P
 
 KEYS = st.sampled_from(["a", "knots", "x-1", "a.b", "a b", "", 'q"', "[c]", "#", "ß", "=", "back\\slash", "\t"])
 LEAVES = st.one_of(
-    st.integers(-99, 99),
-    st.floats(-1e9, 1e9),
-    st.booleans(),
-    st.text(st.sampled_from("ab [],={}#'\"\\\n:é😀.")),
+    st.integers(-99, 99), st.floats(-1e9, 1e9), st.booleans(), st.text(st.sampled_from("ab [],={}#'\"\\\n:é😀."))
 )
 VALUES = st.recursive(
     LEAVES, lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(KEYS, inner, max_size=3)), max_leaves=8

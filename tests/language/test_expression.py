@@ -8,8 +8,7 @@ from pathlib import Path
 
 import mpmath
 import pytest
-from hypothesis import assume, example, given
-from hypothesis import strategies as st
+from hypothesis import assume, example, given, strategies as st
 
 from gtb_cli.errors import SpecError
 from gtb_cli.language.expression import MAX_CHARACTERS, MAX_NESTING, evaluate_expression

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import MAX_BYTES, Faults

@@ -1,8 +1,7 @@
 """Points at the same place become one number, in the order in which they appear."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gtb_cli.meshes import coincident
 from gtb_cli.meshes.coincident import weld

@@ -120,9 +120,7 @@ def exact_pairs(vertices, cells):
     beside = [
         {k: triangles[j][m] for k, (j, m) in {**ours, **theirs}.items()}
         for ours, theirs in zip(
-            neighbours(cells.tolist()),
-            neighbours([[tuple(p) for p in t] for t in triangles]),
-            strict=True,
+            neighbours(cells.tolist()), neighbours([[tuple(p) for p in t] for t in triangles]), strict=True
         )
     ]
     return [

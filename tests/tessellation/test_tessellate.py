@@ -17,8 +17,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.patches import bicubic, collapsed_edge, pentagon
-from tests.surfaces import HALF, assert_closed, volume
-from tests.surfaces import octant as sphere_octant
+from tests.surfaces import HALF, assert_closed, octant as sphere_octant, volume
 
 TRIANGLE = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [0, 2]]
 SQUARE = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1], [0, 2], [1, 2], [2, 2]]

@@ -7,8 +7,7 @@ from itertools import combinations
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
@@ -172,11 +171,7 @@ def exact_collocation(knots, parameters):
 
 @pytest.mark.parametrize(
     ("knots", "parameters"),
-    [
-        (ROOTS, [0.1, 0.3, 0.55, 0.7, 0.9]),
-        ([0, 1, 3], [0.25, 1.5, 2.75]),
-        ([0, 0.5, 4, 5], [0.5, 1, 3, 4.5]),
-    ],
+    [(ROOTS, [0.1, 0.3, 0.55, 0.7, 0.9]), ([0, 1, 3], [0.25, 1.5, 2.75]), ([0, 0.5, 4, 5], [0.5, 1, 3, 4.5])],
 )
 def test_collocation_matrices_are_strictly_totally_positive_inside(knots, parameters):
     # Thm 2.2, for interior parameters and distinct knots; entries of the program, minors in 50 digits.
