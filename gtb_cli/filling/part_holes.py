@@ -2,18 +2,15 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, point_text
 from gtb_cli.errors import DomainError
-from gtb_cli.filling.sides import MAX_GAP, HoleSide, bernstein, points_and_tangents, stations
+from gtb_cli.filling.sides import MAX_GAP, HoleSide, points_and_tangents, stations
+from gtb_cli.filling.spline_sides import nearest_curves
 from gtb_cli.importers.cad_files import edge_pieces, kernel, parts, read_shape
-
-EXACT = 1e-6
-"""Distance, of the size of a part, within which edges of several spans become one Bézier curve."""
 
 
 def part_hole(data: bytes, kind: str, source: str, hole: str | None) -> list[HoleSide]:
@@ -55,7 +52,7 @@ def _free_sides(shape: Any) -> list[HoleSide]:
     size = float(np.ptp(np.concatenate(points), axis=0).max()) if points else 1.0
     sides = []
     for count, (number, face, edge) in enumerate(free):
-        curves = _curves(edge, EXACT * size)
+        curves = _curves(edge, size)
         for k, curve in enumerate(curves):
             sign = 1.0 if edge.Orientation() == forward else -1.0
             points_there, tangents = points_and_tangents(curve, stations())
@@ -84,31 +81,14 @@ def _normals(face: Any, points: FloatArray, name: str) -> FloatArray:
     return np.asarray(sign * normals / lengths)
 
 
-def _curves(edge: Any, tolerance: float) -> list[FloatArray]:
-    """Return an edge as the fewest Bézier curves, even parts of it, of degree 8 or less within a tolerance."""
+def _curves(edge: Any, size: float) -> list[FloatArray]:
+    """Return an edge as Bézier curves: one where one is near enough to all of its polynomial spans."""
     pieces = edge_pieces(edge)
-    if len(pieces) < 2:
+    if len(pieces) < 2 or any(np.ptp(piece[:, 3]) > 0 for piece in pieces):
         return pieces
-    most_parts, found = 4, []
-    adaptor = kernel("BRepAdaptor").BRepAdaptor_Curve(edge)
-    t = (1 - np.cos(np.linspace(0, np.pi, 200))) / 2
-    for count in range(1, most_parts + 1):
-        ends = np.linspace(adaptor.FirstParameter(), adaptor.LastParameter(), count + 1)
-        found = [_near(adaptor, t, start, end, tolerance) for start, end in pairwise(ends)]
-        if all(curve is not None for curve in found):
-            return [curve for curve in found if curve is not None]
-    return pieces
-
-
-def _near(adaptor: Any, t: FloatArray, start: float, end: float, tolerance: float) -> FloatArray | None:
-    points = np.array([[p.X(), p.Y(), p.Z()] for p in map(adaptor.Value, start + (end - start) * t)])
-    for degree in range(3, 9):
-        values = bernstein(degree, t)
-        inner = np.linalg.lstsq(values[:, 1:-1], points - values[:, [0, -1]] @ points[[0, -1]], rcond=None)[0]
-        control = np.vstack([points[0], inner, points[-1]])
-        if np.linalg.norm(values @ control - points, axis=1).max() <= tolerance:
-            return np.column_stack([control, np.ones(degree + 1)])
-    return None
+    start = pieces[0][0, :3]
+    curves = nearest_curves([(piece[:, :3] - start) / size for piece in pieces])
+    return [np.column_stack([points * size + start, np.ones(len(points))]) for points, _, _ in curves]
 
 
 def _rings(sides: Sequence[HoleSide]) -> list[list[HoleSide]]:

@@ -119,6 +119,7 @@ class Rows:
 
         These are smooth corners, and those that turn back.
         """
+        rounding = 1e-3  # of fields: some cross an edge, but not near its end
         rows, least = [], []
         for corner in range(len(self._net.corners)):
             legs, normals = self._legs(self._given, corner)
@@ -136,8 +137,9 @@ class Rows:
                 if corner in turning and convex and not smooth:
                     ways.append((np.cross(middle / np.linalg.norm(middle), normal), APART))
                 for way, share in ways:
-                    rows.append(sign * own @ way)
-                    least.append(share * lengths[end] - sign * legs[knot - 1] @ way)
+                    if np.abs(own @ way).max(initial=0.0) > rounding * np.abs(own).max(initial=0.0):
+                        rows.append(sign * own @ way)
+                        least.append(share * lengths[end] - sign * legs[knot - 1] @ way)
         return np.array(rows).reshape(len(rows), self._count), np.array(least)
 
     def _step(
@@ -222,7 +224,7 @@ class _Form:
         """Return the (f, f) inverse of the form of factors of moves, without those that it does not see."""
         own = moves[:, self._outer]
         images = np.einsum("ij,fjk->fik", self._form, own)
-        return np.asarray(np.linalg.pinv(np.einsum("fik,gik->fg", images, own), rcond=RIDGE_FRACTION, hermitian=True))
+        return np.asarray(np.linalg.pinv(np.einsum("fik,gik->fg", images, own), rcond=1e-9, hermitian=True))
 
     def _shifts(self, equations: CornerForms) -> tuple[FloatArray, FloatArray]:
         table = equations.matrix(len(self._free) + len(self._outer))[:, self._free]

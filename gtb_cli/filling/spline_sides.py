@@ -33,7 +33,7 @@ def single_curves(sides: Sequence[HoleSide]) -> tuple[list[HoleSide], list[str]]
             found += group
             continue
         start = group[0].curve[0, :3]
-        curves = _near([(piece.curve[:, :3] - start) / size for piece in group])
+        curves = nearest_curves([(piece.curve[:, :3] - start) / size for piece in group])
         ends = [start, *(group[count - 1].curve[-1, :3] for count in np.cumsum([count for _, _, count in curves]))]
         for k, (points, _, _) in enumerate(curves):
             curve = np.vstack([ends[k], points[1:-1] * size + start, ends[k + 1]])
@@ -47,7 +47,7 @@ def single_curves(sides: Sequence[HoleSide]) -> tuple[list[HoleSide], list[str]]
     return found, remarks
 
 
-def _near(pieces: Sequence[FloatArray]) -> list[tuple[FloatArray, float, int]]:
+def nearest_curves(pieces: Sequence[FloatArray]) -> list[tuple[FloatArray, float, int]]:
     """Return the Bézier points of curves of the least degrees that will do, their distances, and numbers of pieces."""
     if len(pieces) == 1:
         return [(pieces[0], 0.0, 1)]
@@ -65,7 +65,7 @@ def _near(pieces: Sequence[FloatArray]) -> list[tuple[FloatArray, float, int]]:
             for degree in range(len(pieces[0]), MAX_DEGREE + 1):
                 if (found := _fitted_within(places, t, degree)) is not None:
                     return [(*found, len(pieces))]
-    return [*_near(pieces[:cut]), *_near(pieces[cut:])]
+    return [*nearest_curves(pieces[:cut]), *nearest_curves(pieces[cut:])]
 
 
 def _fitted_within(places: FloatArray, t: FloatArray, degree: int) -> tuple[FloatArray, float] | None:
