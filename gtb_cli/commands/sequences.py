@@ -68,8 +68,7 @@ def degenerate(
     regular decomposition are edges of the meshes. If x falls from 1 to 0, the limit is that of -λ. sequence.json lists
     the files with their distances from the limit, and how fast these fall.
 
-    -o FILE.glb writes one file instead, which Blender and other programs can play: its mesh is the first one, the
-    others are morph targets, and an animation shows them one after the other, a second each.
+    gtb view shows them one after the other, with a slider.
     """
     number = last if first is None and count is None else None
     if number is not None and (not number.is_integer() or lifting is not None):
@@ -79,7 +78,6 @@ def degenerate(
     xs = (*values, *_sweep(first, last if number is None else None, count))
     if out.emits_spec and len(set(xs)) != 1:
         raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
-    out.check_length(xs)
     from gtb_cli.limits.degeneration import heights_of
     from gtb_cli.sequences.sequence import degeneration
 
@@ -159,10 +157,7 @@ def knot_limit(spec: str, moves: dict[int, int], steps: tuple[float, ...], out: 
     Knots are numbered from 0. All meshes have the same faces. sequence.json lists the files with their distances from
     the limit. If a knot moves to an end, an edge or a corner, the limit holds only inside, and as a set it also
     includes a film: a message says so, and sequence.json has the distances from both.
-
-    -o FILE.glb writes one file instead, an animation; see gtb degenerate --help.
     """
-    out.check_length(steps)
     from gtb_cli.language.writer import dump
     from gtb_cli.limits.knot_limit import knot_limit as limit_of
     from gtb_cli.sequences.sequence import knot_sequence

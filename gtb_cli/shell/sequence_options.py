@@ -1,4 +1,4 @@
-"""Options of `gtb degenerate` and `gtb knot-limit`, which write a folder of meshes or one animation."""
+"""Options of `gtb degenerate` and `gtb knot-limit`, which write a folder of meshes."""
 
 from __future__ import annotations
 
@@ -16,25 +16,13 @@ from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import OUTPUT, check_folder, console_option, mesh_options, reading_option
-from gtb_cli.shell.streams import (
-    Streams,
-    about,
-    file_stem,
-    is_device,
-    is_folder,
-    shown_input,
-    versioned,
-    write_blocks,
-    write_text,
-)
+from gtb_cli.shell.streams import Streams, about, file_stem, is_device, is_folder, shown_input, versioned, write_text
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
-    from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.sequences.sequence import Member, MeshSequence
     from gtb_cli.theory.patch import Patch
 
-ANIMATION_FORMAT = "glb"  # the format that holds an animation
 NAME_DIGITS = 6  # digits of numbers in file names, unless a number needs more
 
 
@@ -42,22 +30,14 @@ NAME_DIGITS = 6  # digits of numbers in file names, unless a number needs more
 class SequenceOutput:
     """The output that the options of a sequence ask for: its meshes, a spec on standard output, or both.
 
-    The output of `streams` is a folder, a file with an animation, or standard output.
+    The output of `streams` is a folder, or standard output.
     """
 
     streams: Streams
     meshes: bool
     emits_spec: bool
-    animated: bool
     distances: bool
     options: MeshOptions
-
-    def check_length(self, values: Iterable[float]) -> None:
-        """Refuse an animation of too many meshes before they are made: each value gives at least one."""
-        if self.animated:
-            from gtb_cli.formats.morph import check_count
-
-            check_count(len(set(values)))
 
     def made(self, maker: Callable[..., MeshSequence], patch: Patch, *arguments: object) -> MeshSequence | None:
         """Return the sequence that `maker` makes, or None if no meshes are wanted."""
@@ -86,12 +66,7 @@ class SequenceOutput:
         """
         if sequence is not None:
             texts = [number_text(value) for value in sequence.values[:-1]]
-            if self.animated:
-                # Meshes are made after the file is opened, so that a file that cannot be written is an error at once.
-                labels = [*(f"{sequence.key}={text}" for text in texts), "limit"]
-                write_blocks(self.streams.output, self._animation(sequence, labels, spec))
-            else:
-                self._write_folder(sequence, [*(f"{prefix}{text}" for text in texts), "limit"], spec)
+            self._write_folder(sequence, [*(f"{prefix}{text}" for text in texts), "limit"], spec)
         if self.emits_spec:
             write_text(STANDARD, spec_text)
 
@@ -112,26 +87,6 @@ class SequenceOutput:
             content = sequence.record(entries)
             files.add(record, [(json.dumps(versioned(content), indent=2) + "\n").encode("ascii")])
         self._report_rate(sequence, content["rate"])
-
-    def _animation(self, sequence: MeshSequence, labels: list[str], spec: str) -> Iterator[bytes]:
-        """Make the meshes and yield one file of them all; a warning that several share appears once."""
-        from gtb_cli.formats.morph import animated_glb
-
-        options = self.options
-        meshes: list[Mesh] = []
-        entries: list[dict[str, Any]] = []
-        said: set[str] = set()
-        file = "" if self.streams.output == STANDARD else f"{self.streams.output}: "
-        for label, member in zip(labels, self._members(sequence, labels, spec), strict=True):
-            meshes.append(member.mesh)
-            entries.append(sequence.entry(member, label, "label"))
-            warnings = [text for text in options.warnings(member.mesh, ANIMATION_FORMAT) if text not in said]
-            said.update(warnings)
-            self._report(f"{file}{label}", sequence, member, warnings)
-        content, normals = sequence.record(entries), options.recipe.normals
-        self._report_rate(sequence, content["rate"])
-        extras = {"sequence": content}
-        yield from animated_glb(meshes, labels, normals=normals, uv=options.uv, up=options.up, extras=extras)
 
     def _members(self, sequence: MeshSequence, names: list[str], spec: str) -> Iterator[Member]:
         """Make the meshes, with the spec's name in errors."""
@@ -174,9 +129,18 @@ def _output(
     if output == STANDARD and emit_spec:
         raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
     meshes, place = output is not None or not emit_spec, output or STANDARD
-    animated = meshes and _is_animation(options, place)
-    streams = Streams(console, place, reading)
-    return SequenceOutput(streams, meshes, emit_spec, animated, not no_distance, options)
+    if meshes:
+        if not is_folder(place) and (place == STANDARD or is_device(place) or suffix_of(place) in FORMATS):
+            raise click.UsageError(f"a sequence is several files: give a folder, -o DIR, in place of {place}")
+        if options.ascii and options.format == "glb":
+            raise click.UsageError("--ascii: GLB has no text form")
+        if options.recipe.parametrization == "toric":
+            raise click.UsageError(
+                "--parametrization toric: the meshes of a sequence have the same faces only in the linear one; "
+                "toric parameters would run together"
+            )
+        options.refuse("is for single meshes, of gtb mesh", "radius", "thickness", "attributes", "require")
+    return SequenceOutput(Streams(console, place, reading), meshes, emit_spec, not no_distance, options)
 
 
 def sequence_options(spec_help: str) -> Option:
@@ -193,40 +157,14 @@ def sequence_options(spec_help: str) -> Option:
         click.option(
             "-o",
             "--output",
-            metavar="DIR|FILE.glb",
+            metavar="DIR",
             type=OUTPUT,
-            help="Write the files into this folder, which is made if missing; or one GLB file with an animation.",
+            help="Write the files into this folder, which is made if missing.",
         ),
         mesh_options(),
         reading_option,
         console_option,
     )
-
-
-def _is_animation(options: MeshOptions, output: str) -> bool:
-    """Tell whether an output is an animation and not a folder; refuse options that a sequence cannot have."""
-    suffix = suffix_of(output)
-    is_stream = output == STANDARD or is_device(output)
-    animated = not is_folder(output) and (is_stream or suffix == ANIMATION_FORMAT)
-    if is_stream and options.format != ANIMATION_FORMAT:
-        raise click.UsageError("a sequence is several files: give -o DIR, or -o FILE.glb or -f glb for an animation")
-    if animated and options.format not in (None, ANIMATION_FORMAT):
-        raise click.UsageError(
-            f"{output} names a GLB file, the only kind with an animation; -f {options.format} differs"
-        )
-    if suffix in FORMATS and not animated and not is_folder(output):
-        raise click.UsageError(f"a sequence is several files and needs a folder, and {output} names a file")
-    if options.ascii and (animated or options.format == ANIMATION_FORMAT):
-        raise click.UsageError("--ascii: GLB has no text form")
-    if animated:
-        options.format_for(output)
-    if options.recipe.parametrization == "toric":
-        raise click.UsageError(
-            "--parametrization toric: the meshes of a sequence have the same faces only in the linear one; "
-            "toric parameters would run together"
-        )
-    options.refuse("is for single meshes, of gtb mesh", "radius", "thickness", "attributes", "require")
-    return animated
 
 
 def number_text(value: float) -> str:

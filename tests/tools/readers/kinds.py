@@ -11,13 +11,11 @@ from scipy.spatial import cKDTree
 
 from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.formats.export import standing
-from gtb_cli.formats.morph import animated_glb
 from gtb_cli.formats.vtu import encode_vtu
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
-from gtb_cli.sequences.sequence import degeneration
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import SPECS
@@ -60,31 +58,6 @@ class Kind:
 
     def encoded(self) -> bytes:
         return b"".join(self.options.encoded(self.made, self.format))
-
-
-class Film(Kind):
-    """A sequence in one file that plays: a degeneration, as of `gtb degenerate`."""
-
-    @functools.cached_property
-    def all_made(self) -> dict[str, Mesh]:
-        """The meshes, by the names that they have in the file; the first is the one that is shown at first."""
-        patch = load(SPECS / f"{self.spec}.toml")
-        sequence = degeneration(patch, (1, 100), resolution=self.options.recipe.resolution)
-        return dict(zip(("x=1", "x=100", "limit"), sequence.meshes, strict=True))
-
-    @functools.cached_property
-    def meshes(self) -> dict[str, Mesh]:
-        """What is in the file."""
-        return {name: standing(mesh, self.format) for name, mesh in self.all_made.items()}
-
-    @functools.cached_property
-    def mesh(self) -> Mesh:
-        return self.meshes["x=1"]
-
-    def encoded(self) -> bytes:
-        return b"".join(
-            animated_glb(tuple(self.all_made.values()), tuple(self.all_made), normals=self.options.recipe.normals)
-        )
 
 
 class Cells(Kind):
@@ -139,7 +112,6 @@ KINDS = (
     Cells("VTU triangle", "bezier-triangle", MeshOptions(Recipe())),
     Cells("VTU model", "teapot", MeshOptions(Recipe())),
     Cells("VTU curve", "cubic-bezier", MeshOptions(Recipe())),
-    Film("GLB film", "example-4.4", MeshOptions(Recipe(4, normals=True))),
 )
 
 
@@ -151,9 +123,8 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
     """Return what else than vertices and cells a reader has found, and found right; raise `Different` with what is not.
 
     It has `points` and `cells` in any order, and where the reader gives them `normals`, `uv` and `attributes` (by name)
-    of each point, `names` of groups or nodes, `targets` (by name), which are other positions of each point, and the
-    number of `animations`. A reader that only counts gives `vertices`, `cells` and `bounds`, each of which may be None.
-    The tolerance is relative to the largest coordinate.
+    of each point, `names` of groups or nodes. A reader that only counts gives `vertices`, `cells` and `bounds`, each of
+    which may be None. The tolerance is relative to the largest coordinate.
     """
     unit = 1e-3  # error of a normal: Blender keeps them in 32 bits
     if "points" not in found:
@@ -197,12 +168,6 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
         _compare_values(name, expected_values[:, None], values.reshape(-1, 1), label, places, error)
     if known:
         kept.append(f"{len(known)} of {len(mesh.attributes)} attributes")
-    if isinstance(kind, Film) and found.get("targets"):
-        for name, positions in found["targets"].items():
-            if name not in kind.meshes:
-                raise Different(f"a target called {name!r}")
-            _compare_values(name, kind.meshes[name].vertices, np.asarray(positions), label, places, limit)
-        kept.append(f"{len(found['targets'])} of {len(kind.meshes) - 1} targets")
     return kept + _parts_kept(kind, found)
 
 
@@ -259,6 +224,4 @@ def _parts_kept(kind: Kind, found: dict[str, Any]) -> list[str]:
     kept = []
     if kind.format in ("obj", "glb") and kind.groups and set(kind.groups) <= set(found.get("names") or ()):
         kept.append(f"{len(kind.groups)} parts")
-    if isinstance(kind, Film) and found.get("animations"):
-        kept.append("animation")
     return kept

@@ -22,14 +22,13 @@ SAMPLES = [(0.1, 0.2), (0.7, 0.1), (0.3, 0.6), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0
 
 def joined(parts: Iterable[Found]) -> Found:
     """Make one mesh of several; `points`, `normals` and `uv` may be flat."""
-    found: Found = {"points": [], "cells": [], "names": [], "attributes": {}, "targets": {}}
+    found: Found = {"points": [], "cells": [], "names": [], "attributes": {}}
     for part in parts:
         start = len(found["points"])
         found["points"] += np.asarray(part["points"], dtype=float).reshape(-1, 3).tolist()
         found["cells"] += [[start + int(corner) for corner in cell] for cell in part["cells"]]
         found["names"].append(part.get("name"))
         found["attributes"] |= {name: np.ravel(v).tolist() for name, v in part.get("attributes", {}).items()}
-        found["targets"] |= {name: np.reshape(v, (-1, 3)).tolist() for name, v in part.get("targets", {}).items()}
         for key, width in (("normals", 3), ("uv", 2)):
             if part.get(key) is not None:
                 found.setdefault(key, []).extend(np.asarray(part[key], dtype=float).reshape(-1, width).tolist())
@@ -149,8 +148,7 @@ def read_vtk(path: str) -> Found:
         if part["uv"] is not None and path.endswith("glb"):  # as they are in the file, downwards
             part["uv"] = part["uv"] * [1, -1] + [0, 1]
         parts.append(part)
-    animations = reader.GetNumberOfAnimations() if path.endswith("glb") else 0
-    return joined(parts) | {"animations": animations}
+    return joined(parts)
 
 
 def vtk_cells(path: str) -> Found:
@@ -213,10 +211,8 @@ def read_bpy(path: str) -> Found:
         for attribute in mesh.attributes:
             if attribute.domain == "POINT" and attribute.data_type == "FLOAT":
                 part["attributes"][attribute.name] = [entry.value for entry in attribute.data]
-        shapes = mesh.shape_keys.key_blocks[1:] if mesh.shape_keys else []
-        part["targets"] = {shape.name: np.array([point.co for point in shape.data]) @ turn for shape in shapes}
         parts.append(part)
-    return joined(parts) | {"animations": len(bpy.data.actions)}
+    return joined(parts)
 
 
 def results(read: Callable[[str], Found], version: str, folder: str, paths: Sequence[str]) -> None:

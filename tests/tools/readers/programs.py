@@ -53,7 +53,7 @@ def read_assimp(path: str) -> Found:
             uv = [pair for start in range(0, len(coordinates[0]), width) for pair in coordinates[0][start : start + 2]]
         part = {"name": mesh["name"], "points": mesh["vertices"], "cells": mesh["faces"], "uv": uv}
         parts.append(part | {"normals": mesh.get("normals")})
-    return joined(parts) | {"animations": len(scene.get("animations", []))}
+    return joined(parts)
 
 
 def read_prusa_slicer(path: str) -> Found:
