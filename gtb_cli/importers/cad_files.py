@@ -4,6 +4,8 @@ Its Python package is an extra: ``gtb-cli[cad]``. Lengths of STEP and IGES files
 """
 
 import os
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -20,6 +22,8 @@ from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
 
 MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
+
+PROBE = "import sys; from gtb_cli.importers.cad_files import probe; probe(*sys.argv[1:])"
 
 UNTRIMMED = 1e-7  # relative difference of a face's area to that between its bounds: the kernel's precision
 
@@ -44,7 +48,9 @@ def read_shape(data: bytes, kind: str, source: str) -> Any:
         begin(path)
         with open(path, "wb") as file:
             file.write(data)
-        shape = _brep(path) if kind == "brep" else _transferred(path, kind)
+        if subprocess.run([sys.executable, "-c", PROBE, kind, path], capture_output=True, check=False).returncode < 0:
+            raise SpecError(f"{source}: Open CASCADE breaks down when it reads this file")
+        shape = _shape(kind, path)
     if shape is None or shape.IsNull():
         raise SpecError(f"{source}: Open CASCADE finds no shape in it: is it a {kind.upper()} file?")
     return shape
@@ -55,6 +61,21 @@ def silence() -> None:
     room = kernel("Message")
     for printer in list(room.Message.DefaultMessenger_s().Printers()):
         printer.SetTraceLevel(room.Message_Gravity.Message_Fail)
+
+
+def _shape(kind: str, path: str) -> Any:
+    return _brep(path) if kind == "brep" else _transferred(path, kind)
+
+
+def probe(kind: str, path: str) -> None:
+    """Read a file as a process of its own, which a broken file may end."""
+    silence()
+    shape = _shape(kind, path)
+    if shape is not None and not shape.IsNull():
+        for face in parts(shape, "FACE"):
+            face_pieces(face)
+        for edge in parts(shape, "EDGE"):
+            edge_pieces(edge)
 
 
 def _brep(path: str) -> Any:
