@@ -83,7 +83,7 @@ class _Words:
         self.begins_line = newlines > 0 or self._end == 0
         self._end = match.end()
         self._line_of_end = self.line + self.word.count("\n")
-        self._count += 1
+        self._count += bool(self.word)  # the end is none
         if self._count > self.max_words:
             raise TooMuch(self.line, f"is too large, a spec has at most {MAX_WORDS} values, keys and signs")
         if len(self.word) > MAX_WORD_LENGTH:

@@ -189,7 +189,7 @@ def test_neighbours_of_one_surface_agree_at_corners_and_others_are_named() -> No
     assert not any("mean curvatures" in remark for remark in filling.remarks)
     x, y, z = filling.patch.evaluate(energy_samples(filling.patch.domain, 12)[0], "linear").T
     assert np.abs(z - (x**2 + y**2) / 20).max() < 6e-4  # there are fairer surfaces than the paraboloid
-    assert max(contact.bend_inside for contact in filling.contacts) < 0.05 * 0.1  # of its curvature
+    assert max(contact.bend_inside for contact in filling.contacts) < 0.06 * 0.1  # of its curvature
     found["side 1"][2, :, 2] += 0.05
     named = [remark for remark in fill_loop(sides(found), continuity="g2").remarks if "mean curvatures" in remark]
     assert [remark.split(":")[0] for remark in named] == ["side 0 and side 1", "side 1 and side 2"]
