@@ -10,7 +10,8 @@ import click
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, streams_options
-from gtb_cli.shell.streams import Streams, about, read_bytes, shown_input, stem_of, write_json
+from gtb_cli.shell.streams import Streams, about, read_bytes, shown_input, stem_of, write_blocks, write_json
+from gtb_cli.shell.surface_files import surface_format
 from gtb_cli.vocabulary import CONTINUITIES
 
 if TYPE_CHECKING:
@@ -63,6 +64,10 @@ def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
     metavar="D",
     help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole.",
 )
+@click.option(
+    "--tolerance", callback=length_of, metavar="T", help="In a CAD file, fit within this distance (1e-4 of the size)."
+)
+@click.option("--angle", callback=length_of, metavar="DEGREES", help="In a CAD file, keep tangent planes within this.")
 @json_option
 @streams_options
 def fill(
@@ -72,6 +77,8 @@ def fill(
     inner: str,
     fullness: float | None,
     raises: int | None,
+    tolerance: float | None,
+    angle: float | None,
     as_json: bool,
     streams: Streams,
 ) -> None:
@@ -85,6 +92,9 @@ def fill(
     .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring, or a STEP, IGES
     or BREP file (with the extra gtb-cli[cad]), of which a ring of edges with one face each is filled. A B-spline of a
     .lop file is one side, a Bézier curve within 1e-5 of the loop's size; its distance is said.
+
+    With -o FILE.step (or .iges or .brep) the patch is written as B-splines that keep its tangent planes: sewn to the
+    faces of the part, a solid where that is closed, with what was measured of its seams in the file's own surfaces.
 
     Along each side with a ribbon the tangent planes are exact up to rounding. With --continuity g2 so is the curvature:
     that of a neighbour in a model, of a .gbp file of degree 5 or more, or of the strip of a curve, its "ribbon" and its
@@ -105,19 +115,29 @@ def fill(
     from gtb_cli.language.writer import dump
     from gtb_cli.models.model import Model
 
-    source = shown_input(loop)
+    source, kind = shown_input(loop), surface_format(None, streams.output)
+    if kind is None and (tolerance or angle):
+        raise click.UsageError("--tolerance and --angle are for an output that is a CAD file, such as -o filled.step")
     data = read_bytes(loop)
     with about(source):
-        found, hole = read_hole(data, source, hole, streams.reading)
+        found, hole, part = read_hole(data, source, hole, streams.reading)
         name = None if isinstance(found, Model) else stem_of(loop)
         filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)
-    if not filling.fault and not (as_json and streams.output == STANDARD):
+    if kind is not None and not filling.fault:
+        from gtb_cli.formats.kinds_of_surfaces import encode_surfaces
+
+        with about(source):
+            encoded = encode_surfaces(filling.model or filling.patch, kind, "mm", tolerance, angle, part=part)
+        write_blocks(streams.output, [encoded[0]])
+    elif not filling.fault and not (as_json and streams.output == STANDARD):
         streams.write(dump(filling.model or filling.patch))  # before its certificate: it may be impossible
     if as_json:
         write_json(STANDARD, _certificate(filling))
     if filling.fault:
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
     _report(filling, streams.console)
+    if kind is not None:
+        streams.console.report(streams.output, *encoded[1:])
 
 
 def _certificate(filling: Filling) -> dict[str, Any]:

@@ -85,7 +85,7 @@ def fill(
         found = loop if loop.dimension == 2 else _sides(loop, ribbons, ribbons2)
     else:
         source = os.fspath(loop)
-        found, hole = read_hole(read_file(source, MAX_BYTES + 1), source, hole)
+        found, hole, _ = read_hole(read_file(source, MAX_BYTES + 1), source, hole)
     return filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness, raises=raises)
 
 

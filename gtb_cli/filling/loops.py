@@ -1,6 +1,7 @@
 """Loops of curves from files: specs of curves with ribbons, `.gbp` and `.lop`."""
 
 import os
+from typing import Any
 
 import numpy as np
 
@@ -43,14 +44,19 @@ def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> list[Hole
 
 def read_hole(
     data: bytes, source: str, hole: str | None, reading: Reading = AS_SEEN
-) -> tuple[list[HoleSide] | Model, str | None]:
-    """Read a loop as `read_loop` does, or a hole of a CAD part, and return it with the edge that is left to find."""
+) -> tuple[list[HoleSide] | Model, str | None, Any]:
+    """Read a loop as `read_loop` does, or a hole of a CAD part.
+
+    Also return the edge that is left to find, and the part as a shape of the kernel, or None.
+    """
     kind = CAD_SUFFIXES.get(os.path.splitext(source)[1].lower().removeprefix("."))
     if reading.spec_format is not None or kind is None:
-        return read_loop(data, source, reading), hole
+        return read_loop(data, source, reading), hole, None
     from gtb_cli.filling.part_holes import part_hole
+    from gtb_cli.importers.cad_files import read_shape
 
-    return part_hole(data, kind, source, hole), None
+    shape = read_shape(data, kind, source)
+    return part_hole(shape, hole), None, shape
 
 
 def loop_from_text(data: bytes, source: str) -> list[HoleSide]:

@@ -10,15 +10,14 @@ from gtb_cli.arrays import FloatArray, point_text
 from gtb_cli.errors import DomainError
 from gtb_cli.filling.sides import MAX_GAP, HoleSide, points_and_tangents, stations
 from gtb_cli.filling.spline_sides import nearest_curves
-from gtb_cli.importers.cad_files import edge_pieces, kernel, parts, read_shape
+from gtb_cli.importers.cad_files import edge_pieces, kernel, parts
 
 
-def part_hole(data: bytes, kind: str, source: str, hole: str | None) -> list[HoleSide]:
+def part_hole(shape: Any, hole: str | None) -> list[HoleSide]:
     """Return the sides of a hole in a part: the only one, or that nearest to a point such as "10, 0, 2.5".
 
-    Raises `SpecError` if the file cannot be read, and `DomainError` if it has no such hole.
+    Raises `DomainError` if it has no such hole.
     """
-    shape = read_shape(data, kind, source)
     found = _rings(_free_sides(shape))
     if not found:
         raise DomainError("hole: the part has no closed ring of edges with one face")

@@ -14,19 +14,23 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import begin
-from gtb_cli.formats.bspline_surfaces import SplineSurface
-from gtb_cli.importers.cad_files import MISSING, kernel, silence
+from gtb_cli.formats.cad_seams import Seams, seams_of
+from gtb_cli.formats.exact_surfaces import SplineSurface
+from gtb_cli.importers.cad_files import MISSING, kernel, parts, silence
 
 KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points
+SEWN, ROUGHLY_SEWN = 1e-6, 2e-5  # of the size: edges of neighbours agree to rounding, those of a part's splines to 1e-5
+
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # the kernel's names
 
 
 class Body(NamedTuple):
-    """A CAD file, and its numbers of shells outside solids, and of solids."""
+    """A CAD file, its numbers of shells outside solids and of solids, and, of a filled part, how its seams fit."""
 
     data: bytes
     shells: int
     solids: int
+    seams: Seams | None = None
 
 
 class Wall(NamedTuple):
@@ -38,12 +42,18 @@ class Wall(NamedTuple):
 
 
 def encode_cad(
-    surfaces: Sequence[SplineSurface], kind: str, unit: str = "mm", name: str = "patch", wall: Wall | None = None
+    surfaces: Sequence[SplineSurface],
+    kind: str,
+    unit: str = "mm",
+    name: str = "patch",
+    wall: Wall | None = None,
+    part: Any = None,
 ) -> Body:
     """Sew surfaces along edges that agree, and encode them as a CAD file; closed shells become solids.
 
     With a wall, one open shell without creases becomes the solid between it and its offset, whose faces the kernel
-    knows exactly. It calls wrong ones valid, too, at creases: so the measures of the wall must be right.
+    knows exactly. It calls wrong ones valid, too, at creases: so the measures of the wall must be right. With a part, a
+    shape of the kernel, the surfaces are sewn to its faces.
 
     The file states the name of the whole and the unit of coordinates (BREP files have none). An `ExportError` says that
     the extra is missing, or that the kernel finds the result invalid or cannot write it.
@@ -55,12 +65,15 @@ def encode_cad(
         raise ExportError(f"{kind.upper()} {MISSING}") from None
     silence()
     size = float(np.ptp(np.concatenate([surface.net[..., :3].reshape(-1, 3) for surface in surfaces]), axis=0).max())
-    tolerance = 1e-6 * size  # the edges of neighbours agree to rounding
+    tolerance = SEWN * size
     if tolerance < KERNEL_PRECISION:
         raise ExportError(
             f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {KERNEL_PRECISION:g}"
         )
-    shape, faces, shells, solids = _sewn(surfaces, tolerance)
+    shape, faces, shells, solids = _sewn(surfaces, tolerance, part)
+    if part is not None and shells:
+        shape, faces, shells, solids = _sewn(surfaces, ROUGHLY_SEWN * size, part)
+    seams = None if part is None else seams_of(shape, [face for face, _ in faces])
     if wall is not None:
         if (shells, solids) != (1, 0):
             found = "it is closed" if solids else f"it is {shells} shells"
@@ -77,16 +90,18 @@ def encode_cad(
         _WRITERS[kind](shape, faces, path, unit, name)
         with open(path, "rb") as file:
             data = file.read()
-    return Body(_without_time(data, kind), shells, solids)
+    return Body(_without_time(data, kind), shells, solids, seams)
 
 
-def _sewn(surfaces: Sequence[SplineSurface], tolerance: float) -> tuple[Any, list[tuple[Any, str]], int, int]:
+def _sewn(
+    surfaces: Sequence[SplineSurface], tolerance: float, part: Any = None
+) -> tuple[Any, list[tuple[Any, str]], int, int]:
     """Return a compound of solids and shells, its faces with their names, and the numbers of shells and solids."""
     builder, topology, explorer = kernel("BRepBuilderAPI"), kernel("TopoDS"), kernel("TopExp").TopExp_Explorer
     kinds = kernel("TopAbs").TopAbs_ShapeEnum
     sewing = builder.BRepBuilderAPI_Sewing(tolerance)
     given = [builder.BRepBuilderAPI_MakeFace(_surface(one), KERNEL_PRECISION).Face() for one in surfaces]
-    for face in given:
+    for face in [*([] if part is None else parts(part, "FACE")), *given]:
         sewing.Add(face)
     sewing.Perform()
     named = [

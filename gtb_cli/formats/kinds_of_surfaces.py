@@ -1,5 +1,7 @@
 """Surfaces instead of triangles: CAD formats, what is exact in them, and what they lack."""
 
+from typing import Any
+
 from gtb_cli.errors import RequirementError
 from gtb_cli.formats.bspline_surfaces import spline_surfaces
 from gtb_cli.formats.cad import Wall, encode_cad
@@ -8,15 +10,23 @@ from gtb_cli.theory.patch import Patch
 
 
 def encode_surfaces(
-    spec: Patch | Model, kind: str, unit: str, tolerance: float | None, *, closed: bool, wall: Wall | None = None
+    spec: Patch | Model,
+    kind: str,
+    unit: str,
+    tolerance: float | None,
+    angle: float | None = None,
+    *,
+    closed: bool = False,
+    wall: Wall | None = None,
+    part: Any = None,
 ) -> tuple[bytes, str, list[str]]:
     """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
 
-    Patches without exact pieces are fitted within the tolerance (without one, see `spline_surfaces`). `closed` asks for
-    solids: a `RequirementError` says that there are open shells. See `encode_cad` for a wall.
+    Patches without exact pieces are fitted within the tolerance and angle (without these, see `spline_surfaces`).
+    `closed` asks for solids: a `RequirementError` says that there are open shells. See `encode_cad` for a wall or part.
     """
-    found = spline_surfaces(spec, tolerance)
-    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", wall)
+    found = spline_surfaces(spec, tolerance, angle)
+    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", wall, part)
     if closed and body.shells:
         raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
     warnings = []
@@ -24,13 +34,19 @@ def encode_surfaces(
         name, reason = found.reasons[0]
         others = f" (one of {len(found.reasons)} such patches)" if len(found.reasons) > 1 else ""
         who = f"{name}{others}: " if isinstance(spec, Model) else ""
-        bend = f"inner seams bend by up to {found.bend:.3g} degrees"
+        bend = f"tangent planes differ by up to {found.angle:.3g} degrees at edges and {found.bend:.3g} at inner seams"
         warnings.append(f"fitted within {found.error:.2g}, not exact, {bend}: {who}{shortened(reason)}")
     counts = {"exact": len(found.surfaces) - found.fitted, "fitted": found.fitted}
     faces = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
     faces += " face" if len(found.surfaces) == 1 else " faces"
     bodies = {"solid": body.solids, "open shell": body.shells}
     parts = [f"{count} {name}{'s' if count > 1 else ''}" for name, count in bodies.items() if count]
+    if body.seams is not None:  # which say more than the warning
+        warnings, faces = [], f"{faces} within {found.error:.2g}"
+        outer, gap, inner, inner_gap = (f"{value:.2g}" for value in body.seams)
+        parts.append(
+            f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
+        )
     return body.data, ", ".join([faces, *(["the offset and rims"] if wall else []), *parts]), warnings
 
 

@@ -1,5 +1,6 @@
 """Parts from CAD programs, by Open CASCADE: faces and free edges are what the file says."""
 
+import re
 import sys
 
 import numpy as np
@@ -9,18 +10,11 @@ import gtb_cli
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.filling.part_holes import part_hole
 from gtb_cli.filling.sides import points_and_tangents, stations
+from gtb_cli.formats.cad_seams import uses_of_edges
+from gtb_cli.importers.cad_files import face_pieces, kernel, parts, read_shape
 from gtb_cli.importers.readers import import_data
-from gtb_cli.models.model import Model
 from tests.marks import long
 from tests.shell import SPECS, gtb
-
-
-def part_without(index: int, kind: str, folder) -> bytes:
-    """The rounded cube without one of its patches, as a part."""
-    cube = gtb_cli.load_model(SPECS / "rounded-cube.toml")
-    gtb_cli.save(Model(cube.patches[:index] + cube.patches[index + 1 :]), folder / "open.toml")
-    gtb("mesh", folder / "open.toml", "-o", folder / f"open.{kind}", status=0)
-    return (folder / f"open.{kind}").read_bytes()
 
 
 @pytest.mark.parametrize("kind", ["step", "iges", "brep"])
@@ -33,39 +27,96 @@ def test_faces_are_exact_patches(kind, tmp_path):
     np.testing.assert_allclose(given.normals([middle[0]]), found.normals([middle[1]]), atol=1e-8)
 
 
-def test_the_hole_of_a_part_has_its_edges_and_the_planes_of_its_faces(tmp_path):
-    cube = gtb_cli.load_model(SPECS / "rounded-cube.toml")
-    index = next(k for k, patch in enumerate(cube) if patch.name == "top")
-    sides = part_hole(part_without(index, "step", tmp_path), "step", "open.step", None)
-    assert len(sides) == 4
+def test_rectangles_have_the_orientation_of_their_faces():
+    for face in parts(kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 1, 1).Shape(), "FACE"):
+        (net,) = face_pieces(face)
+        ways = [net[-1, 0] - net[0, 0], net[0, -1] - net[0, 0]]
+        assert np.cross(ways[0][:3], ways[1][:3]) @ (net.mean(axis=(0, 1))[:3] - 0.5) > 0
+
+
+def box_without_a_corner(radii):
+    """A box of side 10 whose three edges at a corner are rounded, without the face where they meet."""
+    room, each = kernel("BRepFilletAPI"), kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(10, 10, 10).Shape()
+    corner, maker, left = kernel("gp").gp_Pnt(10, 10, 10), room.BRepFilletAPI_MakeFillet(each), list(radii)
+    for edge in parts(each, "EDGE"):
+        curve = kernel("BRepAdaptor").BRepAdaptor_Curve(edge)
+        ends = [curve.Value(at).Distance(corner) for at in (curve.FirstParameter(), curve.LastParameter())]
+        if min(ends) < 1e-9 and left and not maker.Contour(edge):
+            maker.Add(left.pop(), edge)
+    shell, builder = kernel("TopoDS").TopoDS_Shell(), kernel("BRep").BRep_Builder()
+    builder.MakeShell(shell)
+
+    def away(face):
+        measured = kernel("GProp").GProp_GProps()
+        kernel("BRepGProp").BRepGProp.SurfaceProperties_s(face, measured)
+        return measured.CentreOfMass().Distance(corner)
+
+    for face in sorted(parts(maker.Shape(), "FACE"), key=away)[1:]:
+        builder.Add(shell, face)
+    return shell
+
+
+def written(shape, folder):
+    kernel("BRepTools").BRepTools.Write_s(shape, str(folder / "open.brep"))
+    return folder / "open.brep"
+
+
+@pytest.mark.parametrize(
+    ("radii", "volume", "raises", "kind"),
+    [
+        ((2, 2, 2), 975.187, 0, "brep"),
+        pytest.param((2, 2, 2), 975.587, None, "iges", marks=long),
+        pytest.param((3, 2, 1), 971.06, None, "step", marks=long),
+    ],
+)
+def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, raises, kind, tmp_path):
+    """The shape that the file holds is valid, and its seams are what the message says."""
+    out = tmp_path / f"filled.{kind}"
+    elevated = [] if raises is None else ["--elevate", raises]
+    result = gtb("fill", written(box_without_a_corner(radii), tmp_path), *elevated, "-o", out, status=0)
+    said = re.search(
+        r"1 solid, seams to the part within (\S+) degrees and (\S+), between new faces (\S+) degr", result.err
+    )
+    assert [float(word) < most for word, most in zip(said.groups(), (1e-3, 1e-6, 1e-3), strict=True)] == [True] * 3
+    assert float(said[1]) > 0
+    assert out.stat().st_size < 250_000
+    shape = read_shape(out.read_bytes(), kind, out.name)
+    assert kernel("BRepCheck").BRepCheck_Analyzer(shape).IsValid()
+    measured = kernel("GProp").GProp_GProps()
+    kernel("BRepGProp").BRepGProp.VolumeProperties_s(shape, measured)
+    assert measured.Mass() == pytest.approx(volume, abs=0.02)
+    assert all(len(uses) == 2 for uses in uses_of_edges(shape).values()) or kind == "iges"
+
+
+def test_a_cad_file_of_a_fill_keeps_what_is_asked_for_or_is_refused(tmp_path):
+    part, out = written(box_without_a_corner((2, 2, 2)), tmp_path), tmp_path / "filled.step"
+    result = gtb("fill", part, "--elevate", 0, "--angle", 1e-9, "-o", out, status=2)
+    assert re.search(r"tangent planes of fitted surfaces still differ by \S+ degrees, more than 1e-09", result.err)
+    assert not out.exists()
+    assert "are for an output that is a CAD file" in gtb("fill", part, "--tolerance", 1, status=2).err
+
+
+def test_the_hole_of_a_part_has_its_edges_and_the_planes_of_its_faces():
+    sides = part_hole(box_without_a_corner((2, 2, 2)), None)
+    assert len(sides) == 3
+    middle = np.mean([each.ends[0] for each in sides], axis=0)
     for side, following in zip(sides, [*sides[1:], sides[0]], strict=True):
         np.testing.assert_allclose(side.ends[1], following.ends[0], atol=1e-6)
         points, tangents = points_and_tangents(side.curve, stations())
         normals = np.cross(tangents, side.across)
-        centre = np.mean([patch.control_points.mean(axis=0) for patch in cube], axis=0)
-        assert ((points - centre) * normals).sum(axis=1).min() > 0  # they point outwards, as those of the cube
-        middle = np.mean([each.ends[0] for each in sides], axis=0)
+        from_axis = points - 8  # of a fillet, whose normals have no part along the edge of the box
+        from_axis[:, np.ptp(points, axis=0) < 1e-9] = 0
+        np.testing.assert_allclose(np.cross(normals, from_axis), 0, atol=1e-6 * np.abs(normals).max())
+        assert (from_axis * normals).sum(axis=1).min() > 0  # outwards
         assert ((middle - points) * side.across).sum(axis=1).min() > 0
 
 
-@long
-def test_a_missing_corner_is_filled(tmp_path):
-    cube = gtb_cli.load_model(SPECS / "rounded-cube.toml")
-    index = next(k for k, patch in enumerate(cube) if patch.name == "corner")
-    part_without(index, "step", tmp_path)
-    filling = gtb_cli.fill(tmp_path / "open.step")
-    assert filling.fault is None
-    assert filling.angle < 1e-3
-    assert gtb_cli.distance(filling.patch, cube.patches[index]).distance < 1e-3
-
-
-def test_what_is_wrong_with_a_hole_is_said(tmp_path):
-    data = part_without(0, "brep", tmp_path)
+def test_what_is_wrong_with_a_hole_is_said():
+    part = box_without_a_corner((2, 2, 2))
     with pytest.raises(DomainError, match=r"^hole: expected a point x,y,z near a hole of the part, got 'wall'"):
-        part_hole(data, "brep", "x.brep", "wall")
-    gtb("mesh", SPECS / "rounded-cube.toml", "-o", tmp_path / "whole.brep", status=0)
+        part_hole(part, "wall")
     with pytest.raises(DomainError, match=r"^hole: the part has no closed ring of edges with one face"):
-        part_hole((tmp_path / "whole.brep").read_bytes(), "brep", "x.brep", None)
+        part_hole(kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 2, 3).Shape(), None)
 
 
 @pytest.mark.parametrize("kind", ["step", "iges", "brep"])
