@@ -24,7 +24,7 @@ from gtb_cli.fairing.folds import folds as count_folds, sharp_turns
 from gtb_cli.fairing.variation import bendings, variation_matrices
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
-from gtb_cli.filling.hole_corners import plane_angles
+from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
 from gtb_cli.filling.osculation import SecondRow, polar
 from gtb_cli.filling.planes import Field, nearest_fields, row_fields
@@ -123,6 +123,8 @@ def fill_loop(
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
         plans.insert(0 if len(unit) > 12 else 1, (least - 1, False))
+        if any(corner.angle > 150 for corner in corners(ordered)):  # rows that cross smooth corners need more knots
+            plans.insert(1, (5, False))
     best = attempt(*plans[0])
     for plan in plans[1:]:
         if not any(best[0]):

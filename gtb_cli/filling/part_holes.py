@@ -12,6 +12,9 @@ from gtb_cli.filling.sides import MAX_GAP, HoleSide, points_and_tangents, statio
 from gtb_cli.filling.spline_sides import nearest_curves
 from gtb_cli.importers.cad_files import edge_pieces, kernel, parts
 
+DISTANCES = 1e-7, 1e-6, 1e-5
+"""Of an edge's spline from one Bézier curve, tried in turn, of the size."""
+
 
 def part_hole(shape: Any, hole: str | None) -> list[HoleSide]:
     """Return the sides of a hole in a part: the only one, or that nearest to a point such as "10, 0, 2.5".
@@ -86,7 +89,10 @@ def _curves(edge: Any, size: float) -> list[FloatArray]:
     if len(pieces) < 2 or any(np.ptp(piece[:, 3]) > 0 for piece in pieces):
         return pieces
     start = pieces[0][0, :3]
-    curves = nearest_curves([(piece[:, :3] - start) / size for piece in pieces])
+    for within in DISTANCES:
+        curves = nearest_curves([(piece[:, :3] - start) / size for piece in pieces], within)
+        if len(curves) == 1:
+            break
     return [np.column_stack([points * size + start, np.ones(len(points))]) for points, _, _ in curves]
 
 

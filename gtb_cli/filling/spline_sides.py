@@ -47,8 +47,8 @@ def single_curves(sides: Sequence[HoleSide]) -> tuple[list[HoleSide], list[str]]
     return found, remarks
 
 
-def nearest_curves(pieces: Sequence[FloatArray]) -> list[tuple[FloatArray, float, int]]:
-    """Return the Bézier points of curves of the least degrees that will do, their distances, and numbers of pieces."""
+def nearest_curves(pieces: Sequence[FloatArray], within: float = MAX_DISTANCE) -> list[tuple[FloatArray, float, int]]:
+    """Return Bézier points of curves of the least degrees within a distance, with distances and numbers of pieces."""
     if len(pieces) == 1:
         return [(pieces[0], 0.0, 1)]
     hopeless = 10  # times too far with all distances weighed alike
@@ -61,19 +61,22 @@ def nearest_curves(pieces: Sequence[FloatArray]) -> list[tuple[FloatArray, float
         cut = 1 + int(np.where(lengths.all(axis=(1, 2)), turns, 2.0).argmax())
     else:
         places, t = _sampled(pieces, lengths[:, 1, 0] / lengths[:, 0, 0])
-        if _fitted(places, t, MAX_DEGREE, 1.0)[1] <= hopeless * MAX_DISTANCE:
+        ways = np.array([pieces[0][1] - pieces[0][0], pieces[-1][-1] - pieces[-1][-2]])
+        if _fitted(places, t, ways, MAX_DEGREE, 1.0)[1] <= hopeless * within:
             for degree in range(len(pieces[0]), MAX_DEGREE + 1):
-                if (found := _fitted_within(places, t, degree)) is not None:
+                if (found := _fitted_within(places, t, ways, degree, within)) is not None:
                     return [(*found, len(pieces))]
-    return [*nearest_curves(pieces[:cut]), *nearest_curves(pieces[cut:])]
+    return [*nearest_curves(pieces[:cut], within), *nearest_curves(pieces[cut:], within)]
 
 
-def _fitted_within(places: FloatArray, t: FloatArray, degree: int) -> tuple[FloatArray, float] | None:
-    """Return a curve of this degree and its distance from the places, at most `MAX_DISTANCE`, or None."""
+def _fitted_within(
+    places: FloatArray, t: FloatArray, ways: FloatArray, degree: int, within: float
+) -> tuple[FloatArray, float] | None:
+    """Return a curve of this degree and its distance from the places, or None if it is too far."""
     least_evenness = 0.2  # of speeds along a curve, on which the knots of an edge are evenly spaced
     for along in (0.1, 0.01, 0.001):  # the less, the nearer it comes, and the more its speed varies
-        points, distance, evenness = _fitted(places, t, degree, along)
-        if distance <= MAX_DISTANCE and evenness >= least_evenness:
+        points, distance, evenness = _fitted(places, t, ways, degree, along)
+        if distance <= within and evenness >= least_evenness:
             return points, distance
     return None
 
@@ -95,8 +98,10 @@ def _sampled(pieces: Sequence[FloatArray], ratios: FloatArray) -> tuple[FloatArr
     return points, t
 
 
-def _fitted(places: FloatArray, t: FloatArray, degree: int, along: float) -> tuple[FloatArray, float, float]:
-    """Fit a Bézier curve with the ends of a row of points, at parameters near the (m,) given.
+def _fitted(
+    places: FloatArray, t: FloatArray, ways: FloatArray, degree: int, along: float
+) -> tuple[FloatArray, float, float]:
+    """Fit a Bézier curve with the ends of a row of points, and (2, 3) tangents there, at parameters near the given.
 
     Distances along the curve weigh `along` times as much as those across. Return its points, the largest distance, and
     the ratio of the least to the largest speed.
@@ -104,12 +109,17 @@ def _fitted(places: FloatArray, t: FloatArray, degree: int, along: float) -> tup
     rounds, steps = 12, 3
     ends = places[[0, -1]]
     across = np.broadcast_to(np.eye(3), (len(t), 3, 3))
+    free, known = np.eye(3 * (degree - 1)), np.zeros((degree - 1, 3))
+    if degree > 2 and ways.any(axis=1).all():  # planes of neighbours agree at corners only with the right tangents
+        free = np.delete(free, [1, 2, -2, -1], axis=1)
+        free[:3, 0], free[-3:, -1] = ways
+        known[[0, -1]] = ends
     for _ in range(rounds):
         values = bernstein(degree, t)
-        rest = places - values[:, [0, -1]] @ ends
+        rest = places - values @ np.vstack([ends[:1], known, ends[1:]])
         matrix = (across[:, :, None, :] * values[:, None, 1:-1, None]).reshape(3 * len(t), -1)
         wanted = (across @ rest[:, :, None]).ravel()
-        inner = np.linalg.lstsq(matrix, wanted, rcond=1e-13)[0].reshape(-1, 3)
+        inner = (free @ np.linalg.lstsq(matrix @ free, wanted, rcond=1e-13)[0]).reshape(-1, 3) + known
         points = np.vstack([ends[:1], inner, ends[1:]])
         for _ in range(steps):  # towards the nearest points
             rates = degree * bernstein(degree - 1, t) @ np.diff(points, axis=0)

@@ -18,7 +18,7 @@ GAP = 1e-8  # of the size, between edges that should be exact
 
 ANGLE = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
 
-LOST, SEAM = 1.0, 0.1  # degrees at edges whose planes no B-spline follows, and what is enough between pieces then
+LOST, SEAM = 0.1, 0.1  # share of places with planes that no B-spline follows, and degrees that are enough then
 
 
 class SplineSurfaces(NamedTuple):
@@ -46,8 +46,8 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
     any other is the same spline in all fitted patches that share it.
 
     A `DomainError` refuses curves; a `ToleranceError` says that even 32 spans in each direction do not reach the
-    tolerance, in model units, or the angle in degrees. Without a tolerance it is 1e-4 of the largest extent of all
-    control points; without an angle the least is taken that these spans have, down to a thousandth.
+    tolerance, in model units, or the angle in degrees. Without a tolerance it is 1e-4 of the largest extent of the
+    points at knots; without an angle the least is taken that these spans have, down to a thousandth.
     """
     patches = spec.patches
     if patches[0].dimension == 1:
@@ -66,10 +66,13 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
         edges, refused = half_edges(spec, exact, reasons)
     if not reasons:
         return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, 0.0, ())
-    size = float(np.ptp(np.concatenate([patch.control_points for patch in patches]), axis=0).max())
+    # Of points, as control points inside may be far away
+    points = np.concatenate([patch.evaluate(patch.knots) for patch in patches])
+    size = float(np.ptp(points, axis=0).max())
     allowed = 1e-4 * size if tolerance is None else tolerance
     best: dict[int, FittedPieces] = {}
-    bends = [np.inf, np.inf]
+    total = np.inf
+    history = [(np.inf, np.inf)] * 2
     for spans in SPANS:
         found = {
             index: fitted_pieces(
@@ -80,17 +83,20 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
             )
             for index in reasons
         }
-        error, gap, bend, least = (max(values) for values in zip(*(one[1:] for one in found.values()), strict=True))
-        bends.append(bend)
-        if error <= allowed and gap <= GAP * size and bend <= min(bends):
-            best = found
-        wanted = angle if angle is not None else ANGLE if least < LOST else SEAM
-        if best and (max(bend, least) <= wanted or (least >= LOST and bend <= wanted) or bend > bends[-3] / 2):
+        error, gap, bend, least, lost = (
+            max(values) for values in zip(*(one[1:] for one in found.values()), strict=True)
+        )
+        history.append((bend, least))
+        if error <= allowed and gap <= GAP * size and (not best or bend + least <= total):
+            best, total = found, bend + least
+        wanted = angle if angle is not None else ANGLE if lost < LOST else SEAM
+        pairs = zip(history[-1], history[-3], strict=True)
+        if best and not any(now > wanted and now <= before / 2 for now, before in pairs):
             break
     if not best:
         off = f"{error:.3g} off, more than {allowed:.3g}" if error > allowed else f"{gap:.3g} off along edges"
         raise ToleranceError(f"fitted surfaces of {SPANS[-1]} × {SPANS[-1]} spans are still {off}")
-    bend, least = (max(values) for values in zip(*(one[3:] for one in best.values()), strict=True))
+    bend, least = (max(values) for values in zip(*(one[3:5] for one in best.values()), strict=True))
     if angle is not None and max(bend, least) > angle:
         raise ToleranceError(
             f"tangent planes of fitted surfaces still differ by {max(bend, least):.3g} degrees, more than {angle:.3g}"

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.formats.exact_surfaces import SplineSurface
@@ -27,6 +26,7 @@ class FittedPieces(NamedTuple):
 
     `error` is the largest distance at equal parameters, and `gap` that of edges from exact halves; `bend` is the
     largest angle in degrees between pieces along seams, and `angle` that to the patch's tangent planes along edges.
+    `lost` is the share of places on edges and seams whose planes B-splines cannot follow.
     """
 
     surfaces: tuple[SplineSurface, ...]
@@ -34,6 +34,7 @@ class FittedPieces(NamedTuple):
     gap: float
     bend: float
     angle: float
+    lost: float
 
 
 class _Splines:
@@ -55,10 +56,14 @@ class _Splines:
 
     def values(self, places: FloatArray) -> FloatArray:
         """Return (n, m) values of the m B-splines."""
+        from scipy.interpolate import BSpline
+
         return np.asarray(BSpline.design_matrix(places, self.knots, self.degree).toarray())
 
     def curve(self, rows: FloatArray) -> FloatArray:
         """Return the poles of the interpolant of values at Greville's points, along the first axis."""
+        from scipy.interpolate import make_interp_spline
+
         return np.asarray(make_interp_spline(self.greville, rows, self.degree, t=self.knots, axis=0).c)
 
 
@@ -120,10 +125,15 @@ def fitted_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdg
     measured = [_grid(splines.along, zero), _grid(zero, splines.along)]
     *planes, first, second, ways = _normals(patch, quarters, [*rows, *measured, np.array([[1.0, 0.0], [1.0, 1.0]])])
     nets = _frames(quarters, splines, [(rim - origin) / size for rim in rims], ways)
+    followed = [
+        (close * normals).sum(axis=2) > NEAR_PLANE for close, normals in zip(planes[::2], planes[1::2], strict=True)
+    ]
     for k, net in enumerate(nets):
-        _fit_inside(
-            net, splines, (fitted[k] - origin) / size, [(planes[i][k], planes[i + 1][k]) for i in range(0, 8, 2)]
-        )
+        given = [
+            np.where(follow[k][:, None], normals[k], np.nan)
+            for follow, normals in zip(followed, planes[1::2], strict=True)
+        ]
+        _fit_inside(net, splines, (fitted[k] - origin) / size, given)
     values = splines.values(splines.between)
     error = gap = bend = angle = 0.0
     along = splines.values(splines.along)
@@ -142,7 +152,7 @@ def fitted_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdg
                 curve = shares @ rows[:, :3] / shares.sum(axis=1, keepdims=True)
                 gap = max(gap, float(np.linalg.norm(curve - exact, axis=1).max()))
         surfaces.append(SplineSurface(name, (DEGREE, DEGREE), (splines.knots, splines.knots), points))
-    return FittedPieces(tuple(surfaces), error, gap, bend, angle)
+    return FittedPieces(tuple(surfaces), error, gap, bend, angle, 1 - float(np.mean(followed)))
 
 
 def _grid(s: FloatArray, t: FloatArray) -> FloatArray:
@@ -206,10 +216,8 @@ def _frames(quarters: list[_Quarter], splines: _Splines, rims: list[FloatArray],
     return nets
 
 
-def _fit_inside(
-    net: FloatArray, splines: _Splines, points: FloatArray, planes: list[tuple[FloatArray, FloatArray]]
-) -> None:
-    """Fit the inner poles of a piece to (n², 3) points, and to planes, normals near and on its four edges.
+def _fit_inside(net: FloatArray, splines: _Splines, points: FloatArray, planes: list[FloatArray]) -> None:
+    """Fit the inner poles of a piece to (n², 3) points, and to the (n, 3) normals on its four edges that are not NaN.
 
     With G = BᵀB of the inner B-splines, least squares of positions alone is G⁻¹Bᵀ along both axes, and conditions C
     move it by (G⊗G)⁻¹Cᵀλ, where (I + C (G⊗G)⁻¹Cᵀ) λ is what they lack: as many equations as there are conditions.
@@ -222,8 +230,8 @@ def _fit_inside(
     inverse = np.linalg.pinv(inner)
     free = np.einsum("is,jt,stx->ijx", inverse, inverse, left, optimize=True)
     conditions, lacking = [], []
-    for (axis, last), (near, normals) in zip(EDGES, planes, strict=True):
-        kept = (normals * near).sum(axis=1) > NEAR_PLANE
+    for (axis, last), normals in zip(EDGES, planes, strict=True):
+        kept = np.isfinite(normals).all(axis=1)
         known, found, following = net.swapaxes(0, axis), free.swapaxes(0, axis), (1, -2)[last]
         edge, across = values[kept] @ known[last], values[kept] @ known[following]
         lacks = edge[:, :3] / edge[:, 3:] * across[:, 3:] - across[:, :3] - inner[kept] @ found[last]
@@ -242,6 +250,8 @@ def _fit_inside(
 
 def _edge_normals(net: FloatArray, axis: int, last: int, splines: _Splines) -> FloatArray:
     """Return (n, 3) unit normals of a piece along an edge where it is measured; NaN where it has none."""
+    from scipy.interpolate import BSpline
+
     rounding = 1e-9  # of the longest derivatives' product: below it, as on an edge without length, there is no normal
     here, following = net.swapaxes(0, axis)[[last, (1, -2)[last]]]
     edge = BSpline(splines.knots, here, splines.degree)
