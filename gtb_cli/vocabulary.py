@@ -29,19 +29,19 @@ def percentage(text: str) -> float:
 def requirements(words: Sequence[str]) -> dict[str, float]:
     """Read requirements: the name of each, with the angle of "smooth" in degrees, and 0 for the others.
 
-    Raises `DomainError` if a word is none of "watertight", "solid", "unfolded" and "smooth:ANGLE".
+    Raises `DomainError` if a word is none of "watertight", "solid", "one-piece", "unfolded" and "smooth:ANGLE".
     """
     found = {}
     for word in words:
         name, _, text = word.partition(":")
         angle = math.nan
-        if word in ("watertight", "solid", "unfolded"):
+        if word in ("watertight", "solid", "one-piece", "unfolded"):
             angle = 0.0
         elif name == "smooth" and "_" not in text:
             with suppress(ValueError):
                 angle = float(text.removesuffix("deg"))
         if not 0 <= angle <= 180:
-            expected = "watertight, solid, unfolded, or an angle in degrees, as in smooth:1deg"
+            expected = "watertight, solid, one-piece, unfolded, or an angle in degrees, as in smooth:1deg"
             raise DomainError(f"require: expected {expected}, got {word!r}")
         found[name] = angle
     return found

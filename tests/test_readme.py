@@ -1,6 +1,5 @@
 """What the README shows runs, and what there is stands in it."""
 
-import os
 import re
 import shutil
 
@@ -87,22 +86,6 @@ def test_its_ways_to_share_work_without_a_scheduler_do(names, workplace):
         made.append([(workplace / "out" / f"{name}.obj").read_bytes() for name in names])
     assert made[0] == made[1] == made[2]
     assert len(set(made[0])) == len(names)
-
-
-def test_its_lines_for_make_read_the_rules_that_they_write(workplace):
-    (workplace / "parts").mkdir()
-    (workplace / "parts" / "whole.toml").write_text('include = ["sub/part.toml"]\n')
-    (workplace / "parts" / "sub").mkdir()
-    shutil.copy(SPECS / "bicubic.toml", workplace / "parts" / "sub" / "part.toml")
-    (workplace / "Makefile").write_text("\n".join(blocks("make", COMMANDS_PAGE)))
-    mesh = workplace / "out" / "whole.obj"
-    found = []
-    for name in ("bicubic", "pentagon"):
-        shutil.copy(SPECS / f"{name}.toml", workplace / "parts" / "sub" / "part.toml")
-        os.utime(workplace / "parts" / "sub" / "part.toml", (4e9, 4e9))
-        assert shell("make -s", workplace).status == 0
-        found.append(mesh.read_bytes())
-    assert found[0] != found[1]
 
 
 @pytest.mark.parametrize("block", blocks("python"))

@@ -1,4 +1,4 @@
-"""Isoparametric curves of surfaces: as specs if they are GT-Bézier curves, and as polylines."""
+"""Isoparametric curves of surfaces, where they are GT-Bézier curves."""
 
 import numpy as np
 
@@ -25,8 +25,7 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     shape = patch.domain
     if len(shape.vertices) != 4 or ((shape.normals != 0).sum(axis=1) != 1).any():
         raise DomainError(
-            "the domain is not a rectangle along the axes: isoparametric curves are not GT-Bézier curves there. What "
-            "can be had is a polyline (`isoparametric_points`)"
+            "the domain is not a rectangle along the axes: isoparametric curves are not GT-Bézier curves there"
         )
     name = f"{patch.name or 'patch'}-{AXES[axis]}{value:g}"
     other = 1 - axis
@@ -47,17 +46,6 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     )
     merged = product(curve, np.zeros((1, 1)))
     return merged if len(merged.knots) < len(curve.knots) else curve
-
-
-def isoparametric_points(patch: Patch, axis: int, value: float, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return (count, 2) evenly spread parameters with one coordinate fixed, and (count, 3) points of a surface there.
-
-    Raises `DomainError` for a curve, or a value beyond the domain.
-    """
-    low, high = span(patch, axis, value)
-    parameters = low + np.linspace(0.0, 1.0, count)[:, None] * (high - low)
-    parameters[-1] = high
-    return parameters, patch.evaluate(parameters)
 
 
 def span(patch: Patch, axis: int, value: float) -> tuple[FloatArray, FloatArray]:

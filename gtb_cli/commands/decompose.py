@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.shell.limit_options import all_decompositions
-from gtb_cli.shell.meshing import format_of_lines, write_lines
 from gtb_cli.shell.options import WholeNumber, json_option, lifting_option, spec_argument, streams_options
 from gtb_cli.shell.streams import Streams, about, single, write_json
 
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 @spec_argument
 @lifting_option
 @json_option
-@click.option("--net", is_flag=True, help="Write the control net that the lifting induces, as lines of a mesh.")
 @click.option("--all", "every", is_flag=True, help="Print every regular decomposition of the knots, by any lifting.")
 @click.option("--triangulations", is_flag=True, help="With --all: only the finest.")
 @click.option("--flips", is_flag=True, help="With --all: the numbers of the triangulations that are one flip away.")
@@ -31,7 +29,6 @@ def decompose(
     spec: str,
     lifting: tuple[float, ...] | None,
     as_json: bool,
-    net: bool,
     every: bool,
     triangulations: bool,
     flips: bool,
@@ -47,10 +44,6 @@ def decompose(
     --json prints {"schema": 1, "cells": [[...]], "polygons": [[...]], "absent": [...]}, where a polygon lists the
     corners of a cell counter-clockwise; for a model it prints a list of these as "patches".
 
-    --net writes the control net instead: lines between the control points of knots that are neighbours on the border
-    of a cell, as OBJ, PLY or GLB, by the suffix of the output. Curves and Bézier patches need no lifting for it:
-    without one they get the usual net.
-
     --all prints every decomposition that some lifting induces, numbered from 0 in lexicographic order of the cells. As
     JSON it is {"schema": 1, "decompositions": [{"cells", "absent", "lifting", "dimension", "used"}, ...]}: a lifting
     that induces it, the dimension of the cone of all such liftings, and the number of knots that cells use.
@@ -59,17 +52,14 @@ def decompose(
 
     given = {"--triangulations": triangulations, "--flips": flips, "--max": most is not None}
     if every:
-        if net or lifting is not None:
-            raise click.UsageError(f"--all tries every lifting: leave out {'--net' if net else '--lifting'}")
+        if lifting is not None:
+            raise click.UsageError("--all tries every lifting: leave out --lifting")
         with streams.spec_of(spec) as loaded:
             cones = all_decompositions(single(loaded), streams.console, triangulations=triangulations, most=most)
         _write_all(cones, flips, as_json, streams)
         return None
     for option in (name for name, is_given in given.items() if is_given):
         raise click.UsageError(f"{option} is for --all")
-    if net and as_json:
-        raise click.UsageError("--net writes a mesh and --json writes text: give one of them")
-    kind = format_of_lines(streams.output, "--net") if net else ""
     with streams.spec_of(spec) as loaded:
         if isinstance(loaded, Model):
             if lifting is not None:
@@ -77,30 +67,21 @@ def decompose(
             parts = []
             for index, patch in enumerate(loaded):
                 with about(f"patches[{index}]"):
-                    parts.append(_decomposition(patch, None, net))
+                    parts.append(_decomposition(patch, None))
             found: dict[str, Any] = {"patches": [_data(part) for part in parts]}
         else:
-            parts = [_decomposition(loaded, lifting, net)]
+            parts = [_decomposition(loaded, lifting)]
             found = _data(parts[0])
-    if net:
-        from gtb_cli.plots.net_lines import mesh_of_nets
-
-        return write_lines(streams, kind, mesh_of_nets(loaded.patches, parts, loaded.name))
     if as_json:
         return write_json(streams.output, found)
     streams.write("\n".join(map(_text, parts)))
 
 
-def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, net: bool) -> RegularDecomposition:
-    """Return the decomposition by a lifting, or the spec's own; for the usual net of a Bézier patch without one."""
+def _decomposition(patch: Patch, lifting: tuple[float, ...] | None) -> RegularDecomposition:
+    """Return the decomposition by a lifting, or the spec's own."""
     from gtb_cli.knots.decomposition import regular_decomposition
-    from gtb_cli.knots.lattice import lattice_of
     from gtb_cli.limits.degeneration import lifting_of
-    from gtb_cli.plots.net_lines import bowl
 
-    has_usual_net = patch.dimension == 1 or lattice_of(patch.domain) is not None
-    if net and lifting is None and patch.lifting is None and has_usual_net:
-        return regular_decomposition(patch.knots, bowl(patch.domain))
     return regular_decomposition(patch.knots, lifting_of(patch, lifting))
 
 

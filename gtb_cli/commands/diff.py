@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,6 @@ from gtb_cli.shell.console import STANDARD, Console, complain
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
-    OUTPUT,
     difference_option,
     ignore_option,
     json_option,
@@ -26,7 +25,7 @@ from gtb_cli.shell.options import (
     text_options,
     tolerance_of,
 )
-from gtb_cli.shell.streams import refuse_overwriting, refuse_reports, refuse_within, shown_input, write_json, write_text
+from gtb_cli.shell.streams import refuse_overwriting, refuse_reports, shown_input, write_json, write_text
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict, Verdicts
@@ -65,13 +64,6 @@ def _reports(_ctx: click.Context, _param: click.Parameter, value: tuple[str, ...
     help="Also write a report on all that differs: PAGE.html, to look at old and new side by side, offline; or "
     "PAGE.md, a table of the numbers. May be repeated.",
 )
-@click.option(
-    "--pictures",
-    metavar="FOLDER",
-    type=OUTPUT,
-    help="Also write pictures of the 20 largest changes into this folder, to which PAGE.md then refers. It needs "
-    "matplotlib: gtb-cli[plot].",
-)
 @resolution_option
 @click.option(
     "--mesh-tolerance",
@@ -90,7 +82,6 @@ def diff(
     kind: Kind,
     ignore: tuple[Aspect, ...],
     reports: tuple[str, ...],
-    pictures: str | None,
     resolution: int | None,
     mesh_tolerance: float | str | None,
     parametrization: Parametrization,
@@ -128,8 +119,6 @@ def diff(
         if path != STANDARD and not os.path.exists(path):
             raise GtbError(f"{path}: No such file or directory")
     folders = [path for path in (a, b) if os.path.isdir(path)]
-    if pictures is not None:
-        _refuse_pictures(pictures, folders)
     if len(folders) == 2:
         inputs = [path for pair in pairs(a, b)[0].values() for path in pair if path]
     else:
@@ -148,7 +137,7 @@ def diff(
             yield verdict
 
     review = None
-    if reports or pictures is not None:
+    if reports:
         from gtb_cli.review.reports import reviewed
 
         review = reviewed((shown_input(a), shown_input(b)), told(), comparing)
@@ -164,9 +153,7 @@ def diff(
     if review is not None:
         from gtb_cli.review.reports import write_reports
 
-        drawn = write_reports(review, reports, pictures)
-        if pictures is not None and drawn < len(review.changes):
-            console.note(f"{pictures}: {len(review.changes) - drawn} of the changes without a picture")
+        write_reports(review, reports)
     if found.status:
         raise click.exceptions.Exit(found.status)
 
@@ -178,13 +165,3 @@ def _two_files(a: str, b: str) -> list[str]:
     if os.path.isdir(b) and a != STANDARD:
         return [a, os.path.join(b, os.path.basename(a))]
     return [a, b]
-
-
-def _refuse_pictures(folder: str, compared: Sequence[str]) -> None:
-    """Refuse pictures that cannot be drawn, or would be compared, before anything is."""
-    from gtb_cli.plots.look import settings
-
-    refuse_within(folder, compared)
-    os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
-    with settings():
-        pass

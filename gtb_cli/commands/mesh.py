@@ -37,7 +37,6 @@ from gtb_cli.shell.streams import (
     shown_input,
     stem_of,
     write_blocks,
-    write_text,
 )
 from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfaces
 from gtb_cli.shell.watching import watched
@@ -58,7 +57,7 @@ class GroupedOptions(click.Command):
         "How fine": "resolution tolerance max_faces",
         "What must hold": "require",
         "Where it goes, and how it is written": "output watch format ascii up unit",
-        "For CI": "manifest resume prune deps",
+        "For CI": "manifest resume prune",
         "For many specs and machines": "jobs cluster",
     }
 
@@ -96,12 +95,6 @@ class GroupedOptions(click.Command):
     help="Remove meshes in OUT that the old manifest lists, unchanged since, and that no spec given makes.",
 )
 @click.option(
-    "--deps",
-    metavar="FILE",
-    type=OUTPUT,
-    help="Write rules for make: each mesh depends on its spec and the files that the spec includes.",
-)
-@click.option(
     "--unit",
     type=click.Choice([*UNITS]),
     help=f"Unit of length of STEP, IGES and 3MF files, {next(iter(UNITS))} without this option; GLB files, which are "
@@ -116,7 +109,6 @@ def mesh(
     manifest: str | None,
     resume: bool,
     prune: bool,
-    deps: str | None,
     streams: Streams,
 ) -> None:
     """\b
@@ -137,13 +129,11 @@ def mesh(
     """
     output, console, reading = streams.output, streams.console, streams.reading
     if (surfaces := surface_format(options.format, output)) is not None:
-        if manifest is not None or deps is not None:
-            raise click.UsageError(f"--manifest and --deps are for meshes, and {surfaces.upper()} holds surfaces")
+        if manifest is not None:
+            raise click.UsageError(f"--manifest is for meshes, and {surfaces.upper()} holds surfaces")
         return write_surfaces(specs, surfaces, options, streams)
     paths = inputs_of(specs, output)
     folder = output if _is_for_folder(specs, paths, output) else None
-    if deps is not None and (output == STANDARD or STANDARD in paths):
-        raise click.UsageError("--deps: make knows files only, and not standard input or output")
     if resume and (manifest is None or manifest == STANDARD or is_device(manifest)):
         raise click.UsageError("--resume needs --manifest FILE, which shows what is up to date")
     if prune and not (resume and folder is not None):
@@ -196,10 +186,6 @@ def mesh(
                 written.append((task, file.size, file.warnings))
         if not written:  # then a folder made for them is also removed
             raise _joined(errors)
-    if deps is not None:
-        from gtb_cli.shell.manifest import rules
-
-        write_text(deps, rules([(task.output, task.path) for task, *_ in written], reading.spec_format))
     for task, size, warnings in written:
         console.report(task.output, f"{size}, with {reading}" if reading.let else size, warnings)
     if errors:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import SpecError
-from gtb_cli.shell.meshing import format_of_lines, write_lines
 from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, spec_from_spec, streams_options
 from gtb_cli.shell.streams import Spec, Streams, single
 from gtb_cli.vocabulary import ENERGIES, KEEPS
@@ -86,46 +85,26 @@ def boundary(spec: Spec, edge: int | None) -> Spec:
 @spec_argument
 @click.option("--u", "u", callback=numbers_of, metavar="V", help="Keep the first parameter at this value.")
 @click.option("--v", "v", callback=numbers_of, metavar="V", help="Keep the second parameter at this value.")
-@click.option(
-    "--polyline",
-    type=WholeNumber(1, 1_000_000),
-    metavar="N",
-    help="Write N segments instead of a spec, on any surface, as OBJ, PLY or GLB by the suffix of the output; their "
-    "parameters are evenly spread.",
-)
 @streams_options
-def isocurve(
-    spec: str, u: tuple[float, ...] | None, v: tuple[float, ...] | None, polyline: int | None, streams: Streams
-) -> None:
+def isocurve(spec: str, u: tuple[float, ...] | None, v: tuple[float, ...] | None, streams: Streams) -> None:
     """\b
     Example: gtb isocurve specs/bicubic.toml --u 3/2
 
     Print the spec of the curve on a surface along which one (toric) parameter keeps its value.
 
     If the domain is a rectangle along the axes, it is exactly a GT-Bézier curve. On other domains it is not, in
-    general: the error says so, and --polyline prints points on it.
+    general, and the error says so.
     """
-    import numpy as np
-
-    from gtb_cli.bezier.isocurve import isocurve as curve_of, isoparametric_points
+    from gtb_cli.bezier.isocurve import isocurve as curve_of
     from gtb_cli.language.writer import dump
-    from gtb_cli.meshes.mesh import Mesh
 
     given = [(axis, value) for axis, value in enumerate((u, v)) if value is not None]
     if len(given) != 1 or len(given[0][1]) != 1:
         raise click.UsageError("expected one of --u V and --v V")
     axis, (value,) = given[0]
-    kind = format_of_lines(streams.output, "--polyline") if polyline is not None else ""
     with streams.spec_of(spec) as loaded:
-        patch = single(loaded)
-        if polyline is None:
-            text = dump(curve_of(patch, axis, value))
-        else:
-            points = isoparametric_points(patch, axis, value, polyline + 1)[1]
-    if polyline is None:
-        return streams.write(text)
-    segments = np.stack([np.arange(polyline), np.arange(1, polyline + 1)], axis=1)
-    write_lines(streams, kind, Mesh(points, segments, name=patch.name or "patch"))
+        text = dump(curve_of(single(loaded), axis, value))
+    streams.write(text)
 
 
 @click.command

@@ -13,7 +13,7 @@ from gtb_cli.language.reading import Numbers, Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.gathering import gathered
-from gtb_cli.shell.limit_options import all_decompositions, limit_options, refuse_limit
+from gtb_cli.shell.limit_options import limit_options, refuse_limit
 from gtb_cli.shell.options import (
     INPUT,
     OUTPUT,
@@ -80,7 +80,6 @@ def _recipe(**values: Any) -> Recipe | None:
 @click.option(
     "--port", type=WholeNumber(0, 65535), default=0, metavar="N", help="Port of --watch; by default any free one."
 )
-@click.option("--limits", is_flag=True, help="Show all regular control surfaces of a patch, one at a time.")
 @limit_options
 @reading_option
 @console_option
@@ -93,7 +92,6 @@ def view(
     no_open: bool,
     watch: bool,
     port: int,
-    limits: bool,
     limit: Approach,
     reading: Reading,
     console: Console,
@@ -120,8 +118,7 @@ def view(
     degrees. Names appear under the pointer.
 
     A sequence has a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge
-    and --steps (a knot limit). --limits shows all limits of degenerations, of whatever lifting, numbered as by gtb
-    decompose --all. With --compare, for git difftool, the page is that of gtb diff --report.
+    and --steps (a knot limit). With --compare, for git difftool, the page is that of gtb diff --report.
 
     With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
     the last good picture. It has a slider for each number of a spec's let that depends on no other, labelled by the
@@ -130,17 +127,12 @@ def view(
     """
     if compare and (watch or limit.given or len(paths) != 2):
         raise click.UsageError("--compare takes two files, and neither --watch nor the options of a limit")
-    if limits and (compare or limit.given or len(paths) != 1):
-        raise click.UsageError("--limits takes one spec, and neither --compare nor the options of a limit")
-
     if output is not None and (suffix := suffix_of(output)) not in ("", "html", "htm") and not is_device(output):
         other = " (gtb plot draws pictures, and a page saves what it shows as PNG)" if suffix in PICTURES else ""
         raise click.UsageError(f"-o: {output}: a page is HTML, and its name ends in .html{other}")
 
     def see(numbers: Numbers, quick: bool = False) -> Content:
         how = reading._replace(let=numbers)
-        if limits:
-            return content_of_all_limits(paths[0], recipe, how, console)
         return replace(content_of_paths(paths, recipe, how, limit, quick), unit=unit)
 
     if watch:
@@ -180,27 +172,6 @@ def content_of_paths(
 
     content = joined([_content(path, recipe, reading, limit, quick) for path in paths])
     return replace(content, remarks=tuple(map(in_options, content.remarks)))
-
-
-def content_of_all_limits(path: str, recipe: Recipe | None, reading: Reading, console: Console) -> Content:
-    """Return what a page shows of all regular control surfaces of a patch, lexicographic by cells."""
-    most = 5000  # limits of a page
-    if os.path.isdir(path) or suffix_of(path) in FORMATS:
-        raise click.UsageError(f"--limits is for a spec, and {path} is not a spec")
-    from gtb_cli.knots.triangulation import cell_count
-    from gtb_cli.pages.all_limits import content_of_limits, parts_of
-
-    _refuse_solid(recipe, "shows one mesh, and --limits several")
-    with spec_of(path, reading) as spec:
-        patch = single(spec)
-        cones = all_decompositions(patch, console, most=most)
-        parts = parts_of(patch, cones)
-        few = 10 if patch.dimension == 2 else 64  # segments of each edge of each cell
-        fine = few if recipe is None else recipe.resolution
-        _refuse_too_many(sum(cell_count(part.patch.domain, fine) for part in parts.values()))
-        found = content_of_limits(patch, cones, parts, fine)
-    command = "gtb decompose --all" if len(cones) < most else f"gtb decompose --all --max {most}"
-    return replace(found, limits={**(found.limits or {}), "command": command})
 
 
 def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach, quick: bool) -> Content:

@@ -59,13 +59,9 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
             exact[index] = [balanced(surface) for surface in exact_surfaces(patch, index)]
         except DomainError as fault:
             reasons[index] = str(fault)
-    edges, refused = half_edges(spec, exact, reasons)
-    while refused:
-        exact = {index: surfaces for index, surfaces in exact.items() if index not in refused}
-        reasons |= refused
-        edges, refused = half_edges(spec, exact, reasons)
     if not reasons:
         return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, 0.0, ())
+    edges = half_edges(spec, reasons)
     # Of points, as control points inside may be far away
     points = np.concatenate([patch.evaluate(patch.knots) for patch in patches])
     size = float(np.ptp(points, axis=0).max())

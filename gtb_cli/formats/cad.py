@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import begin
 from gtb_cli.formats.cad_seams import Seams, seams_of
@@ -33,27 +32,12 @@ class Body(NamedTuple):
     seams: Seams | None = None
 
 
-class Wall(NamedTuple):
-    """A solid between a surface and its offset by a thickness, and the volume and centre of mass that it must have."""
-
-    thickness: float
-    volume: float
-    centre: FloatArray
-
-
 def encode_cad(
-    surfaces: Sequence[SplineSurface],
-    kind: str,
-    unit: str = "mm",
-    name: str = "patch",
-    wall: Wall | None = None,
-    part: Any = None,
+    surfaces: Sequence[SplineSurface], kind: str, unit: str = "mm", name: str = "patch", part: Any = None
 ) -> Body:
     """Sew surfaces along edges that agree, and encode them as a CAD file; closed shells become solids.
 
-    With a wall, one open shell without creases becomes the solid between it and its offset, whose faces the kernel
-    knows exactly. It calls wrong ones valid, too, at creases: so the measures of the wall must be right. With a part, a
-    shape of the kernel, the surfaces are sewn to its faces.
+    With a part, a shape of the kernel, the surfaces are sewn to its faces.
 
     The file states the name of the whole and the unit of coordinates (BREP files have none). An `ExportError` says that
     the extra is missing, or that the kernel finds the result invalid or cannot write it.
@@ -74,11 +58,6 @@ def encode_cad(
     if part is not None and shells:
         shape, faces, shells, solids = _sewn(surfaces, ROUGHLY_SEWN * size, part)
     seams = None if part is None else seams_of(shape, [face for face, _ in faces])
-    if wall is not None:
-        if (shells, solids) != (1, 0):
-            found = "it is closed" if solids else f"it is {shells} shells"
-            raise ExportError(f"{kind.upper()}: a thickness is for one open surface, and {found}: leave it out")
-        shape, faces, shells, solids = _thickened(shape, wall, kind), [], 0, 1
     if not check(shape).IsValid():
         raise ExportError(
             f"{kind.upper()}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?"
@@ -133,27 +112,6 @@ def _sewn(
         shells += 1
         walk.Next()
     return compound, named, shells, solids
-
-
-def _thickened(compound: Any, wall: Wall, kind: str) -> Any:
-    """Return the solid between the only shell of a compound and its offset; the kernel decides which side is up."""
-    near = 0.02  # of the volume, and ten times of the thickness for the centre: meshes are less exact
-    topology, room = kernel("TopoDS"), kernel("BRepOffsetAPI")
-    shell = kernel("TopExp").TopExp_Explorer(compound, kernel("TopAbs").TopAbs_ShapeEnum.TopAbs_SHELL).Current()
-    for thickness in (wall.thickness, -wall.thickness):
-        maker = room.BRepOffsetAPI_MakeThickSolid()
-        maker.MakeThickSolidBySimple(shell, thickness)
-        if not maker.IsDone():
-            continue
-        solid = _as(topology, "Solid", maker.Shape())
-        kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)
-        found = kernel("GProp").GProp_GProps()
-        kernel("BRepGProp").BRepGProp.VolumeProperties_s(solid, found)
-        place = found.CentreOfMass()
-        away = np.linalg.norm(np.array([place.X(), place.Y(), place.Z()]) - wall.centre)
-        if abs(found.Mass() / wall.volume - 1) < near and away < 10 * near * abs(wall.thickness):
-            return solid
-    raise ExportError(f"{kind.upper()}: the kernel cannot make this solid right: 3MF, STL and OBJ hold it as a mesh")
 
 
 def _as(topology: Any, kind: str, shape: Any) -> Any:

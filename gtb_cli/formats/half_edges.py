@@ -10,13 +10,11 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError
-from gtb_cli.formats.exact_surfaces import homogeneous_points, name_of
+from gtb_cli.formats.exact_surfaces import homogeneous_points
 from gtb_cli.models.joints import Joint, unjoined
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import EdgeRef
 from gtb_cli.theory.patch import Patch
-
-MAX_HALF_DEGREE = 16  # edges of one pillow in several degrees agree to 3e-7 up to this one, and not at all at 25
 
 
 class HalfEdge(NamedTuple):
@@ -50,14 +48,11 @@ class HalfEdge(NamedTuple):
         return float(self.fractions[-1] if self.own is None else self.own(self.fractions[-1:])[0])
 
 
-def half_edges(
-    spec: Patch | Model, exact: Collection[int], fitted: Collection[int]
-) -> tuple[dict[EdgeRef, list[HalfEdge]], dict[int, str]]:
+def half_edges(spec: Patch | Model, fitted: Collection[int]) -> dict[EdgeRef, list[HalfEdge]]:
     """Return the halves of edges of fitted patches, from the start and from the end of each edge.
 
     They are exact where one of the patches at the edge, best an exact one, has it as Bézier curves; they are those of
-    equal fractions where fitted patches have it at different parameters. Of exact patches whose edges have too high a
-    degree for their fitted neighbours the reason is returned: they have to be fitted, too.
+    equal fractions where fitted patches have it at different parameters.
     """
     even = HalfEdge(np.array([[0.0, 0.0, 0.0, 1.0]] * 2), np.array([0.0, 0.5]), False)
     joints = spec.joints if isinstance(spec, Model) else unjoined(spec)
@@ -68,29 +63,17 @@ def half_edges(
         del groups[joint.second]
         groups[joint.first].append(joint)
     found: dict[EdgeRef, list[HalfEdge]] = {}
-    refused: dict[int, str] = {}
     for uses in (uses for ref, uses in groups.items() if ref not in joints.collapsed):
         theirs = [use for use in uses if use.second[0] in fitted]
         if not theirs:
             continue
-        whole = [use for use in uses if use.second[0] in exact]
-        source = (whole or theirs)[0]
-        index, edge = source.second
+        source = next((use for use in uses if use.second[0] not in fitted), theirs[0])
         try:
-            halves = _halves(spec.patches[index], edge)
-        except DomainError:
-            halves = []
-        if halves and len(halves[0].rows) - 1 <= MAX_HALF_DEGREE:
+            halves = _halves(spec.patches[source.second[0]], source.second[1])
             found |= {use.second: _carried(halves, spec, source, use) for use in theirs}
-        elif whole:
-            refused.setdefault(
-                index,
-                f"has exact pieces of a degree above {MAX_HALF_DEGREE} on its edge {edge}, which it shares with "
-                f"{name_of(spec.patches[theirs[0].second[0]], theirs[0].second[0])}, that has none",
-            )
-        else:
+        except DomainError:
             found |= {use.second: _carried([even] * 2, spec, uses[0], use) for use in theirs if use.match}
-    return found, refused
+    return found
 
 
 def _carried(halves: list[HalfEdge], spec: Patch | Model, one: Joint, other: Joint) -> list[HalfEdge]:

@@ -4,7 +4,7 @@ from typing import Any
 
 from gtb_cli.errors import RequirementError
 from gtb_cli.formats.bspline_surfaces import spline_surfaces
-from gtb_cli.formats.cad import Wall, encode_cad
+from gtb_cli.formats.cad import encode_cad
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -17,16 +17,15 @@ def encode_surfaces(
     angle: float | None = None,
     *,
     closed: bool = False,
-    wall: Wall | None = None,
     part: Any = None,
 ) -> tuple[bytes, str, list[str]]:
     """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
 
     Patches without exact pieces are fitted within the tolerance and angle (without these, see `spline_surfaces`).
-    `closed` asks for solids: a `RequirementError` says that there are open shells. See `encode_cad` for a wall or part.
+    `closed` asks for solids: a `RequirementError` says that there are open shells. See `encode_cad` for a part.
     """
     found = spline_surfaces(spec, tolerance, angle)
-    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", wall, part)
+    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", part)
     if closed and body.shells:
         raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
     warnings = []
@@ -47,7 +46,7 @@ def encode_surfaces(
         parts.append(
             f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
         )
-    return body.data, ", ".join([faces, *(["the offset and rims"] if wall else []), *parts]), warnings
+    return body.data, ", ".join([faces, *parts]), warnings
 
 
 def with_y_up(spec: Patch | Model) -> Patch | Model:

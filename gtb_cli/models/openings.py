@@ -127,9 +127,15 @@ def seam_remarks(model: Model) -> list[str]:
     if shrunk:
         size, ref = max(shrunk)
         lines.append(f"{len(shrunk)} edges were welded into points, up to {size:.3g} long ({edge_name(patches, ref)})")
-    near = near_misses(joints, patches)
-    for first, second, reason in near[:MAX_SHOWN]:
-        lines.append(f"{edge_name(patches, first)} is not joined: {reason.format(edge_name(patches, second))}")
-    if len(near) > MAX_SHOWN:
-        lines.append(f"{len(near) - MAX_SHOWN} more seams nearly close: gtb info lists them")
-    return lines
+    return lines + unjoined_seams(model)
+
+
+def unjoined_seams(model: Model) -> list[str]:
+    """Name the seams of a model that nearly close, with what joins them."""
+    near, patches = near_misses(model.joints, model.patches), model.patches
+    lines = [
+        f"{edge_name(patches, first)} is not joined: {reason.format(edge_name(patches, second))}"
+        for first, second, reason in near[:MAX_SHOWN]
+    ]
+    more = [f"{len(near) - MAX_SHOWN} more seams nearly close: gtb info lists them"] if len(near) > MAX_SHOWN else []
+    return lines + more

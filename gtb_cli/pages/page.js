@@ -7,7 +7,7 @@ const SWITCHES = {
 };
 const VIEWS = { t: ["top", -90, 90], v: ["front", -90, 0], s: ["side", 0, 0], h: ["home", -60, 30] };   // and those from behind
 
-const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0, limit: 0, patches: true, net: false, knots: false,
+const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0, patches: true, net: false, knots: false,
   edges: true, open: true, folds: true, axes: true, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, scale: 0, from: "", to: "", back: true, theme: "" };
 let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "", offered = ["shaded"];   // modes
 
@@ -153,7 +153,7 @@ function fit() {
   if (state.axes) clouds.push(corners().flat());
   if (state.explode) for (const f of ["border", "open"]) clouds.push(gather(f, 0, scene.frames[0].positions, scene.lines[f]));
   const ends = extents(clouds), w = canvas.clientWidth, h = canvas.clientHeight, least = Math.min(w, h), panel = $("panel").getBoundingClientRect();
-  const left = $("panel").open && w > 2.4 * panel.right ? panel.right : 0, bar = document.querySelector("#limits, #play:not([hidden])"), below = bar ? bar.offsetHeight + 14 : 0;
+  const left = $("panel").open && w > 2.4 * panel.right ? panel.right : 0, bar = document.querySelector("#play:not([hidden])"), below = bar ? bar.offsetHeight + 14 : 0;
   const right = $("scale").hidden || w < 500 ? 0 : $("scale").offsetWidth + 12;
   const unit = 1.75 / 2 * least, margin = Math.min(60, 0.12 * least);
   const beside = state.axes ? Math.min(75, 0.2 * w) : margin;   // where the axes' numbers are

@@ -4,6 +4,7 @@ import base64
 import html
 import json
 import math
+import re
 from importlib.resources import files
 from typing import Any
 
@@ -23,7 +24,7 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 
 COMMON = "common.js"  # the script that pages of all packages share
-NEEDED = {"limits.js": {"limits", "watch"}, "numbers.js": {"watch"}}  # scripts for pages whose data have such a key
+NEEDED = {"numbers.js": {"watch"}}  # scripts for pages whose data have such a key
 
 
 def page(thing: Patch | Model | Mesh | SpecPath, recipe: Recipe | None = None) -> str:
@@ -57,10 +58,8 @@ def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pages") 
     script = "\n".join(each.read_text(encoding="utf-8") for each in scripts)
     # No text of a spec can end the script element that holds it.
     text = json.dumps(data, ensure_ascii=True, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    for place, value in (("@TITLE@", html.escape(title)), ("@SCRIPT@", script), ("@DATA@", text)):
-        before, _, after = page.partition(place)
-        page = before + value + after
-    return page
+    values = {"@TITLE@": html.escape(title), "@SCRIPT@": script, "@DATA@": text}
+    return re.sub("|".join(values), lambda place: values[place[0]], page)  # at once: a title may look like a place
 
 
 def page_data(content: Content) -> dict[str, Any]:
@@ -100,7 +99,7 @@ def page_data(content: Content) -> dict[str, Any]:
             scalars[name] = {"values": encoded(shown, "<f4"), "low": ends[0], "high": ends[1]}
     start, end = bounds_of(np.concatenate(vertices))
     lines = {name: encoded(pairs, "<u4") for name, pairs in content.lines.items()}
-    measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 and not content.limits else None
+    measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 else None
     is_wide = len(vertices[0]) >= 1 << 16
     return {
         "name": content.name,
@@ -127,7 +126,6 @@ def page_data(content: Content) -> dict[str, Any]:
         "netNames": list(content.net_names),
         "knots": {"points": placed(content.knots), "names": list(content.knot_names)},
         "scalars": scalars,
-        **({"limits": content.limits} if content.limits else {}),
     }
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
 from functools import reduce
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -73,7 +73,6 @@ class Content:
     remarks: tuple[str, ...] = ()
     thickness: float | None = None  # for which a solid was made
     unit: str | None = None  # of its lengths
-    limits: Mapping[str, Any] | None = None  # see `gtb_cli.pages.all_limits`
 
     @property
     def is_curve(self) -> bool:

@@ -8,9 +8,8 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.isocurve import span
-from gtb_cli.knots.decomposition import RegularDecomposition, control_net, regular_decomposition
+from gtb_cli.knots.decomposition import control_net, regular_decomposition
 from gtb_cli.knots.domain import Domain
-from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.patch import Patch
 
@@ -31,19 +30,6 @@ def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, in
 def _net(knots: bytes, dimension: int, lifting: bytes) -> list[tuple[int, int]]:
     places = np.frombuffer(knots).reshape(-1, dimension)
     return control_net(regular_decomposition(places, np.frombuffer(lifting)))
-
-
-def mesh_of_nets(
-    patches: Sequence[Patch], decompositions: Sequence[RegularDecomposition], name: str | None = None
-) -> Mesh:
-    """Return the control points of patches and the lines of their nets, with a group for each of several patches."""
-    first = np.cumsum([0] + [len(patch.knots) for patch in patches])
-    lines = [np.array(control_net(part)) + start for part, start in zip(decompositions, first, strict=False)]
-    ends = np.cumsum([0] + [len(part) for part in lines]).tolist()
-    names = [patch.name or f"patch{index}" for index, patch in enumerate(patches)]
-    groups = tuple(zip(names, ends, ends[1:], strict=False)) if len(patches) > 1 else ()
-    points = np.concatenate([patch.control_points for patch in patches])
-    return Mesh(points, np.concatenate(lines), groups=groups, name=name or "net")
 
 
 def bowl(domain: Domain) -> FloatArray:

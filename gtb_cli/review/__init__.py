@@ -1,1 +1,1 @@
-"""What changed between two meshes or folders of them: a page to look at, Markdown to read, pictures."""
+"""What changed between two meshes or folders of them: a page to look at, and Markdown to read."""

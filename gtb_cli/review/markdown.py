@@ -1,7 +1,6 @@
 """The numbers of a review as Markdown, for a job's summary or a comment."""
 
 import re
-from collections.abc import Mapping
 
 from gtb_cli.review.changes import Change, Review
 from gtb_cli.review.table import amount, rows
@@ -11,10 +10,10 @@ MAX_BYTES = 60_000  # which GitHub takes as a comment, at most 65,536 characters
 COLUMNS = ("faces", "segments", "area", "length", "volume", "lowest", "highest", "open edges")
 
 
-def markdown(review: Review, page: str = "", pictures: Mapping[str, str] | None = None) -> str:
+def markdown(review: Review, page: str = "") -> str:
     """Return a table of what changed, in at most `MAX_BYTES`: the largest changes, and how many more there are.
 
-    `page` is the name of the page about the same, and `pictures` has the address of one for some of the changes.
+    `page` is the name of the page about the same.
     """
     counts = ", ".join(f"{count} {word}" for word, count in review.counts.items())
     text = f"### {_code(review.names[0])} → {_code(review.names[1])}\n\n{counts}.\n"
@@ -34,7 +33,7 @@ def markdown(review: Review, page: str = "", pictures: Mapping[str, str] | None 
             changed = row is not None and row.is_changed
             cells.append("" if row is None else f"{row.old or '–'} → **{row.new or '–'}**" if changed else row.old)
         line = f"| {' | '.join(cells)} |\n"
-        about = _about(change, (pictures or {}).get(change.name, ""))
+        about = _about(change)
         left = len(review.changes) - k
         if len((text + table + line + below + about + more.format(left)).encode()) > MAX_BYTES:
             return text + table + more.format(left) + below
@@ -43,13 +42,12 @@ def markdown(review: Review, page: str = "", pictures: Mapping[str, str] | None 
     return text + table + below
 
 
-def _about(change: Change, picture: str) -> str:
-    """Return what the table does not hold of a change: reasons, where it is largest, and a picture."""
+def _about(change: Change) -> str:
+    """Return what the table does not hold of a change: reasons, and where it is largest."""
     lines = [_code(reason) for reason in change.reasons]
     if change.largest is not None:
         lines.append(f"most at ({' '.join(f'{x:.6g}' for x in change.largest)})")
-    text = f"\n{_code(change.name)}: {'; '.join(lines)}\n" if lines else ""
-    return f"{text}\n![Old, new, and coloured by distance](<{picture}>)\n" if picture else text
+    return f"\n{_code(change.name)}: {'; '.join(lines)}\n" if lines else ""
 
 
 def _code(text: str) -> str:

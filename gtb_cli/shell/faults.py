@@ -48,7 +48,6 @@ def in_options(message: str) -> str:
         "distances=False": "--no-distance",
         "fit": "gtb fit",
         "hole": "--hole EDGE",
-        "isoparametric_points": "--polyline",
         "let": "--set",
         "lifting": "--lifting",
         "max_degree": "--max-degree",

@@ -1,4 +1,4 @@
-"""`--manifest`, `--resume` and `--deps`: mesh files as records of what made them."""
+"""`--manifest` and `--resume`: mesh files as records of what made them."""
 
 from __future__ import annotations
 
@@ -171,37 +171,3 @@ def _sum_of(path: str) -> str | None:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return None
-
-
-def rules(targets: Iterable[tuple[str, str]], spec_format: Format | None) -> str:
-    """Write rules for make: each output depends on its spec and the included files, which have rules of their own.
-
-    A rule without prerequisites and recipe lets make go on after an included file has been deleted.
-    """
-    from gtb_cli.language.includes import sources
-
-    text, included = "", dict[str, None]()
-    for output, spec in targets:
-        files = sources(spec, spec_format)
-        included |= dict.fromkeys(files[1:])
-        text += f"{_target(output)}: {' '.join(map(_escaped, files))}\n"
-    return text + "".join(f"{_target(name)}:\n" for name in included)
-
-
-def _target(name: str) -> str:
-    """Name a target as make reads it: not as a pattern."""
-    return _escaped(name).replace("%", "\\%")
-
-
-def _escaped(name: str) -> str:
-    """Name a file as make reads it, or refuse a name that make would take for something else, such as a recipe."""
-    # Characters that mean something to make, and that a backslash does not quote everywhere
-    make_signs = frozenset(";:=|*?[~")
-    if not name.isprintable() or not make_signs.isdisjoint(name):
-        raise ExportError(
-            f"--deps: make cannot name {name!r}: expected no control characters, and none of ; : = | * ? [ ~"
-        )
-    kept = name.replace("\\", "\\\\") if any(c in name for c in " #") else name
-    for mark in " #":
-        kept = kept.replace(mark, f"\\{mark}")
-    return kept.replace("$", "$$")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.errors import ExportError, ToleranceError
-from gtb_cli.shell.streams import Spec, Streams, format_of, refuse_terminal, write_blocks
+from gtb_cli.errors import ToleranceError
+from gtb_cli.shell.streams import Spec, format_of, refuse_terminal
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, Up
@@ -100,21 +100,6 @@ class MeshOptions:
         if not FORMATS[kind].is_text(self.ascii):
             refuse_terminal(output, kind, "-o FILE" if FORMATS[kind].text == "never" else "-o FILE or --ascii")
         return kind
-
-
-def format_of_lines(output: str, option: str) -> str:
-    """Return the format of an output that holds lines, for which an option asks."""
-    kind = MeshOptions(Recipe()).format_for(output)
-    if not FORMATS[kind].curves:
-        raise ExportError(f"{option} writes lines, and {kind.upper()} holds only triangles: use OBJ, PLY or GLB")
-    return kind
-
-
-def write_lines(streams: Streams, kind: str, mesh: Mesh) -> None:
-    """Write lines in a format, and report them."""
-    options = MeshOptions(Recipe())
-    write_blocks(streams.output, options.encoded(mesh, kind))
-    streams.console.report(streams.output, summary(mesh), options.warnings(mesh, kind))
 
 
 def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = (), unit: str | None = None) -> str:

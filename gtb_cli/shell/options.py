@@ -284,8 +284,8 @@ def require_option(consequence: str) -> Option:
         metavar="WHAT",
         multiple=True,
         help=f"{consequence}, naming edges or places, unless the mesh is watertight (closed), solid (closed, its faces "
-        "look outwards, and none cross or turn back), no patch or offset is seen to turn back on itself (unfolded), or "
-        "patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
+        "look outwards, and none cross or turn back), all of one piece (one-piece), no patch or offset is seen to turn "
+        "back on itself (unfolded), or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
     )
 
 

@@ -20,10 +20,8 @@ def write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, stream
     """Write the surfaces of one spec as STEP, IGES, BREP or VTU, and say what is exact."""
     if are_several(specs) or is_folder(streams.output):
         raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
-    names = ["normals", "uv", "ascii", "radius", "thickness" if kind in CELL_FORMATS else "attributes"]
+    names = ["normals", "uv", "ascii", "radius", "thickness", *([] if kind in CELL_FORMATS else ["attributes"])]
     options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", *names)
-    if options.recipe.rim == "flat":
-        raise click.UsageError(f"--rim flat is for meshes, and not for {kind.upper()}")
     check_unit(options, kind)
     if kind in CELL_FORMATS:
         options.refuse(f"is for meshes, and cells of {kind.upper()} share no vertices", "require")
@@ -36,11 +34,8 @@ def write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, stream
         if kind in CELL_FORMATS:
             data, size, warnings = encode_cells(spec, recipe)
         else:
-            from gtb_cli.tessellation.cad_walls import wall_of
-
             unit, tolerance = options.unit or next(iter(UNITS)), recipe.tolerance_for(spec)
-            wall, closed = wall_of(spec, kind, recipe), bool(recipe.require)
-            data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=closed, wall=wall)
+            data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=bool(recipe.require))
             warnings += unused(recipe, "resolution")
     write_blocks(streams.output, [data])
     streams.console.report(streams.output, size, warnings)

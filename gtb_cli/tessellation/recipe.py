@@ -49,7 +49,7 @@ class Recipe:
     attributes : tuple of str
         Some of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
-        Refuse what does not have these properties: "watertight", "solid", "unfolded", "smooth:1deg", see
+        Refuse what does not have these properties: "watertight", "solid", "one-piece", "unfolded", "smooth:1deg", see
         `gtb_cli.tessellation.requirements`. One word may stand for itself, and None for none.
     max_faces : int
         More are refused before they are made.

@@ -1,4 +1,4 @@
-"""Requirements on a model or its mesh: watertight, solid, unfolded, smooth up to an angle."""
+"""Requirements on a model or its mesh: watertight, solid, in one piece, unfolded, smooth up to an angle."""
 
 from collections.abc import Sequence
 
@@ -8,10 +8,10 @@ from gtb_cli.arrays import point_text
 from gtb_cli.errors import RequirementError
 from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.topology import are_proper, sides_of
+from gtb_cli.meshes.topology import are_proper, components_of, sides_of
 from gtb_cli.models.joint_search import find_joints
 from gtb_cli.models.model import Model
-from gtb_cli.models.openings import obstacles
+from gtb_cli.models.openings import obstacles, unjoined_seams
 from gtb_cli.solids.solidity import folded_places, inward_faces, where
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
@@ -30,7 +30,8 @@ def require(
 
     `mesh` must be watertight or solid; `surface`, from which a tube or solid was made (default: `mesh`), unfolded;
     `folds` are known folds and crossings, one line each. `held` is the mesh as a file's numbers hold it, which must be
-    watertight or solid as well, and a remark for where they are too coarse.
+    watertight or solid as well, and a remark for where they are too coarse. Of a model with edges that are nearly
+    joined, only these are named where it is not solid: the rest follows from them.
     """
     asked = requirements(words)
     lines = []
@@ -44,13 +45,30 @@ def require(
             if not open_edges and held and held[0] is not mesh:
                 open_edges = _merged_faces(held[0]) or (_inward_faces(held[0]) if word == "solid" else [])
                 open_edges = [f"{line}: {held[1]}" for line in open_edges]
-            lines += [f"not {word}: {line}" for line in (*open_edges, *faults)]
+            causes = [*open_edges, *faults]
+            if causes and isinstance(spec, Model):
+                causes = unjoined_seams(spec) or causes
+            lines += [f"not {word}: {line}" for line in causes]
+    if "one-piece" in asked:
+        lines += _pieces(mesh)
     if "unfolded" in asked:
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*folded_places(surface or mesh), *folds))]
     if "smooth" in asked:
         lines += _creases(spec, asked["smooth"])
     if lines:
         raise RequirementError(*lines)
+
+
+def _pieces(mesh: Mesh) -> list[str]:
+    """Say in how many pieces a mesh is, if it is not one, and where the smallest is; places count as one vertex."""
+    vertex = weld(mesh.vertices)[1]
+    names, sizes = np.unique(
+        components_of(vertex[mesh.cells], len(mesh.vertices))[vertex[mesh.cells[:, 0]]], return_counts=True
+    )
+    if len(names) < 2:
+        return []
+    smallest = point_text(mesh.vertices[names[sizes.argmin()]], mesh.bounds)
+    return [f"not one-piece: {len(names)} pieces, the smallest, of {sizes.min()} faces, near {smallest}"]
 
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:

@@ -1,13 +1,10 @@
 """Isoparametric curves against the surface, in 50 digits and by command."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from gtb_cli.bezier.isocurve import isocurve, isoparametric_points
+from gtb_cli.bezier.isocurve import isocurve, span
 from gtb_cli.errors import DomainError
-from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
 from gtb_cli.theory.patch import Patch
 from tests import exact
@@ -39,15 +36,6 @@ def test_they_are_curves_of_the_surface(patch: Patch, axis: int, fraction: float
         assert np.abs(curve.evaluate([t])[0] - expected).max() <= agreement * 10
 
 
-def test_a_polyline_is_had_anywhere() -> None:
-    parameters, points = isoparametric_points(pentagon(), 0, 1.0, 9)
-    assert (parameters[:, 0] == 1).all()
-    np.testing.assert_array_equal(points, pentagon().evaluate(parameters))
-    heights = pentagon().domain.edge_functions(parameters)
-    assert heights[0].min() == heights[-1].min() == 0
-    assert heights[1:-1].min() > 0
-
-
 @pytest.mark.parametrize(
     ("patch", "axis", "value", "message"),
     [
@@ -65,32 +53,18 @@ def test_the_reason_where_there_are_none(patch: Patch, axis: int, value: float, 
 def test_a_corner_has_no_curve() -> None:
     triangle = Patch([[0, 0], [1, 0], [0, 1]], np.eye(3))
     with pytest.raises(DomainError, match="u: at 1 the domain has only a corner"):
-        isoparametric_points(triangle, 0, 1.0, 5)
-
-
-def test_a_polyline_is_written_as_the_suffix_says(tmp_path: Path) -> None:
-    for suffix in ("obj", "ply", "glb"):
-        output = tmp_path / f"x.{suffix}"
-        assert gtb("isocurve", PENTAGON, "--u", "1", "--polyline", "4", "-o", output).status == 0
-        assert read_mesh(output, suffix).cells.tolist() == [[0, 1], [1, 2], [2, 3], [3, 4]]
-    for name, message in [("x.png", "cannot tell the format of"), ("x.stl", "--polyline writes lines")]:
-        result = gtb("isocurve", PENTAGON, "--u", "1", "--polyline", "4", "-o", tmp_path / name)
-        assert result.status == 2
-        assert message in result.err
-        assert not (tmp_path / name).exists()
+        span(triangle, 0, 1.0)
 
 
 def test_on_the_command_line() -> None:
     curve = parse(gtb("isocurve", BICUBIC, "--v", "sqrt(2)").text)
     assert isinstance(curve, Patch)
     assert curve.name == "bicubic-v1.41421"
-    lines = gtb("isocurve", PENTAGON, "--u", "1", "--polyline", "4").text.splitlines()
-    assert [line.split()[0] for line in lines] == ["v"] * 5 + ["l"] * 4
     for arguments, message in [
         ([PENTAGON, "--u", "1"], "pentagon.toml: the domain is not a rectangle"),
         ([BICUBIC], "expected one of --u V and --v V"),
         ([BICUBIC, "--u", "1", "--v", "1"], "expected one of --u V and --v V"),
-        ([CURVE, "--u", "1", "--polyline", "3"], "is a curve"),
+        ([CURVE, "--u", "1"], "is a curve"),
     ]:
         result = gtb("isocurve", *arguments)
         assert result.status == 2

@@ -1,9 +1,8 @@
-"""`gtb mesh --resume` and `--deps`: what is up to date is not made again, and all else is as if it were."""
+"""`gtb mesh --resume`: what is up to date is not made again, and all else is as if it were."""
 
 import json
 import os
 import shutil
-import subprocess
 from itertools import product
 from pathlib import Path
 
@@ -140,50 +139,3 @@ def test_an_interrupted_run_is_resumed(place, made, monkeypatch):
     assert made == ["cubic-bezier", "bicubic"]
     files = [entry["file"] for entry in json.loads(Path("m.json").read_text())["files"]]
     assert files == ["out/cubic-bezier.obj", "out/pentagon.obj", "out/bicubic.obj"]
-
-
-MAKEFILE = """
-out/%.obj: %.toml
-	@mkdir -p out
-	@echo made $*
-	@touch $@
--include x.d
-"""
-
-
-def test_make_reads_the_rules(place):
-    """A mesh is made again where its spec, or what that includes, is newer; not where an included file has gone."""
-    name = "a b#$c%.toml"
-    Path(name).write_text('include = ["part.toml"]\n' + Path("bicubic.toml").read_text())
-    Path("part.toml").write_text('include = ["deep.toml"]\n')
-    Path("deep.toml").write_text("")
-    from gtb_cli.shell.manifest import rules
-
-    text = rules([("out/a.obj", name), ("out/pentagon.obj", "pentagon.toml")], None)
-    assert text.splitlines()[1:] == ["out/pentagon.obj: pentagon.toml", "part.toml:", "deep.toml:"]
-    Path("x.d").write_text(text)
-    Path("a.toml").touch()
-    Path("Makefile").write_text(MAKEFILE)
-    make = ["make", "-s", "out/a.obj", "out/pentagon.obj"]
-
-    def run() -> str:
-        return subprocess.run(make, capture_output=True, text=True, check=True).stdout
-
-    assert run() == "made a\nmade pentagon\n"
-    assert run() == ""
-    for changed in (name, "deep.toml"):
-        os.utime(changed, (4e9, 4e9))
-        os.utime("out/pentagon.obj")
-        assert run() == "made a\n"
-        os.utime(changed, (1e9, 1e9))
-    os.unlink("deep.toml")
-    assert run() in ("made a\n", "")
-
-
-@pytest.mark.parametrize("name", ["a;touch b", "a\nall: b", "a:b", "a=b", "a|b", "a*", "~a", "a\udcff"])
-def test_a_name_that_is_more_than_a_name_to_make_is_refused(name, place):
-    shutil.copy("pentagon.toml", f"{name}.toml")
-    result = gtb("mesh", f"{name}.toml", "-n", 1, "-o", "x.obj", "--deps", "x.d")
-    assert result.status == 2
-    assert "--deps: make cannot name" in result.err
-    assert not Path("x.d").exists()

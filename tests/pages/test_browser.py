@@ -36,7 +36,6 @@ def pages(tmp_path_factory):
     gtb("view", folder / "s", "-o", folder / "sequence.html", status=0)
     (folder / "plate.toml").write_text(PLATE, encoding="utf-8")
     gtb("view", folder / "plate.toml", "--thickness", "2", "-n", "4", "-o", folder / "plate.html", status=0)
-    gtb("view", SPECS / "example-4.2-limit.toml", "--limits", "-n", "4", "-o", folder / "limits.html", status=0)
     return folder
 
 
@@ -90,23 +89,6 @@ def test_all_of_it_is_in_view(browser, show):
             "return ends.every((_, k) => { if (k % 3) return true; const [x, y] = project(...ends.slice(k, k + 3));"
             "return x >= 0 && y >= 0 && x <= innerWidth && y <= innerHeight; })"
         ), name
-
-
-def test_limits_are_chosen_by_address_keys_and_pictures(browser, show):
-    one = show("limits", limit=7, axes="false")
-    known = "return [state.limit, scene.groups.length, $('facts').textContent.slice(0, 16)]"
-    assert browser.run(known) == [7, browser.run("return limits.list[7].cells.length"), "Limit 7 of 197, "]
-    browser.keys("]")
-    assert browser.run("return state.limit") == 8
-    other = browser.picture()
-    assert changed(one, other) > 0.01
-    browser.keys("[")
-    assert changed(one, browser.picture()) == 0
-    browser.run("document.querySelector('#limit-pictures > :last-child').click()")
-    assert browser.run("return [state.limit, Number($('limit').value)]") == [11, 11]
-    browser.keys("[[[")
-    assert changed(other, browser.picture()) == 0
-    assert in_view(browser)
 
 
 def test_switches_show_and_hide(browser, show):

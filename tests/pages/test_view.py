@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import gtb_cli
-from gtb_cli.knots.decomposition import control_net
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pages.page import page_data
@@ -183,32 +182,3 @@ def test_python_draws_and_shows_itself():
     for thing, what in ((mesh, "domain"), (patch, "nothing")):
         with pytest.raises(gtb_cli.DomainError, match=f"'{what}'"):
             thing.plot(what=what)
-
-
-@pytest.mark.parametrize("lifting", mostly_long([[1, 0, 1, 0, 0], [0, 0, 0, 0, 1], [0, 0, 0, 0, -1]]))
-def test_a_page_of_all_limits_has_each(lifting, tmp_path):
-    patch = gtb_cli.Patch(
-        [[0, 0], [2, 0], [2, 2], [0, 2], [1.1, 0.7]],
-        [[0, 0, 0], [2, 0, 1], [2, 2, 0], [0, 2, 1], [1, 1, 3]],
-        [1, 2, 3, 4, 5],
-        lifting=lifting,
-    )
-    gtb_cli.save(patch, tmp_path / "patch.toml")
-    data = page(tmp_path / "patch.toml", "--limits", "-n", "3")
-    assert data["limits"]["command"] == "gtb decompose --all"
-    limits, parts = data["limits"]["list"], data["limits"]["cells"]
-    cones = sorted(gtb_cli.regular_decompositions(patch.knots), key=lambda cone: cone.cells)
-    assert [tuple(limit["absent"]) for limit in limits] == [cone.absent for cone in cones]
-    expected = gtb_cli.regular_control_surface(patch)
-    mesh = gtb_cli.tessellate(expected, 3, parametrization="linear")
-    decomposition = gtb_cli.regular_decomposition(patch.knots, lifting)
-    chosen = limits[[cone.cells for cone in cones].index(decomposition.cells)]
-    cells = np.frombuffer(base64.b64decode(data["cells"]), "<u2").reshape(-1, 3)
-    rows = [np.arange(*parts[cell]["rows"]["cells"]) for cell in chosen["cells"]]
-    assert [data["groups"][cell][0] for cell in chosen["cells"]] == [" ".join(map(str, c)) for c in decomposition.cells]
-    corners = floats(data["frames"][0]["positions"])[cells[np.concatenate(rows)]]
-    low, high = patch.control_points.min(axis=0), patch.control_points.max(axis=0)
-    shown = corners * np.linalg.norm(high - low) + (low + high) / 2
-    np.testing.assert_allclose(shown, mesh.vertices[mesh.faces], atol=1e-6)
-    net = {tuple(pair) for cell in chosen["cells"] for pair in parts[cell]["net"]}
-    assert sorted(net) == control_net(decomposition)

@@ -71,7 +71,7 @@ LINES = (
     "info {0} -o {1}", "check {0} -o {1}", "decompose {0} --lifting 0,1,0 -o {1}", "boundary {0} 0 -o {1}",
     "coefficients {0} -o {1}", "elevate {0} -o {1}", "eval {0} {2} -o {1}", "eval {0} {2} -o {3}", "fit {2} -o {3}",
     "diff {0} {0} -o {1}", "diff {4} {0} -o {5}", "diff {0} {4} -o {5}", "mesh {0} -f obj -o {1}",
-    "mesh {0} -n 1 -o new.obj --manifest {1}", "mesh {0} -n 1 -o new.obj --deps {1}", "mesh {0} {4} -n 1 -o meshes",
+    "mesh {0} -n 1 -o new.obj --manifest {1}", "mesh {0} {4} -n 1 -o meshes",
     "knot-limit {0} --merge 1:0 -f glb -o {1}", "degenerate {0} --lifting 0,1,0 -x 2 -n 1 -f glb -o {1}",
 )  # fmt: skip
 
