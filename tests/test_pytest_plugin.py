@@ -11,7 +11,9 @@ from tests.marks import long
 from tests.shell import PENTAGON, REPOSITORY, gtb, run_process
 
 PREAMBLE = """
-import pathlib, pytest, shutil, sys
+import os, pathlib, pytest, shutil, sys
+
+os.environ.pop("CI", None)
 
 def run(*options):  # without the short summary: it repeats messages whole where the variable CI is set
     print(f"\\0{int(pytest.main(['-q', '-rN', '-p', 'no:cacheprovider', '-p', 'gtb_cli.pytest_plugin', *options]))}")
@@ -71,6 +73,14 @@ run("--force-regen"), move(5.1000001), run("--force-regen")
     assert {path.suffix for path in (folder / "differs").iterdir()} == {".obj", ".html"}
     assert {path.name for path in (folder / "test_lamp").iterdir()} == {"test_lamp.obj"}
     assert (folder / "test_lamp" / "test_lamp.obj").read_bytes() == obtained.read_bytes()
+
+
+def test_where_ci_is_set_a_missing_golden_file_is_never_written(folder):
+    test = "def test_lamp(mesh_regression):\n    mesh_regression.check(gtb_cli.load('lamp.toml'), resolution=1)\n"
+    found = runs(folder, test, 'os.environ["CI"] = "true"\nrun(), run()\n')
+    assert [status for status, _ in found] == [1, 1]
+    assert "test_lamp/test_lamp.obj does not exist, and is not written where CI is set" in found[1][1]
+    assert files(folder) == set()
 
 
 @long

@@ -117,7 +117,10 @@ def diff(
     recipe = Recipe(resolution or RESOLUTION, mesh_tolerance, parametrization, max_faces=max_faces)
     for path in (a, b):
         if path != STANDARD and not os.path.exists(path):
-            raise GtbError(f"{path}: No such file or directory")
+            takes = (
+                f": gtb approve {a} {b} makes it from {b}" if path == a and os.path.isdir(b) and "*" not in a else ""
+            )
+            raise GtbError(f"{path}: No such file or directory{takes}")
     folders = [path for path in (a, b) if os.path.isdir(path)]
     if len(folders) == 2:
         inputs = [path for pair in pairs(a, b)[0].values() for path in pair if path]
