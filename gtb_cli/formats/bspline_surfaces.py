@@ -42,12 +42,12 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
 
     A patch with Bézier pieces becomes these: one for a tensor product patch, r for a patch with r corners. Any other
     patch is fitted by r pieces between the corners, places inside the edges and the centroid of Δ, which keep its
-    tangent planes along its edges and their seams. An edge that has Bézier pieces is exactly that curve, to rounding;
+    tangent planes along its edges and their seams. An edge that has Bézier pieces is that curve to 1e-8 of the size;
     any other is the same spline in all fitted patches that share it.
 
     A `DomainError` refuses curves; a `ToleranceError` says that even 32 spans in each direction do not reach the
     tolerance, in model units, or the angle in degrees. Without a tolerance it is 1e-4 of the largest extent of the
-    points at knots; without an angle the least is taken that these spans have, down to a thousandth.
+    points at knots; without an angle more spans are taken as long as planes come nearer, down to a thousandth.
     """
     patches = spec.patches
     if patches[0].dimension == 1:
@@ -83,11 +83,12 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
             max(values) for values in zip(*(one[1:] for one in found.values()), strict=True)
         )
         history.append((bend, least))
-        if error <= allowed and gap <= GAP * size and (not best or bend + least <= total):
-            best, total = found, bend + least
         wanted = angle if angle is not None else ANGLE if lost < LOST else SEAM
-        pairs = zip(history[-1], history[-3], strict=True)
-        if best and not any(now > wanted and now <= before / 2 for now, before in pairs):
+        is_met, pairs = max(bend, least) <= wanted, zip(history[-1], history[-3], strict=True)
+        if error <= allowed and gap <= GAP * size and (is_met or bend + least <= total):
+            best, total = found, bend + least
+        is_better = any(now > wanted and now <= before / 2 for now, before in pairs)
+        if best and (is_met or (angle is None and not is_better)):
             break
     if not best:
         off = f"{error:.3g} off, more than {allowed:.3g}" if error > allowed else f"{gap:.3g} off along edges"

@@ -40,18 +40,19 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
             continue
         (points, normals), (others, other_normals) = (_along(edge, face) for edge, face in pair)
         gaps = np.linalg.norm(points - others, axis=1)
-        sines = np.linalg.norm(np.cross(normals, other_normals), axis=1)
-        angles = np.degrees(np.arcsin(np.minimum(1, sines)))
+        sines, cosines = np.linalg.norm(np.cross(normals, other_normals), axis=1), (normals * other_normals).sum(axis=1)
+        angles = np.degrees(np.arctan2(sines, cosines))  # 180 where the faces turn back
         found = worst[any(olds)]
         found[:] = max(found[0], float(np.nanmax(angles))), max(found[1], float(gaps.max()))
     return Seams(*worst[True], *worst[False])
 
 
 def _along(edge: Any, face: Any) -> tuple[FloatArray, FloatArray]:
-    """Return (n, 3) points and unit normals of a face's surface at places along an edge of it."""
+    """Return (n, 3) points and unit normals of a face, on its outer side, at places along an edge of it."""
     curve = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face)
     surface, gp = kernel("BRep").BRep_Tool.Surface_s(face), kernel("gp")
     first, last = curve.FirstParameter(), curve.LastParameter()
+    sign = -1.0 if face.Orientation() == kernel("TopAbs").TopAbs_Orientation.TopAbs_REVERSED else 1.0
     rows = []
     for share in (1 - np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES)) / 2:
         at, place, along, across = curve.Value(first + share * (last - first)), gp.gp_Pnt(), gp.gp_Vec(), gp.gp_Vec()
@@ -61,4 +62,4 @@ def _along(edge: Any, face: Any) -> tuple[FloatArray, FloatArray]:
     found = np.array(rows)
     lengths = np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return found[:, :3], found[:, 3:] / lengths
+        return found[:, :3], sign * found[:, 3:] / lengths

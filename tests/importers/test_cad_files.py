@@ -93,6 +93,8 @@ def test_a_cad_file_of_a_fill_keeps_what_is_asked_for_or_is_refused(tmp_path):
     result = gtb("fill", part, "--elevate", 0, "--angle", 1e-9, "-o", out, status=2)
     assert re.search(r"tangent planes of fitted surfaces still differ by \S+ degrees, more than 1e-09", result.err)
     assert not out.exists()
+    near = gtb("fill", part, "--elevate", 0, "--angle", 1e-4, "-o", out, status=0)  # 1e-3 is had without
+    assert max(float(word) for word in re.findall(r"(\S+) degrees and", near.err)) < 1e-4
     assert "are for an output that is a CAD file" in gtb("fill", part, "--tolerance", 1, status=2).err
 
 

@@ -46,6 +46,14 @@ def test_vertices_and_normals_are_the_surfaces():
     assert data["knots"]["names"][3] == "a₃ = (1.14286, 1.14286), ω = 7"
 
 
+def test_a_name_like_a_place_of_the_template_is_a_title(tmp_path):
+    for name in ("@SCRIPT@", "@DATA@"):
+        (tmp_path / f"{name}.toml").write_bytes((SPECS / "bicubic.toml").read_bytes())
+        text = gtb("view", tmp_path / f"{name}.toml", "-n", "2", "-o", "-", status=0).text
+        assert f"<title>{name}</title>" in text
+        assert data_of(text)["frames"]
+
+
 def test_it_needs_no_network_and_is_the_same_again():
     text = gtb("view", SPECS / "bicubic.toml", "-n", "4", "-o", "-").text
     assert text == gtb("view", SPECS / "bicubic.toml", "-n", "4", "-o", "-").text
