@@ -78,11 +78,12 @@ def diff(
     recipe : Recipe, optional
         How to mesh what is not a mesh.
     kind : {"auto", "vertices", "surface"}
-        Whether vertices are compared if the faces are the same; nothing but vertices; or surfaces. Two patches or
-        models are then compared themselves, and not as meshes.
-    ignore : {"orientation", "connectivity"}, or a collection of them
-        What is not a difference between meshes in the same place: faces that are turned over; and other holes or parts,
-        vertices shared in another way, and faces that are missing, there twice or without area.
+        Whether vertices are compared if the faces are the same, else surfaces; nothing but vertices; or surfaces. Two
+        patches or models are compared themselves, and not as meshes, unless vertices are.
+    ignore : {"orientation", "connectivity", "attributes"}, or a collection of them
+        What is not a difference between meshes in the same place: faces that are turned over; other holes or parts,
+        vertices shared in another way, and faces that are missing, there twice or without area; other normals, texture
+        coordinates and attributes.
 
     Returns
     -------
@@ -146,7 +147,7 @@ def compared(
         for word in words:
             if word not in known:
                 raise DomainError(f"{name}: expected {' or '.join(known)}, got {word!r}")
-    if kind != "surface" or a.spec is None or b.spec is None:
+    if kind == "vertices" or a.spec is None or b.spec is None:
         return difference(a.known, b.known, tolerance, kind, aspects)
     found = shape_distance(a.spec, b.spec)
     bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices
+from gtb_cli.meshes.mesh import Values, no_values
 from gtb_cli.values import frozen
 
 STL_HEADER_BYTES = 84  # bytes before the facets of a binary STL file; the last four are the number of facets
@@ -20,7 +21,8 @@ class FileArrays:
     """The arrays of a file, not checked yet: (m, 3) vertices, segments or triangles, named ranges of cells.
 
     `half_steps` gives the largest rounding of a coordinate along each axis, half a unit in the last digit or bit, at
-    (3,) largest coordinates. `space` is what the file says of the unit and the vertical axis, in words.
+    (3,) largest coordinates. `space` is what the file says of the unit and the vertical axis, in words. `values` reads
+    what else it holds at the corners of its cells.
     """
 
     vertices: FloatArray
@@ -28,6 +30,7 @@ class FileArrays:
     half_steps: Callable[[FloatArray], FloatArray]
     groups: tuple[tuple[str, int, int], ...] = ()
     space: str = ""
+    values: Callable[[], Values] = no_values
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:

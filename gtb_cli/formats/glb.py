@@ -1,7 +1,7 @@
 """GLB (binary glTF 2.0), both ways: surfaces by trimesh's exporter, curves as indexed lines; any scene is read."""
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray, IntArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, segments, single_half_steps, stacked, triangles
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.formats.glb_tree import HEADER_BYTES, accessor_values, glb_chunks, placed_meshes
+from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Mesh, Values
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up
 
-HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its content
 VERTICES, INDICES = 34962, 34963  # glTF's numbers for the content of a view of the buffer
 
 
@@ -201,37 +201,6 @@ def read_glb(data: bytes) -> FileArrays:
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
 
-def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """Return the description and the buffer of a file."""
-    description, buffer = 0x4E4F534A, 0x004E4942  # kinds of chunks: JSON, BIN
-    if data[:4] != b"glTF" or len(data) < HEADER_BYTES:
-        raise GtbError("is not a GLB file: it does not begin with glTF")
-    version, size = (int(number) for number in np.frombuffer(data, dtype="<u4", offset=4, count=2))
-    if version != 2:
-        raise GtbError(f"is glTF of version {version}, expected 2")
-    if size != len(data):
-        raise GtbError(f"says that it has {size} bytes, and has {len(data)}")
-    chunks: dict[int, bytes] = {}
-    start = HEADER_BYTES
-    while start < size:
-        if size - start < 8:
-            raise GtbError("is cut off between its chunks")
-        length, kind = (int(number) for number in np.frombuffer(data, dtype="<u4", offset=start, count=2))
-        if length > size - start - 8:
-            raise GtbError("is cut off within a chunk")
-        chunks.setdefault(kind, data[start + 8 : start + 8 + length])
-        start += 8 + length
-    if description not in chunks:
-        raise GtbError("has no description (no chunk JSON)")
-    try:
-        tree = json.loads(chunks[description])
-    except (ValueError, RecursionError) as error:
-        raise GtbError(f"its description is not JSON: {error}") from None
-    if not isinstance(tree, dict):
-        raise GtbError("its description is not an object of JSON")
-    return tree, chunks.get(buffer, b"")
-
-
 def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     # Many nodes may share one mesh: vertices and corners of cells are counted before they are made.
     most = 2 * len(binary) + 20_000_000
@@ -239,8 +208,9 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     vertices: list[FloatArray] = []
     cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
     groups = []
+    others: dict[str, list[tuple[int, int, object, FloatArray]]] = {}  # first vertex, number, accessor and turn of each
     count = rows = used = 0
-    for mesh, name, place in _placed_meshes(tree):
+    for mesh, name, place in placed_meshes(tree):
         before = rows
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", 4)
@@ -263,6 +233,9 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
             is_mirrored = found.shape[1] == 3 and np.linalg.det(place[:3, :3]) < 0  # then faces keep their outer sides
             cells[found.shape[1]].append(found[:, ::-1] if is_mirrored else found)
             vertices.append(positions.astype(np.float64) @ place[:3, :3].T + place[:3, 3])
+            for attribute, number in primitive["attributes"].items():
+                if attribute != "POSITION":
+                    others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
             count += len(positions)
             rows += len(found)
         name = name or str(mesh.get("name", ""))
@@ -281,81 +254,45 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
     space = f"{unit if unit in UNITS else 'no unit'}, {'z' if is_z_up else 'y'} up"
     points += 0.0  # not -0
-    return FileArrays(points, stacked(cells[width], width, np.int32), single_half_steps, tuple(groups), space)
+    corners = stacked(cells[width], width, np.int32)
+
+    def values() -> Values:
+        return {
+            _ATTRIBUTES.get(name, name.lower().strip("_")): (
+                _values(tree, binary, name, parts, count, is_z_up),
+                corners,
+            )
+            for name, parts in others.items()
+        }
+
+    return FileArrays(points, corners, single_half_steps, tuple(groups), space, values)
 
 
-def _placed_meshes(tree: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:
-    """Yield the meshes of a scene with the names of their nodes and their (4, 4) places."""
-    harmless = {"materials_unlit", "texture_transform", "lights_punctual", "materials_specular"}
-    most = 100  # nodes within nodes
-    needed = set(tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}
-    if needed:
-        raise GtbError(f"needs {', '.join(sorted(map(str, needed)))}, which is not known here")
-    nodes = tree.get("nodes", [])
-    if "scenes" in tree:
-        roots = tree["scenes"][tree.get("scene", 0)].get("nodes", [])
-    else:
-        inner = {child for node in nodes for child in node.get("children", ())}
-        roots = [index for index in range(len(nodes)) if index not in inner]
-    stack = [(_index(root), np.eye(4), 0) for root in reversed(roots)]
-    seen = set()
-    while stack:
-        index, above, depth = stack.pop()
-        if index in seen:  # glTF has trees of nodes only; others can be longer than any file
-            raise GtbError(f"has node {index} in two places")
-        seen.add(index)
-        if depth > most:
-            raise GtbError(f"has nodes within nodes more than {most} deep")
-        node = nodes[index]
-        place = above @ _matrix(node)
-        if "mesh" in node:
-            yield tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place
-        stack += [(_index(child), place, depth + 1) for child in reversed(node.get("children", []))]
+_ATTRIBUTES = {"NORMAL": NORMALS, "TEXCOORD_0": TEXTURE}
 
 
-def accessor_values(tree: dict[str, Any], binary: bytes, number: object) -> NDArray[Any]:
-    """Return the (count, width) numbers of an accessor."""
-    component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-    element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-    accessor = tree["accessors"][_index(number)]
-    if "sparse" in accessor or "bufferView" not in accessor:
-        raise GtbError("sparse accessors are not known here")
-    view = tree["bufferViews"][_index(accessor["bufferView"])]
-    buffer = tree["buffers"][_index(view.get("buffer", 0))]
-    if "uri" in buffer or view.get("buffer", 0) != 0:
-        raise GtbError("has its numbers in another file")
-    kind = np.dtype(component_types[accessor["componentType"]])
-    width, count = element_widths[accessor["type"]], _index(accessor["count"])
-    stride = _index(view.get("byteStride", 0)) or width * kind.itemsize
-    begin = _index(view.get("byteOffset", 0))
-    start, end = begin + _index(accessor.get("byteOffset", 0)), begin + _index(view["byteLength"])
-    if not count:
-        return np.empty((0, width), dtype=kind)
-    if start + (count - 1) * stride + width * kind.itemsize > min(end, len(binary)):
-        raise GtbError("is cut off: an accessor is longer than the data")
-    return np.ndarray((count, width), dtype=kind, buffer=binary, offset=start, strides=(stride, kind.itemsize))
-
-
-def _index(value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value) or value < 0:
-        raise GtbError(f"expected a whole number in its description, got {value!r:.40}")
-    return int(value)
-
-
-def _matrix(node: dict[str, Any]) -> FloatArray:
-    """The (4, 4) transformation of a node."""
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    matrix = np.eye(4)
-    x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)
-    rotation = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, :3] = np.array(rotation) * np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
-    matrix[:3, 3] = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64)
-    return matrix
+def _values(
+    tree: dict[str, Any],
+    binary: bytes,
+    name: str,
+    parts: list[tuple[int, int, object, FloatArray]],
+    count: int,
+    is_z_up: bool,
+) -> FloatArray:
+    """(count, w) numbers of an attribute at the vertices of all parts, which is NaN in those without it."""
+    found = [accessor_values(tree, binary, number).astype(np.float64) for _, _, number, _ in parts]
+    result = np.full((count, max(rows.shape[1] for rows in found)), np.nan)
+    for rows, (start, length, _, turn) in zip(found, parts, strict=True):
+        if len(rows) != length:
+            raise GtbError(f"{name}: {len(rows)} rows for {length} vertices")
+        if name == "NORMAL":
+            rows = rows @ (np.linalg.inv(turn) if np.linalg.det(turn) else turn)
+        result[start : start + length, : rows.shape[1]] = rows
+    if name == "NORMAL" and not is_z_up:
+        result = result[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+    if name == "TEXCOORD_0":  # glTF counts from the top
+        result[:, 1] = 1.0 - result[:, 1]
+    return result + 0.0  # not -0
 
 
 def _cells(indices: NDArray[Any], mode: object) -> NDArray[Any]:

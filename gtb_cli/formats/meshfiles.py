@@ -13,7 +13,7 @@ import numpy as np
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.files import read_file
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point
-from gtb_cli.meshes.mesh import KnownMesh, Mesh, largest_coordinates, rounding
+from gtb_cli.meshes.mesh import KnownMesh, Mesh, Values, largest_coordinates, rounding
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
 MAX_FILE_BYTES = 1 << 31  # largest size of a file in bytes; larger ones are refused
@@ -69,7 +69,15 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
     mesh = Mesh(content.vertices, content.cells, groups=groups)
     largest = largest_coordinates(mesh.used)
-    return KnownMesh(mesh, content.half_steps(largest) + rounding(largest), kind, _printable(content.space))
+
+    def values() -> Values:
+        try:
+            return {_printable(name): found for name, found in content.values().items()}
+        except GtbError as error:
+            raise GtbError(f"{shown}: {_printable(str(error))}") from None
+
+    half_steps = content.half_steps(largest) + rounding(largest)
+    return KnownMesh(mesh, half_steps, kind, _printable(content.space), values)
 
 
 def size_limit(start: bytes, otherwise: int) -> int:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,6 +12,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, segments, stacked, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
+from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
@@ -18,15 +20,43 @@ MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keywor
 def read_obj(data: bytes, block: int = BLOCK_BYTES) -> FileArrays:
     """Read an OBJ file, `block` bytes at a time.
 
-    Vertices keep their order. A face with more than three corners is cut into triangles. Only the vertex of a reference
-    `v/vt/vn` counts; negative references count back from the last vertex so far.
+    Vertices keep their order. A face with more than three corners is cut into triangles. Negative references count back
+    from the last vertex so far. Normals and texture coordinates are read when they are asked for.
     """
     if b"\\\n" in data or b"\\\r\n" in data:
         data = re.sub(rb"\\\r?\n", b" ", data)
     content = _read_all(data, block)
     if 0 < len(content.vertices) <= content.cells.max(initial=0):
         _read_all(data, block, len(content.vertices))  # finds the line
-    return content
+    return replace(content, values=partial(_values, data, block))
+
+
+def _values(data: bytes, block: int) -> Values:
+    """Read the normals and the texture coordinates at the corners of faces; those without have NaN."""
+    found: Values = {}
+    for keyword, label, width, field in ((b"vt", TEXTURE, 2, 1), (b"vn", NORMALS, 3, 2)):
+        rows, corners, so_far = [np.empty((0, width))], [np.empty((0, 3), dtype=np.int64)], 0
+        for _, lines in lines_of(data, size=block) if keyword in data else ():
+            places, _ = _sorted(lines)
+            if places[keyword]:
+                numbers, counts = number_rows(b"\n".join([lines[k][2:] for k in places[keyword]]), np.float64)
+                if counts.min() < width:
+                    raise GtbError(f"{shown(keyword)} has at least {width} numbers, got {counts.min()}")
+                rows.append(numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(width)])
+            if places[b"f"]:
+                words = [lines[k][2:].split() for k in places[b"f"]]
+                counts = np.array([len(line) for line in words])
+                parts = [(*word.split(b"/"), b"", b"")[field] or b"0" for line in words for word in line]
+                chosen = number_rows(b"\n".join(parts), np.int64)[0]
+                before = so_far + np.repeat(np.searchsorted(places[keyword], places[b"f"]), counts)
+                corners.append(triangles(np.where(chosen < 0, before + chosen, chosen - 1), counts))
+            so_far += len(places[keyword])
+        of = np.concatenate(corners)
+        if of.max(initial=-1) >= so_far or of.min(initial=0) < -1:
+            raise GtbError(f"{label}: a face refers to one that is not there")
+        if len(of) and of.max() >= 0:
+            found[label] = np.concatenate([*rows, np.full((1, width), np.nan)]), np.where(of < 0, so_far, of)
+    return found
 
 
 def _read_all(data: bytes, block: int, vertices: int | None = None) -> FileArrays:
@@ -124,7 +154,7 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
     )
     # Keywords of free-form curves and surfaces
     free_form_keywords = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
-    known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}
+    known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}  # the last with any blank
     other: list[int] = []
     for place, line in enumerate(lines):
         known.get(line[:2], other).append(place)
@@ -142,7 +172,8 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
         elif keyword and not keyword.startswith(b"#") and keyword not in ignored_keywords:
             raise GtbError(f"unknown keyword {shown(keyword)}")
-    return {keyword: sorted(known[keyword + b" "]) for keyword in MIN_NUMBERS}, names
+    places = {keyword: sorted(known[keyword + b" "]) for keyword in MIN_NUMBERS}
+    return {**places, b"vn": known[b"vn"], b"vt": known[b"vt"]}, names
 
 
 def _numbers(

@@ -14,7 +14,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, single_half_steps, triangles
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 
 
@@ -119,7 +119,29 @@ def read_ply(data: bytes) -> FileArrays:
     def half_steps(largest: FloatArray) -> FloatArray:
         return np.maximum(half_step(sample, largest), single_half_steps(largest) if is_single else 0.0)
 
-    return FileArrays(vertices, _cells(elements, tables), half_steps)
+    cells = _cells(elements, tables)
+    return FileArrays(vertices, cells, half_steps, values=lambda: _values(elements, tables, cells))
+
+
+def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: IntArray) -> Values:
+    """The columns of vertices other than their positions, and of faces other than their corners."""
+    known: dict[tuple[str, ...], str] = {("nx", "ny", "nz"): NORMALS}
+    known |= dict.fromkeys([("s", "t"), ("u", "v"), ("texture_u", "texture_v")], TEXTURE)
+    columns = {name: numbers for name, (numbers, _) in tables["vertex"].items() if name not in ("x", "y", "z")}
+    columns = {name: found for name, found in columns.items() if not elements["vertex"].properties[name].count_kind}
+    values: Values = {}
+    for names, label in known.items():
+        if columns.keys() >= {*names}:
+            values[label] = np.stack([columns.pop(name) for name in names], axis=1).astype(np.float64), cells
+    values |= {name: (numbers[:, None].astype(np.float64), cells) for name, numbers in columns.items()}
+    if "face" in elements and cells.shape[1] == 3:
+        lists = {name: counts for name, (_, counts) in tables["face"].items() if name.startswith("vertex_ind")}
+        face = np.repeat(np.arange(elements["face"].rows), next(iter(lists.values())) - 2)
+        rows = np.broadcast_to(face[:, None], cells.shape)
+        for name, (numbers, counts) in tables["face"].items():
+            if name not in lists and (counts == 1).all():
+                values[f"{name} of faces"] = numbers[:, None].astype(np.float64), rows
+    return values
 
 
 def _cells(elements: dict[str, Element], tables: dict[str, Columns]) -> IntArray:

@@ -3,8 +3,10 @@
 import re
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError, MeshError
@@ -12,6 +14,7 @@ from gtb_cli.formats.digits import BLOCK_ROWS, text_rows
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, single_half_steps
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
 from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.mesh import FACETS, Values
 
 
 def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterable[bytes]:
@@ -50,7 +53,9 @@ def read_stl(data: bytes) -> FileArrays:
     if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * facet.itemsize:
         facets = np.frombuffer(data, dtype=facet, offset=STL_HEADER_BYTES)
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
-        return _content(corners, single_half_steps)
+        return _content(
+            corners, single_half_steps, lambda: {FACETS: facets["normal"], "attribute": facets["attribute"]}
+        )
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)
     if len(data) < STL_HEADER_BYTES:
@@ -59,12 +64,22 @@ def read_stl(data: bytes) -> FileArrays:
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 
-def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray]) -> FileArrays:
+def _content(
+    corners: FloatArray,
+    half_steps: Callable[[FloatArray], FloatArray],
+    of_facets: Callable[[], dict[str, NDArray[Any]]],
+) -> FileArrays:
     fault = faulty_point(corners)
     if fault is not None:
         raise MeshError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
     first, labels = weld(corners)
-    return FileArrays(corners[first], labels.reshape(-1, 3), half_steps)
+    cells = labels.reshape(-1, 3)
+
+    def values() -> Values:
+        rows = np.broadcast_to(np.arange(len(cells))[:, None], cells.shape)
+        return {name: (found.reshape(len(cells), -1).astype(np.float64), rows) for name, found in of_facets().items()}
+
+    return FileArrays(corners[first], cells, half_steps, values=values)
 
 
 def _read_text(data: bytes) -> FileArrays:
@@ -95,7 +110,12 @@ def _read_text(data: bytes) -> FileArrays:
         raise GtbError(f"expected solid, got {shown(rest[0])}")
     corners.append(numbers(words, np.float64))
     sample = sample or words[: 3 * SAMPLED_VERTICES]
-    return _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample))
+    normal = re.compile(rb"facet\s+normal" + 3 * number, re.IGNORECASE)
+
+    def normals() -> dict[str, NDArray[Any]]:
+        return {FACETS: numbers([word for words in normal.findall(data) for word in words], np.float64)}
+
+    return _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample), normals)
 
 
 def _fault(data: bytes, place: int, number: int) -> GtbError:

@@ -24,6 +24,7 @@ class Matching:
     distances: FloatArray
     turned: int  # faces that are turned over
     remarks: tuple[str, ...]  # how else the cells differ: in the vertices that they share
+    slots: tuple[IntArray, IntArray]  # corners, counted through all cells, that belong together
 
 
 def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
@@ -139,17 +140,24 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
     """Match the vertices of the same faces, if there are no others."""
     corners, other_corners = a.mesh.cells, b.mesh.cells
     turned = 0
+    slots = np.arange(cells.size), np.arange(cells.size)
     if not np.array_equal(cells, others):
         faces = _faces(cells, others)
         if not np.array_equal(faces.here, faces.there):
             return None
         turned = faces.turned
-        corners, other_corners = (
-            np.take_along_axis(mesh.cells, np.argsort(places, axis=1, kind="stable"), axis=1)[_order(mesh, face, odd)]
+        starts, width = np.arange(0, cells.size, cells.shape[1])[:, None], cells.shape[1]
+        one, other = (
+            (np.argsort(places, axis=1, kind="stable") + starts)[_order(mesh, face, odd)].ravel()
             for mesh, places, face, odd in (
                 (a.mesh, cells, faces.face, faces.odd),
                 (b.mesh, others, faces.other, faces.other_odd),
             )
+        )
+        slots = one, other
+        corners, other_corners = (
+            corners.ravel()[one].reshape(-1, width),
+            other_corners.ravel()[other].reshape(-1, width),
         )
     used, others_used = (_used_count(each.mesh) for each in (a, b))
     if np.array_equal(corners, other_corners):
@@ -161,7 +169,7 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
     if a.has_indices and b.has_indices and not used == others_used == len(vertices):
         remarks = (f"faces share vertices in another way: {used} against {others_used} vertices",)
     apart = a.mesh.vertices[vertices] - b.mesh.vertices[there]
-    return Matching(vertices, there, np.asarray(reduce(np.hypot, apart.T)), turned, remarks)
+    return Matching(vertices, there, np.asarray(reduce(np.hypot, apart.T)), turned, remarks, slots)
 
 
 def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
@@ -181,6 +189,29 @@ def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
 
 def _used_count(mesh: Mesh) -> int:
     return int(are_used(mesh.cells, len(mesh.vertices)).sum())
+
+
+@dataclass(frozen=True)
+class Lone:
+    """Faces that only one of two meshes has, or has more often, where it has all faces of the other one."""
+
+    is_first: bool  # whether the first mesh has them
+    absent: IntArray  # numbers of cells that the other one has not
+    doubled: int  # how many more there are of others
+
+
+def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
+    """Find the faces in which two meshes differ if all faces of one are faces of the other, within the tolerance."""
+    if a.is_curve != b.is_curve:
+        return None
+    cells, others, _ = _by_nearness(a, b, tolerance)
+    faces = _faces(cells, others)
+    less, more = faces.there < faces.here, faces.here < faces.there
+    if less.any() == more.any():
+        return None
+    mine, own = (faces.face, faces.there) if less.any() else (faces.other, faces.here)
+    absent = np.flatnonzero(own[mine] == 0)
+    return Lone(bool(less.any()), absent, int(np.abs(faces.here - faces.there).sum()) - len(absent))
 
 
 def unlike(

@@ -12,10 +12,12 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.correspondence import matching, unlike
+from gtb_cli.meshes.corner_values import holds_values, unlike_values
+from gtb_cli.meshes.correspondence import Lone, lone_faces, matching, unlike
 from gtb_cli.meshes.hausdorff import Farthest, mesh_distance
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
+from gtb_cli.meshes.motions import told_motion
 from gtb_cli.vocabulary import percentage
 
 # Fraction of the bounding box's diagonal. Other processors and libraries change meshes by about 1e-13 of it; moving a
@@ -24,7 +26,7 @@ DEFAULT_TOLERANCE = 1e-9
 
 Method: TypeAlias = Literal["vertices", "surface", "patches"]
 Kind: TypeAlias = Literal["auto", "vertices", "surface"]
-Aspect: TypeAlias = Literal["orientation", "connectivity"]
+Aspect: TypeAlias = Literal["orientation", "connectivity", "attributes"]
 Point: TypeAlias = tuple[float, float, float]
 
 
@@ -56,6 +58,9 @@ class Difference:
     turned: int = 0  # faces that look to the other side, where everything is in the same place
     remarks: tuple[str, ...] = ()  # how else cells in the same place differ
     ignored: tuple[Aspect, ...] = ()  # which of these are not differences
+    words: tuple[str, ...] = ()  # what was done to the first mesh, if that explains the difference
+    values: tuple[str, ...] = ()  # how normals, texture coordinates and attributes differ
+    uncompared: bool = False  # whether there are such values, and other faces
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
@@ -72,7 +77,7 @@ class Difference:
         """What makes meshes in the same place different."""
         connectivity = () if "connectivity" in self.ignored else self.remarks
         sides = () if "orientation" in self.ignored else self.sides
-        return (*self.units, *sides, *connectivity)
+        return (*self.units, *sides, *connectivity, *self.values)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -82,7 +87,7 @@ class Difference:
     @property
     def sides(self) -> tuple[str, ...]:
         """A remark on faces that are turned over, if there are any."""
-        return (f"{self.turned} {'face is' if self.turned == 1 else 'faces are'} turned over",) if self.turned else ()
+        return (f"{_faces_are(self.turned)} turned over",) if self.turned else ()
 
     @property
     def is_proved(self) -> bool:
@@ -98,6 +103,8 @@ class Difference:
     def limits(self) -> tuple[str, ...]:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
+        if self.uncompared and self.same:
+            result.append("normals, texture coordinates and attributes are not compared, as the faces are others")
         if self.asked and self.asked < self.tolerance:
             finest = "the numbers in the files are no finer at this size"
             result.append(f"tolerance {self.tolerance:.3g} instead of {self.asked:.3g}: {finest}")
@@ -168,7 +175,12 @@ def difference(
             group=_group(a.mesh, vertex),
             turned=matched.turned,
             remarks=matched.remarks,
+            words=told_motion(a.mesh.vertices[matched.vertices], b.mesh.vertices[matched.others], allowed)
+            if distance > allowed
+            else (),
+            values=unlike_values(a, b, matched) if distance <= allowed and "attributes" not in ignore else (),
         )
+    lone = lone_faces(a.mesh, b.mesh, allowed)
     finer = 0.1  # largest error of a distance, as a fraction of the tolerance, and of the error before
     error = allowed
     for _ in range(4):
@@ -192,7 +204,24 @@ def difference(
         same_kind=same_kind,
         turned=turned,
         remarks=remarks,
+        words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
+        uncompared="attributes" not in ignore and found.distance <= allowed and any(map(holds_values, (a, b))),
     )
+
+
+def _told(lone: Lone, mesh: Mesh) -> tuple[str, ...]:
+    words, count = [], len(lone.absent)
+    if count:
+        middle = mesh.vertices[mesh.cells[lone.absent[0]]].mean(axis=0)
+        near = f"near ({' '.join(f'{x:.9g}' for x in middle)})"
+        words.append(f"{_faces_are(count)} {'missing' if lone.is_first else 'new'}, {near}")
+    if lone.doubled:
+        words.append(f"{_faces_are(lone.doubled)} {'no longer ' if lone.is_first else ''}there twice")
+    return tuple(words)
+
+
+def _faces_are(count: int) -> str:
+    return f"{count} {'face is' if count == 1 else 'faces are'}"
 
 
 def allowed_for(tolerance: float | str | None, diagonal: float, resolution: float) -> tuple[float | None, float]:

@@ -132,6 +132,27 @@ def measure(mesh: Mesh) -> Measures:
     )
 
 
+def moments(mesh: Mesh) -> tuple[list[float] | None, list[float] | None]:
+    """Return the centroid of all cells, and their mean squares about it: xx, yy, zz, yz, zx, xy; None without extent.
+
+    Every cell has the weight of its area or length, so that a mirrored mesh has other products and the same squares.
+    """
+    frame = Frame.around(mesh.bounds)
+    corners = frame.inside(mesh.vertices)[mesh.cells]
+    sides = corners[:, 1:] - corners[:, :1]
+    weights = np.sqrt(np.linalg.det(sides @ sides.transpose(0, 2, 1)).clip(0))
+    if not weights.sum() > 0:
+        return None, None
+    weights /= weights.sum()
+    centroid = weights @ corners.mean(axis=1)
+    corners -= centroid
+    both = np.concatenate([corners, corners.sum(axis=1, keepdims=True)], axis=1)
+    width = mesh.cells.shape[1]
+    spread = np.einsum("k,kci,kcj->ij", weights, both, both) / (width * (width + 1))
+    products = [spread[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))]
+    return frame.outside(centroid).tolist(), [_finite(float(frame.length(x, 2))) or 0.0 for x in products]
+
+
 def centre_of_mass(mesh: Mesh) -> FloatArray:
     """(3,) centre of mass of the inside of a closed mesh: the mean of those of the tetrahedra over its faces."""
     frame = mesh.vertices.mean(axis=0)

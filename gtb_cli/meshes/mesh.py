@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,17 @@ from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
     import trimesh
+
+
+# By name: (r, w) numbers, and the (k, c) rows of them that the corners of cells have
+Values: TypeAlias = dict[str, tuple[FloatArray, IntArray]]
+# Names of values that are not attributes; the normals of an STL file's facets follow from their corners
+NORMALS, TEXTURE, FACETS = "normals", "texture coordinates", "facet normals"
+
+
+def no_values() -> Values:
+    """Return what a file holds that has nothing but positions and cells."""
+    return {}
 
 
 @by_value
@@ -296,6 +307,7 @@ class KnownMesh:
     half_steps: FloatArray
     format: str  # one of `FORMATS`, or "spec"
     space: str = ""  # what the file says of its unit and vertical axis
+    values: Callable[[], Values] = no_values  # normals, texture coordinates and attributes, which are read when asked
 
     @property
     def has_indices(self) -> bool:
@@ -305,7 +317,11 @@ class KnownMesh:
 
 def known_exactly(mesh: Mesh) -> KnownMesh:
     """A mesh that was computed here."""
-    return KnownMesh(mesh, rounding(largest_coordinates(mesh.used)), "spec")
+
+    def values() -> Values:
+        return {name: (numbers[:, None], mesh.cells) for name, numbers in mesh.attributes.items()}
+
+    return KnownMesh(mesh, rounding(largest_coordinates(mesh.used)), "spec", values=values)
 
 
 def rounding(largest: FloatArray) -> FloatArray:

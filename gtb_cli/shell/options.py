@@ -93,10 +93,10 @@ def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | 
 
 
 def _aspects(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[str, ...]:
-    aspects = ("orientation", "connectivity")
+    aspects = ("orientation", "connectivity", "attributes")
     words = [word.strip() for word in value.split(",")] if value is not None else []
     if wrong := [word for word in words if word not in aspects]:
-        raise click.BadParameter(f"expected {' or '.join(aspects)}, or both with a comma, got {wrong[0]!r}")
+        raise click.BadParameter(f"expected {', '.join(aspects)}, or several with commas, got {wrong[0]!r}")
     return tuple(aspect for aspect in aspects if aspect in words)
 
 
@@ -272,7 +272,8 @@ ignore_option = click.option(
     callback=_aspects,
     metavar="WHAT",
     help="What is not a difference between faces in the same place: orientation (turned over), connectivity (other "
-    "holes or parts, vertices shared in another way, faces missing, there twice or without area), or both.",
+    "holes or parts, vertices shared in another way, faces missing, there twice or without area), attributes (normals, "
+    "texture coordinates and further values at vertices), or several of them.",
 )
 
 

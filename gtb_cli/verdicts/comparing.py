@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import filecmp
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import combinations, groupby
 from typing import TYPE_CHECKING
 
 from gtb_cli.errors import GtbError
@@ -45,11 +46,6 @@ class Comparing:
         a, b = self.read(first), self.read(second)
         found = compared(a, b, self.tolerance, self.kind, self.ignore)
         notes = []
-        if self.kind == "auto" and not found.same and a.spec is not None and b.spec is not None:
-            other = compared(a, b, self.tolerance, "surface")
-            did = "vertex by vertex" if found.method == "vertices" else "as surfaces"
-            themselves = f"the surfaces themselves (--as surface) are {other.distance:.3g} apart"
-            notes.append(f"their meshes were compared {did}; {themselves}")
         if self.kind == "auto" and found.method == "surface" and found.same_kind and self.recipe.tolerance is None:
             made = made_with(a, b)
             if made not in (None, self.recipe.resolution):
@@ -71,13 +67,14 @@ class Comparing:
     def _folders(self, a: str, b: str) -> Iterator[Verdict]:
         matched, unreadable = pairs(a, b)
         has_meshes = any(suffix_of(path) in FORMATS for pair in matched.values() for path in pair if path)
+        same_as = _renamed(matched)
         for name in sorted({*unreadable, *matched}):
             first, second = matched.get(name, (None, None))
             paths = first or os.path.join(a, name), second or os.path.join(b, name)
             if name in unreadable:
                 yield Verdict(name, paths, "unreadable", errors=tuple(GtbError(unreadable[name]).faults))
             elif first is None or second is None:
-                yield Verdict(name, paths, "extra" if first is None else "missing")
+                yield Verdict(name, paths, "extra" if first is None else "missing", renamed=same_as.get(name, ""))
             else:
                 yield self._attempted(name, paths, partial(self._pair, *paths, has_meshes))
 
@@ -121,6 +118,20 @@ class Comparing:
         from gtb_cli.distances.comparison import decoded
 
         return decoded(mesh_or_spec(path), shown_input(path), self.recipe, self.reading)
+
+
+def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:
+    """By the names of files that only one folder has, those of files with equal bytes that only the other has."""
+    lone = {name: path for name, pair in matched.items() if None in pair for path in pair if path}
+    sizes = {name: os.path.getsize(path) for name, path in lone.items() if os.path.isfile(path)}
+    found: dict[str, str] = {}
+    for _, names in groupby(sorted(sizes, key=sizes.__getitem__), sizes.__getitem__):
+        for old, new in combinations(names, 2):
+            sides = matched[old][0] is None, matched[new][0] is None
+            alike = sides[0] != sides[1] and suffix_of(old) == suffix_of(new)
+            if alike and not {old, new} & found.keys() and filecmp.cmp(lone[old], lone[new], False):
+                found |= {old: new, new: old}
+    return found
 
 
 def mesh_or_spec(path: str) -> bytes:

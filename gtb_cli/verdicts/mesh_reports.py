@@ -13,6 +13,8 @@ from gtb_cli.verdicts.comparing import mesh_or_spec
 from gtb_cli.vocabulary import printable
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from gtb_cli.meshes.mesh import KnownMesh
 
 
@@ -37,15 +39,32 @@ def spec_or_report(path: str) -> Spec | dict[str, Any]:
 
 
 def _report(known: KnownMesh) -> dict[str, Any]:
-    from gtb_cli.meshes.measures import measure
+    from gtb_cli.meshes.measures import measure, moments
 
     mesh, measures = known.mesh, measure(known.mesh)
     cells = "segments" if mesh.is_curve else "faces"
     groups = [{"name": name, cells: stop - start} for name, start, stop in mesh.groups]
-    report = {"kind": "mesh", "format": known.format, **measures.record()}
+    space = {"space": known.space} if known.space else {}
+    report = {"kind": "mesh", "format": known.format, **space, **measures.record()}
     if not mesh.is_curve:
         report["turned_edges"] = measures.turned_edges
-    return {**report, f"collapsed_{cells}": measures.collapsed, "groups": groups}
+    centroid, spread = moments(mesh)
+    report |= {"centroid": centroid, "second_moments": spread}
+    held = {name: _digest(rows, of) for name, (rows, of) in sorted(known.values().items())}
+    digests = {"digests": {"positions": _digest(mesh.vertices), cells: _digest(mesh.cells), **held}}
+    return {**report, f"collapsed_{cells}": measures.collapsed, **digests, "groups": groups}
+
+
+def _digest(*arrays: NDArray[Any]) -> str:
+    """Return sixteen characters that change with the numbers of arrays, and with nothing else."""
+    import hashlib
+
+    import numpy as np
+
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array + 0.0, dtype="<f8").data)  # not -0
+    return digest.hexdigest()[:16]
 
 
 def mesh_line(name: str, report: dict[str, Any]) -> str:
@@ -65,12 +84,19 @@ def mesh_text(report: dict[str, Any]) -> str:
     max_groups_shown = 20
     shown = dict(report)
     groups = shown.pop("groups", [])
+    digests = shown.pop("digests", {})
     if box := shown.get("bounds"):
         size = max(map(operator.sub, *reversed(box)))
         shown["bounds"] = corners(box)
+        if shown.get("centroid") is not None:
+            shown["centroid"], shown["second_moments"] = (
+                row(_rounded(values, scale))
+                for values, scale in ((shown["centroid"], size), (shown["second_moments"], size * size))
+            )
         if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
     lines = [*labelled(shown).items()]
+    lines += [(f"digest of {name}", digest) for name, digest in digests.items()]
     for name, count in [group.values() for group in groups[:max_groups_shown]]:
         lines.append(("group", f"{name}: {count}"))
     if groups[max_groups_shown:]:
@@ -84,8 +110,14 @@ def _text(value: str | float | None) -> str:
 
 def corners(box: list[list[float]]) -> list[str]:
     """Write the lowest and highest coordinates of a box to eight digits of its size."""
-    digits = 8 - math.ceil(math.log10(max(map(operator.sub, *reversed(box))) or 1.0))
-    return [row([round(x, digits) + 0.0 for x in corner]) for corner in box]
+    size = max(map(operator.sub, *reversed(box)))
+    return [row(_rounded(corner, size)) for corner in box]
+
+
+def _rounded(values: list[float], size: float) -> list[float]:
+    """Round numbers to eight digits of a size."""
+    digits = 8 - math.ceil(math.log10(size or 1.0))
+    return [round(x, digits) + 0.0 for x in values]
 
 
 def row(values: list[float]) -> str:

@@ -18,7 +18,7 @@ def difference_record(found: Difference) -> dict[str, Any]:
         "bound": found.bound,
         "proved": found.is_proved,
         "turned_faces": found.turned,
-        "remarks": [*found.units, *found.remarks],
+        "remarks": [*found.words, *found.units, *found.remarks, *found.values],
         "ignored": list(found.ignored),
         "mean": found.mean,
         "asked_tolerance": found.asked,
@@ -35,13 +35,15 @@ def difference_text(found: Difference) -> str:
     """Return what follows the names of two meshes: how far they are apart, and what else differs, in a table."""
     what = "surfaces" if found.same_kind else "a curve and a surface,"
     tolerance = f"tolerance {found.tolerance:.3g}\n"
+    words = "".join(f"{word}; " for word in found.words)
     faults = "".join(f"  {fault}\n" for fault in found.faults)
     if found.method == "vertices":
-        text = f"the same faces, vertices up to {found.distance:.3g} apart (mean {found.mean:.3g}), {tolerance}"
-        if found.same or not found.distance:
+        text = f"{words}the same faces, vertices up to {found.distance:.3g} apart (mean {found.mean:.3g}), {tolerance}"
+        if found.distance <= found.tolerance:
             return text + faults
         where = f" of {found.group}" if found.group else ""
-        places = f"{_at(found.forward.at)} and {_at(found.backward.at)}"
+        digits = 9 if _at(found.forward.at) != _at(found.backward.at) else 17
+        places = f"{_at(found.forward.at, digits)} and {_at(found.backward.at, digits)}"
         return f"{text}{faults}  most at vertex {found.vertex}{where}: {places}\n"
     if found.method == "patches":
         apart = f"{found.distance:.3g} apart{' where they were looked at' if found.is_loose else ''}"
@@ -51,7 +53,7 @@ def difference_text(found: Difference) -> str:
     at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
     if not found.is_proved:
         at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
-    text = f"other faces, {what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
+    text = f"{words}other faces, {what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
     from gtb_cli.meshes.measures import labelled
 
     rows = [labelled(measures.record()) for measures in (found.first, found.second) if measures is not None]
@@ -81,5 +83,5 @@ def _number(value: float | int | None, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}g}"
 
 
-def _at(point: Point) -> str:
-    return f"({' '.join(f'{x:.9g}' for x in point)})"
+def _at(point: Point, digits: int = 9) -> str:
+    return f"({' '.join(f'{x:.{digits}g}' for x in point)})"

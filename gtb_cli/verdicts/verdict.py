@@ -31,6 +31,7 @@ class Verdict:
     warnings: tuple[str, ...] = ()  # where the answer does not quite fit the question
     notes: tuple[str, ...] = ()  # what else could be asked
     errors: tuple[Fault, ...] = ()  # why a file is unreadable
+    renamed: str = ""  # the name of a file in the other folder with equal bytes, if this one is missing there
     meshes: tuple[Mesh | None, Mesh | None] = (None, None)  # None if they are the same, or not meshes
 
     @property
@@ -55,7 +56,10 @@ class Verdict:
             return ""
         if self.word in ("missing", "extra"):
             there, other = self.paths if self.word == "missing" else self.paths[::-1]
-            return f"{printable(f'{self.word}: {there} is not in {other[: -len(self.name)].rstrip(os.sep)}')}\n"
+            renamed = f", where it is called {self.renamed}" if self.renamed else ""
+            return (
+                f"{printable(f'{self.word}: {there} is not in {other[: -len(self.name)].rstrip(os.sep)}{renamed}')}\n"
+            )
         text = difference_text(self.found) if self.found else f"{'equal' if self.same else 'other'} bytes\n"
         return f"{printable(f'{self.word}: {self.paths[0]} and {self.paths[1]}')}: {text}"
 

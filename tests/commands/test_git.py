@@ -39,7 +39,31 @@ def test_git_diff_shows_a_change_as_text(repository):
     changed = shell("git diff", repository)
     assert changed.status == 0
     lines = [line for line in changed.text.splitlines() if line[0] in "+-"]
-    assert [line.split()[0] for line in lines[2:]] == ["-area", "+area"]
+    said = ["area", "centroid", "digest of positions", "second moments"]
+    assert sorted({line[1:22].strip() for line in lines[2:]}) == said
+
+
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        ("s/^v 1.5.*/v 1.5 1.001 2/", "centroid"),  # a vertex moved
+        (r"s/^v \([^ ]*\) /v -\1 /", "centroid"),  # mirrored in x
+        ("s/^vn .*/vn 0 0 -1/", "digest of normals"),
+        ("s/^vt 1.*/vt 0.5 0.5/", "digest of texture coordinates"),
+        (r"s/^f \([^ ]*\) \([^ ]*\)/f \2 \1/", "digest of faces"),
+    ],
+)
+def test_git_diff_shows_every_change_of_a_mesh(repository, edit, said):
+    made = f"gtb mesh -q p.toml -n 4 --normals --uv -o 'a mesh.obj' && git add . && {IDENTITY} commit -qm more"
+    assert shell(f"{made} && sed -i '0,/xxx/{edit}' 'a mesh.obj'", repository).status == 0
+    assert said in shell("git diff", repository).text
+
+
+def test_git_diff_shows_no_other_digits(repository):
+    made = f"gtb mesh -q p.toml -n 1 -o 'a mesh.obj' && git add . && {IDENTITY} commit -qm more"
+    edit = r"sed -i 's/^v \(.*\)\.00000000/v \1.0/' 'a mesh.obj'"
+    assert shell(f"{made} && {edit} && git diff --stat | grep -q obj", repository).status == 0
+    assert not [line for line in shell("git diff", repository).text.splitlines()[4:] if line[0] in "+-"]
 
 
 def test_git_diff_shows_a_mesh_that_breaks(repository):

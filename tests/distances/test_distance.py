@@ -127,7 +127,7 @@ def test_the_same_surface_within_a_loose_bound_is_not_called_so_without_it():
     ("options", "message"),
     [
         ({"kind": "misspelt"}, "kind: expected auto or vertices or surface, got 'misspelt'"),
-        ({"ignore": ["orientation", "x"]}, "ignore: expected orientation or connectivity, got 'x'"),
+        ({"ignore": ["orientation", "x"]}, "ignore: expected orientation or connectivity or attributes, got 'x'"),
         *(({"tolerance": value}, "tolerance: expected a number from 0, or a percentage")
           for value in ("1e-6", "nan%", "1_0%", -1, math.inf, [1])),
     ],
@@ -147,11 +147,10 @@ def test_one_aspect_may_be_ignored_by_its_name():
 def test_what_diff_compares():
     patch = load(SPECS / "bezier-triangle.toml")
     raised = elevate(patch)
-    found = diff(patch, raised, kind="surface")
+    found = diff(patch, raised)
     assert (found.same, found.method, found.is_proved, found.distance) == (True, "patches", False, 0.0)
     assert found.bound < 1e-9
-    assert diff(patch, raised).method == "vertices"
-    assert diff(patch, raised).distance == pytest.approx(0.0747, abs=1e-4)
+    assert diff(patch, raised, kind="vertices").distance == pytest.approx(0.0747, abs=1e-4)
     assert not diff(patch, load(SPECS / "example-3.1.toml"), "1000%", kind="surface").same
     meshes = tessellate(patch, 3), tessellate(patch, 3)
     assert [diff(*meshes, kind=kind).method for kind in ("auto", "vertices", "surface")] == [

@@ -15,7 +15,7 @@ import trimesh
 from hypothesis import given, strategies as st
 
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.glb import glb_chunks
+from gtb_cli.formats.glb_tree import glb_chunks
 from gtb_cli.formats.meshfiles import decode_mesh, format_of, read_mesh
 from gtb_cli.formats.obj import read_obj
 from gtb_cli.meshes.mesh import Mesh

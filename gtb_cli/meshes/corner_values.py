@@ -1,0 +1,62 @@
+"""What two meshes with the same cells hold at their corners, compared: normals, texture coordinates and attributes."""
+
+import math
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.meshes.correspondence import Matching
+from gtb_cli.meshes.mesh import FACETS, NORMALS, KnownMesh
+
+NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
+VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers
+
+
+def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, ...]:
+    """Tell which values differ at the corners of matched cells, and where most; normals of facets do not count.
+
+    What only one of the meshes has is told if both are files of one format: others cannot hold the same.
+    """
+    here, there = ({name: found for name, found in each.values().items() if name != FACETS} for each in (a, b))
+    remarks = []
+    for name in sorted({*here, *there}):
+        if name in here and name in there:
+            rows, others = _at_corners(matched, here[name], there[name])
+            remarks += _unlike(name, rows, others, a.mesh.cells.ravel()[matched.slots[0]])
+        elif a.format == b.format:
+            remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
+    return tuple(remarks)
+
+
+def holds_values(mesh: KnownMesh) -> bool:
+    """Tell whether a mesh has values that `unlike_values` compares."""
+    return bool(mesh.values().keys() - {FACETS})
+
+
+def _at_corners(matched: Matching, *values: tuple[FloatArray, IntArray]) -> list[FloatArray]:
+    """(n, w) values of each of two meshes at the corners that belong together."""
+    return [rows[of.ravel()[slots]] for (rows, of), slots in zip(values, matched.slots, strict=True)]
+
+
+def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
+    if rows.shape != others.shape:
+        return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
+    if name == NORMALS:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rows, others = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (rows, others))
+    gone = (np.isnan(rows) != np.isnan(others)).any(axis=1)
+    if gone.any():
+        return [f"{name}: at {gone.sum()} corners in one of them only, first at vertex {vertex[np.argmax(gone)]}"]
+    with np.errstate(invalid="ignore", over="ignore"):
+        apart = np.where((rows == others) | np.isnan(rows), 0.0, np.abs(rows - others))
+    if name == NORMALS:
+        chords = np.linalg.norm(apart, axis=1)
+        most = int(chords.argmax())
+        angle = math.degrees(2 * math.asin(min(chords[most] / 2, 1.0)))
+        told = f"up to {angle:.3g} degrees apart (tolerance {NORMALS_TOLERANCE:g})"
+        return [f"{name}: {told}, most at vertex {vertex[most]}"] if angle > NORMALS_TOLERANCE else []
+    finite = [np.abs(each[np.isfinite(each)]).max(initial=0.0) for each in (rows, others)]
+    most = int(np.nan_to_num(apart, nan=np.inf).max(axis=1).argmax())
+    farthest, allowed = float(np.nan_to_num(apart[most], nan=np.inf).max()), VALUES_TOLERANCE * max(finite)
+    told = f"up to {farthest:.3g} apart (tolerance {allowed:.3g})"
+    return [f"{name}: {told}, most at vertex {vertex[most]}"] if farthest > allowed else []

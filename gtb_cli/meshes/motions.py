@@ -1,0 +1,67 @@
+"""What was done to a mesh, in the words of the person who did it: moved, enlarged, turned, mirrored."""
+
+import math
+from itertools import permutations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.vocabulary import UNITS
+
+
+def told_motion(points: FloatArray, others: FloatArray, tolerance: float) -> tuple[str, ...]:
+    """Name the similarity that takes (m, 3) points within the tolerance to others, simple ones first; () if none does.
+
+    Least squares of a turn, a scale and a shift: Umeyama, IEEE PAMI 13 (1991), 376.
+    """
+    middle, other_middle = points.mean(axis=0), others.mean(axis=0)
+    size = float(np.abs(points - middle).max(initial=0.0))
+    if not 0 < size < math.inf:
+        return ()
+    here, there = (points - middle) / size, (others - other_middle) / size
+    left, _, right = np.linalg.svd(there.T @ here)
+    proper = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
+    flips = [np.diag([-1.0 if axis == flipped else 1.0 for axis in range(3)]) for flipped in range(3)]
+    for turn in (np.eye(3), *flips, left @ proper @ right, left @ -proper @ np.diag([-1, -1, 1]) @ right):
+        scale = float(np.sum(there * (here @ turn.T)) / np.sum(here**2))
+        scale = 1.0 if abs(scale - 1) * size <= tolerance else scale
+        if scale > 0 and np.abs(there - scale * here @ turn.T).max() * size <= tolerance:
+            shift = other_middle - scale * turn @ middle
+            is_moved_only = scale == 1 and np.array_equal(turn, np.eye(3))
+            lever = 1.0 if is_moved_only else 1.0 + float(np.abs(middle).max()) / size  # by which a turn's error grows
+            return _words(turn, scale, np.where(np.abs(shift) > tolerance * lever, shift, 0.0))
+    return ()
+
+
+def _words(turn: FloatArray, scale: float, shift: FloatArray) -> tuple[str, ...]:
+    words = []
+    is_mirrored = np.linalg.det(turn) < 0
+    axis, degrees = _axis(-turn if is_mirrored else turn)
+    if is_mirrored and np.abs(turn + np.eye(3)).max() < 1e-9:
+        words.append("mirrored in a point")
+    elif is_mirrored:
+        words.append(f"mirrored in {axis}")
+        degrees -= math.copysign(180, degrees)
+    if scale != 1:
+        exchanged = [(u, v) for u, v in permutations(UNITS, 2) if abs(UNITS[u] / UNITS[v] / scale - 1) < 1e-6]
+        units = "".join(f" (1 {u} for 1 {v})" for u, v in exchanged[:1])
+        words.append(f"{scale:.6g} times as large{units}")
+    if abs(degrees) > 1e-6:
+        words.append(f"turned by {degrees:.6g}° about {axis}")
+    if shift.any():
+        words.append(f"moved by ({', '.join(f'{x:.6g}' for x in shift)})")
+    return tuple(words)
+
+
+def _axis(turn: FloatArray) -> tuple[str, float]:
+    """The axis of a rotation, by its letter if it has one, and the angle in degrees, counter-clockwise."""
+    skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
+    degrees = math.degrees(math.atan2(np.linalg.norm(skew), (np.trace(turn) - 1) / 2))
+    both = turn + turn.T + (1 - np.trace(turn)) * np.eye(3)  # a multiple of the axis times itself
+    axis = both[:, np.argmax(np.abs(np.diag(both)))]
+    axis = axis / (np.linalg.norm(axis) or 1.0)
+    degrees *= -1.0 if axis @ skew < 0 and degrees < 180 - 1e-6 else 1.0
+    for letter, unit in zip("xyz", np.eye(3), strict=True):
+        if abs(axis @ unit) > 1 - 1e-12:
+            return letter, degrees * (1.0 if axis @ unit > 0 or degrees > 180 - 1e-6 else -1.0)
+    return f"({', '.join(f'{x:.6g}' for x in axis)})", degrees
