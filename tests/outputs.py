@@ -1,13 +1,249 @@
-"""JSON that commands print, against the schemas of `gtb schema --output`."""
+"""The JSON that commands print or write: tables of the keys that are always there, and of others, and their check.
+
+A kind of value is a word of JSON Schema, a list of another kind, a set of words, one number, None for null, a tuple of
+kinds for any of them, or an object with the kind of each key, where a key that ends in ``?`` may be missing.
+"""
 
 import json
 from functools import cache
+from typing import Any, TypeAlias
 
 import jsonschema
 
-from gtb_cli.language.outputs import schema_of
-from gtb_cli.vocabulary import OUTPUTS
+from gtb_cli.vocabulary import SCHEMA
 from tests.shell import Result
+
+Kind: TypeAlias = object
+
+TEXT, NUMBER, INTEGER, BOOLEAN = "string", "number", "integer", "boolean"
+POINT = [NUMBER]
+BOX = [POINT]
+
+
+def _each(keys: str, kind: Kind) -> dict[str, Kind]:
+    """Return the kind of several keys."""
+    return dict.fromkeys(keys.split(), kind)
+
+
+HEAD: dict[str, Kind] = {"schema": SCHEMA}
+EXTENTS = _each("length? length_error? area? area_error? volume? volume_error?", NUMBER)
+
+FAULT: dict[str, Kind] = {
+    **_each("file key", (TEXT, None)),
+    **_each("line column", (INTEGER, None)),
+    "message": TEXT,
+    "severity": {"error", "warning"},
+}
+
+EVALUATED: dict[str, Kind] = {
+    "parameters": [POINT],
+    **_each("normals? curvature?", [[(NUMBER, None)]]),
+    **_each("derivatives? second_derivatives?", [[[(NUMBER, None)]]]),
+}
+
+MEASURES: dict[str, Kind] = {
+    "vertices": INTEGER,
+    **_each("faces? segments?", INTEGER),
+    "bounds": BOX,
+    **_each("components euler_characteristic", INTEGER),
+    **_each("length? area? volume? boundary_length?", (NUMBER, None)),
+    **_each("open_ends? open_edges? crowded_edges?", INTEGER),
+}
+
+MESH = MEASURES | {
+    "kind": {"mesh"},
+    "format": TEXT,
+    "space?": TEXT,
+    **_each("centroid second_moments", ([NUMBER], None)),
+    "digests": "object",
+    **_each("turned_edges? collapsed_faces? collapsed_segments?", INTEGER),
+    "groups": [{"name": TEXT, "faces?": INTEGER, "segments?": INTEGER}],
+}
+FAULTY: dict[str, Kind] = {"kind": {"mesh"}, "fault": TEXT, "bytes": INTEGER, "sha256": TEXT}
+
+PATCH: dict[str, Kind] = {
+    "name": (TEXT, None),
+    "kind": TEXT,
+    "degree": ([INTEGER], None),
+    **_each("dimension knots", INTEGER),
+    "hull_vertices": [POINT],
+    "edges": [[INTEGER]],
+    "edge_normals": (TEXT, None),
+    "repeated_knots": [[INTEGER]],
+    **_each("bounding_box control_box", BOX),
+    "linear_precision_error": (NUMBER, None),
+    **EXTENTS,
+}
+
+MODEL: dict[str, Kind] = {
+    "name": (TEXT, None),
+    "kind": {"model"},
+    "dimension": INTEGER,
+    **_each("bounding_box control_box", BOX),
+    **_each("closed one_sided", BOOLEAN),
+    "shared_edges": INTEGER,
+    **_each("open_edges collapsed_edges not_joined", [TEXT]),
+    "almost_shared_edges": [{"edges": [TEXT], "distance": NUMBER}],
+    "welded_edges": INTEGER,
+    "welded_distance": NUMBER,
+    "crowded_edges": [[TEXT]],
+    "joints": [{"edges": [TEXT], "angle": (NUMBER, None), "place": POINT, "curvature_difference": (NUMBER, None)}],
+    "patches": [PATCH],
+    **EXTENTS,
+}
+
+FINDING: Kind = {
+    **_each("name reference reason", TEXT),
+    "status": {"holds", "fails", "not applicable", "not decided", "measured"},
+    **_each("value bound", (NUMBER, None)),
+}
+CHECKED: dict[str, Kind] = {"name": (TEXT, None), "holds": BOOLEAN, "properties": [FINDING]}
+CHECKED_MODEL: dict[str, Kind] = {"name": (TEXT, None), "holds": BOOLEAN, "patches": [CHECKED], "joints": [FINDING]}
+
+FARTHEST: Kind = {"distance": NUMBER, "at": POINT}
+COMPARED_FILE: Kind = {"file": TEXT} | {f"{key.removesuffix('?')}?": kind for key, kind in MEASURES.items()}
+COMPARED_BYTES: dict[str, Kind] = {
+    "same": BOOLEAN,
+    "distance": (NUMBER, None),
+    "method": {"bytes"},
+    **_each("a b", COMPARED_FILE),
+}
+COMPARED: dict[str, Kind] = COMPARED_BYTES | {
+    "method": {"vertices", "surface", "patches"},
+    "tolerance": NUMBER,
+    "bound": (NUMBER, None),
+    "proved": BOOLEAN,
+    "turned_faces": INTEGER,
+    **_each("remarks ignored warnings", [TEXT]),
+    "mean": (NUMBER, None),
+    "asked_tolerance": (NUMBER, None),
+    "resolution": NUMBER,
+    "diagonal": NUMBER,
+    "vertices": ([INTEGER], None),
+    "group": (TEXT, None),
+    **_each("a_to_b b_to_a", FARTHEST),
+}
+NOT_COMPARED: dict[str, Kind] = {"same": False, "errors": [FAULT]}
+FOLDERS: dict[str, Kind] = {
+    "same": BOOLEAN,
+    "files": [({"name": TEXT} | COMPARED, {"name": TEXT} | COMPARED_BYTES)],
+    "missing": [TEXT],
+    "extra": [TEXT],
+    "errors": [{"name": TEXT} | FAULT],
+}
+
+CONE: dict[str, Kind] = {
+    "cells": [[INTEGER]],
+    "absent": [INTEGER],
+    "lifting": [NUMBER],
+    **_each("dimension used", INTEGER),
+}
+CELLS: dict[str, Kind] = {"cells": [[INTEGER]], "polygons": [[INTEGER]], "absent": [INTEGER]}
+
+VERSIONS: dict[str, Kind] = {
+    **_each("gtb sources python system processor", TEXT),
+    **_each("numpy scipy trimesh", (TEXT, None)),
+}
+
+MEMBER: Kind = {
+    "file": TEXT,
+    "x?": (NUMBER, {"inf"}),
+    "step?": NUMBER,
+    "vertices": INTEGER,
+    "faces": INTEGER,
+    "distance_to_limit": (NUMBER, None),
+    "distance_error": (NUMBER, None),
+    "distance_to_limit_with_film?": (NUMBER, None),
+}
+
+RATE: Kind = _each("predicted measured measured_from measured_to", (NUMBER, None))
+
+MADE: Kind = MEASURES | {
+    "file": TEXT,
+    "sha256": TEXT,
+    "bytes": INTEGER,
+    "inputs": "object",
+    "warnings": [TEXT],
+    "tolerance?": NUMBER,
+    "assurance?": TEXT,
+    "versions?": VERSIONS,
+}
+
+BENT = _each("area bending variation curvature relative_error", NUMBER)
+FILLED: dict[str, Kind] = {
+    "name": (TEXT, None),
+    "sides": [
+        {
+            "name": TEXT,
+            **_each("angle curvature_difference", (NUMBER, None)),
+            **_each("place curvature_place", (POINT, None)),
+        }
+    ],
+    "corner_angles": [(NUMBER, None)],
+    "corners": [
+        {
+            "corner": INTEGER,
+            "at": POINT,
+            **_each("angle curvature curvature_exponent", (NUMBER, None)),
+            "folds": BOOLEAN,
+        }
+    ],
+    "patches": [(TEXT, None)],
+    **BENT,
+    "nearer": BENT,
+    **_each("folds sharp_turns knots", INTEGER),
+    "remarks": [TEXT],
+    "fault": (TEXT, None),
+}
+
+# What is printed or written, by its name, with its title
+SCHEMAS: dict[str, tuple[str, tuple[dict[str, Kind], ...]]] = {
+    "info": ("gtb info as JSON", tuple(HEAD | kind for kind in (PATCH, MODEL, MESH, FAULTY))),
+    "check": ("gtb check as JSON", tuple(HEAD | kind for kind in (CHECKED, CHECKED_MODEL))),
+    "diff": ("gtb diff as JSON", tuple(HEAD | kind for kind in (COMPARED, COMPARED_BYTES, FOLDERS, NOT_COMPARED))),
+    "decompose": (
+        "gtb decompose as JSON",
+        tuple(HEAD | kind for kind in (CELLS, {"patches": [CELLS]}, {"decompositions": [CONE]})),
+    ),
+    "eval": ("gtb eval as JSON", tuple(HEAD | EVALUATED | {key: [POINT]} for key in ("points", "basis"))),
+    "fill": ("gtb fill as JSON", (HEAD | FILLED,)),
+    "errors": ("errors and warnings on standard error", (HEAD | {"errors": [FAULT], "status": INTEGER},)),
+    "version": ("gtb and its packages", (HEAD | VERSIONS | {"click": TEXT},)),
+    "sequence": ("sequence.json", (HEAD | {"name": (TEXT, None), "meshes": [MEMBER], "rate": RATE},)),
+    "manifest": ("the manifest of gtb mesh", (HEAD | {"versions": VERSIONS, "options": "object", "files": [MADE]},)),
+}
+OF_SEVERAL = ("info", "check")  # which take several inputs, and then print a list
+
+
+def schema_of(name: str) -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of an output, or of a list of them, each with its file."""
+    title, kinds = SCHEMAS[name]
+    entries = [tuple(kind | {"file": TEXT} for kind in kinds)]
+    found = _schema((*kinds, entries) if name in OF_SEVERAL else kinds)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title, **found}
+
+
+def _schema(kind: Kind) -> dict[str, Any]:
+    match kind:
+        case None:
+            return {"type": "null"}
+        case str():
+            return {"type": kind}
+        case int():
+            return {"const": kind}
+        case set():
+            return {"enum": sorted(kind)}
+        case list():
+            return {"type": "array", "items": _schema(kind[0])}
+        case tuple():
+            return {"anyOf": [_schema(each) for each in kind]} if len(kind) > 1 else _schema(kind[0])
+        case dict():
+            return {
+                "type": "object",
+                "required": [key for key in kind if not key.endswith("?")],
+                "properties": {key.removesuffix("?"): _schema(value) for key, value in kind.items()},
+            }
+    raise TypeError(f"{kind!r} is no kind of value")
 
 
 @cache
@@ -19,7 +255,7 @@ def check_json(line: str, done: Result) -> None:
     """What a line that asks for JSON prints is valid, on both streams."""
     words = line.split()
     if done.text.startswith(("{", "[")) and "gtb" in words and "--json" in words:
-        name = next((name for name in OUTPUTS if name in words), "version")
+        name = next((name for name in SCHEMAS if name in words), "version")
         validator(name).validate(json.loads(done.text))
     for text in done.err.splitlines():
         if text.startswith("{"):

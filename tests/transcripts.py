@@ -13,7 +13,7 @@
 
 A session has a folder of its own, in which `specs` is that of the repository; commands before the first title open
 every session. A command, which `> ` continues over lines, is followed by its status where that is not 0, the lines of
-its standard output, and behind `! ` those of standard error; JSON must also be as `gtb schema --output` says. … stands
+its standard output, and behind `! ` those of standard error; JSON must also be as `tests/outputs.py` says. … stands
 for anything in a line, and for any number of lines where it is alone. A title that begins with `long: ` leaves its
 session out of `make test`. Commands run in the process of the tests but where they need a shell (shell.run_line).
 

@@ -9,20 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.errors import Fault, GtbError, RequirementError
+from gtb_cli.errors import GtbError
 from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import Console
-from gtb_cli.shell.options import require_option
 from gtb_cli.shell.several import ReportRequest, report_options
-from gtb_cli.shell.streams import is_terminal, shown_input, spec_of
+from gtb_cli.shell.streams import is_terminal, spec_of
 
 if TYPE_CHECKING:
     from gtb_cli.checks.report import Finding, ModelReport, Report
 
 
 @click.command
-@report_options(require_option("Exit with status 1"))
-def check(request: ReportRequest, require: tuple[str, ...], console: Console) -> None:
+@report_options()
+def check(request: ReportRequest, console: Console) -> None:
     """\b
     Example: gtb check specs/pentagon.toml
 
@@ -32,16 +31,14 @@ def check(request: ReportRequest, require: tuple[str, ...], console: Console) ->
     where the paper states it, and what was measured. A property whose conditions are not met is "not applicable", one
     that rounding hides is "not decided", and a number without a verdict is "measured". In a model, each patch and the
     joints between patches are checked; what fails is listed, and --json has the rest. Several specs, or those in a
-    folder, get a line each, unless --long or --json asks for everything. Exit status 1 if a property or requirement
-    fails, 2 if a spec cannot be read.
+    folder, get a line each, unless --long or --json asks for everything. Exit status 1 if a property fails, 2
+    if a spec cannot be read.
     """
     from gtb_cli.checks.report import counts
 
     output = request.output
     colours = is_terminal(output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-    found, errors = request.found(partial(_checked, require=require))
-    rows = [(name, report) for name, (report, _) in found]
-    refused = [fault for _, (_, faults) in found for fault in faults]
+    rows, errors = request.found(_checked)
     request.write(
         rows,
         _data,
@@ -49,30 +46,17 @@ def check(request: ReportRequest, require: tuple[str, ...], console: Console) ->
         partial(_text, colours=colours),
     )
     if errors:
-        raise GtbError(*errors, *refused)
-    if refused:
-        raise RequirementError(*refused)
+        raise GtbError(*errors)
     if not all(row.holds for _, row in rows):
         raise click.exceptions.Exit(1)
 
 
-def _checked(
-    spec: str, reading: Reading, weld: float | str | None, require: tuple[str, ...]
-) -> tuple[Report | ModelReport, list[Fault]]:
-    """Return the report on a spec, and the requirements that its mesh does not meet."""
+def _checked(spec: str, reading: Reading, weld: float | str | None) -> Report | ModelReport:
     from gtb_cli.checks.properties import check as measure
     from gtb_cli.models.model import with_weld
-    from gtb_cli.tessellation.recipe import Recipe
 
     with spec_of(spec, reading) as read:
-        loaded = with_weld(read, weld)
-        report = measure(loaded)
-        try:
-            if require:
-                Recipe(require=require).mesh(loaded)
-        except RequirementError as error:
-            return report, error.within(shown_input(spec)).faults
-    return report, []
+        return measure(with_weld(read, weld))
 
 
 def _data(report: Report | ModelReport) -> dict[str, Any]:

@@ -46,7 +46,6 @@ GROUPS = {
         "decompose": "Print the regular decomposition of a lifting, or all.",
         "elevate": "Elevate the degree: more control points for the same image.",
         "boundary": "Print the curves along the edges of a surface.",
-        "isocurve": "Print the curve on which a parameter keeps its value.",
         "coefficients": "Make the basis add up to 1, where possible.",
     },
     "Help": {
@@ -61,7 +60,7 @@ ROOMS = {
     "evaluate": "eval",
     "guides": "completion help schema",
     "imports": "import",
-    "respec": "bezier boundary coefficients elevate expand fair isocurve",
+    "respec": "bezier boundary coefficients elevate expand fair",
     "sequences": "degenerate knot-limit",
 }
 

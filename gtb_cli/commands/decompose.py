@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 @json_option
 @click.option("--all", "every", is_flag=True, help="Print every regular decomposition of the knots, by any lifting.")
 @click.option("--triangulations", is_flag=True, help="With --all: only the finest.")
-@click.option("--flips", is_flag=True, help="With --all: the numbers of the triangulations that are one flip away.")
 @click.option("--max", "most", type=WholeNumber(1), metavar="N", help="With --all: stop at this many.")
 @streams_options
 def decompose(
@@ -31,7 +30,6 @@ def decompose(
     as_json: bool,
     every: bool,
     triangulations: bool,
-    flips: bool,
     most: int | None,
     streams: Streams,
 ) -> None:
@@ -50,13 +48,13 @@ def decompose(
     """
     from gtb_cli.models.model import Model
 
-    given = {"--triangulations": triangulations, "--flips": flips, "--max": most is not None}
+    given = {"--triangulations": triangulations, "--max": most is not None}
     if every:
         if lifting is not None:
             raise click.UsageError("--all tries every lifting: leave out --lifting")
         with streams.spec_of(spec) as loaded:
             cones = all_decompositions(single(loaded), streams.console, triangulations=triangulations, most=most)
-        _write_all(cones, flips, as_json, streams)
+        _write_all(cones, as_json, streams)
         return None
     for option in (name for name, is_given in given.items() if is_given):
         raise click.UsageError(f"{option} is for --all")
@@ -98,13 +96,11 @@ def _text(found: RegularDecomposition) -> str:
     return "".join([*lines, f"absent: {' '.join(map(str, found.absent)) or 'none'}\n"])
 
 
-def _write_all(cones: list[LiftingCone], flips: bool, as_json: bool, streams: Streams) -> None:
-    numbers = {cone.cells: number for number, cone in enumerate(cones)}
+def _write_all(cones: list[LiftingCone], as_json: bool, streams: Streams) -> None:
     records: list[dict[str, Any]] = []
     for cone in cones:
         record = {"cells": cone.cells, "absent": cone.absent, "lifting": cone.lifting.tolist()}
-        record |= {"dimension": cone.dimension, "used": cone.used}
-        records.append(record | ({"flips": sorted(numbers[x] for x in cone.flips if x in numbers)} if flips else {}))
+        records.append(record | {"dimension": cone.dimension, "used": cone.used})
     if as_json:
         write_json(streams.output, {"decompositions": records}, by_row=True)
     else:
@@ -114,5 +110,4 @@ def _write_all(cones: list[LiftingCone], flips: bool, as_json: bool, streams: St
 
 def _line(record: dict[str, Any]) -> str:
     cells = ", ".join(" ".join(map(str, cell)) for cell in record["cells"])
-    others = {"absent": record["absent"], "flips": record.get("flips")}
-    return "; ".join([cells, *(f"{name} {' '.join(map(str, which))}" for name, which in others.items() if which)])
+    return "; ".join([cells, *([f"absent {' '.join(map(str, record['absent']))}"] if record["absent"] else [])])

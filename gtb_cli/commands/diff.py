@@ -23,7 +23,6 @@ from gtb_cli.shell.options import (
     parametrization_option,
     resolution_option,
     text_options,
-    tolerance_of,
 )
 from gtb_cli.shell.streams import refuse_overwriting, refuse_reports, shown_input, write_json, write_text
 from gtb_cli.tessellation.recipe import Recipe
@@ -65,12 +64,6 @@ def _reports(_ctx: click.Context, _param: click.Parameter, value: tuple[str, ...
     "PAGE.md, a table of the numbers. May be repeated.",
 )
 @resolution_option
-@click.option(
-    "--mesh-tolerance",
-    callback=tolerance_of,
-    metavar="T",
-    help="Instead of -n: mesh a spec with this tolerance, as gtb mesh --tolerance does.",
-)
 @parametrization_option
 @max_faces_option
 @json_option
@@ -83,7 +76,6 @@ def diff(
     ignore: tuple[Aspect, ...],
     reports: tuple[str, ...],
     resolution: int | None,
-    mesh_tolerance: float | str | None,
     parametrization: Parametrization,
     max_faces: int,
     as_json: bool,
@@ -116,9 +108,7 @@ def diff(
     """
     if a == b == STANDARD:
         raise click.UsageError("standard input can be read only once")
-    if resolution is not None and mesh_tolerance is not None:
-        raise click.UsageError("-n and --mesh-tolerance exclude each other")
-    recipe = Recipe(resolution or RESOLUTION, mesh_tolerance, parametrization, max_faces=max_faces)
+    recipe = Recipe(resolution or RESOLUTION, None, parametrization, max_faces=max_faces)
     for path in (a, b):
         if path != STANDARD and not os.path.exists(path):
             takes = (

@@ -57,7 +57,7 @@ class GroupedOptions(click.Command):
         "How fine": "resolution tolerance max_faces",
         "What must hold": "require",
         "Where it goes, and how it is written": "output watch format ascii up unit",
-        "For CI": "manifest resume prune",
+        "For CI": "manifest resume",
         "For many specs and machines": "jobs cluster",
     }
 
@@ -90,11 +90,6 @@ class GroupedOptions(click.Command):
     "an interrupted run can be resumed.",
 )
 @click.option(
-    "--prune",
-    is_flag=True,
-    help="Remove meshes in OUT that the old manifest lists, unchanged since, and that no spec given makes.",
-)
-@click.option(
     "--unit",
     type=click.Choice([*UNITS]),
     help=f"Unit of length of STEP, IGES and 3MF files, {next(iter(UNITS))} without this option; GLB files, which are "
@@ -103,13 +98,7 @@ class GroupedOptions(click.Command):
 @gathered("streams", Streams, reading_option, console_option)
 @watched
 def mesh(
-    specs: tuple[str, ...],
-    options: MeshOptions,
-    workers: Workers,
-    manifest: str | None,
-    resume: bool,
-    prune: bool,
-    streams: Streams,
+    specs: tuple[str, ...], options: MeshOptions, workers: Workers, manifest: str | None, resume: bool, streams: Streams
 ) -> None:
     """\b
     Example: gtb mesh specs/pentagon.toml -o pentagon.obj
@@ -136,8 +125,6 @@ def mesh(
     folder = output if _is_for_folder(specs, paths, output) else None
     if resume and (manifest is None or manifest == STANDARD or is_device(manifest)):
         raise click.UsageError("--resume needs --manifest FILE, which shows what is up to date")
-    if prune and not (resume and folder is not None):
-        raise click.UsageError("--prune needs --resume and a folder of meshes")
     place = output if folder is None else os.path.join(folder, "")
     kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_FORMATS))
     check_unit(options, kind)
@@ -158,14 +145,6 @@ def mesh(
         _check_targets(plan)
     if book is not None:
         book.expect([task.output for task in plan])
-        if folder is not None and plan:
-            also = [_output(place, kind, stem_of(path)) for path in paths]  # those with errors
-            for name in book.left_over([*also, *(task.output for task in plan)]):
-                if prune:
-                    book.remove(name)
-                    console.note(f"{name}: removed, no spec makes it now")
-                else:
-                    console.warn(f"{name}: no spec makes it now (--prune removes it)")
 
     work = [task for task in plan if task.kept is None]
     made = partial(_made, options=options, kind=kind)

@@ -1,4 +1,4 @@
-"""`gtb expand`, `elevate`, `boundary`, `isocurve`, `bezier`, `coefficients` and `fair`: a spec in, another one out."""
+"""`gtb expand`, `elevate`, `boundary`, `bezier`, `coefficients` and `fair`: a spec in, another one out."""
 
 from __future__ import annotations
 
@@ -79,32 +79,6 @@ def boundary(spec: Spec, edge: int | None) -> Spec:
     if edge is not None:
         return patch.boundary(edge)
     return Model(tuple(map(patch.boundary, range(len(patch.domain.vertices)))), patch.name)
-
-
-@click.command
-@spec_argument
-@click.option("--u", "u", callback=numbers_of, metavar="V", help="Keep the first parameter at this value.")
-@click.option("--v", "v", callback=numbers_of, metavar="V", help="Keep the second parameter at this value.")
-@streams_options
-def isocurve(spec: str, u: tuple[float, ...] | None, v: tuple[float, ...] | None, streams: Streams) -> None:
-    """\b
-    Example: gtb isocurve specs/bicubic.toml --u 3/2
-
-    Print the spec of the curve on a surface along which one (toric) parameter keeps its value.
-
-    If the domain is a rectangle along the axes, it is exactly a GT-Bézier curve. On other domains it is not, in
-    general, and the error says so.
-    """
-    from gtb_cli.bezier.isocurve import isocurve as curve_of
-    from gtb_cli.language.writer import dump
-
-    given = [(axis, value) for axis, value in enumerate((u, v)) if value is not None]
-    if len(given) != 1 or len(given[0][1]) != 1:
-        raise click.UsageError("expected one of --u V and --v V")
-    axis, (value,) = given[0]
-    with streams.spec_of(spec) as loaded:
-        text = dump(curve_of(single(loaded), axis, value))
-    streams.write(text)
 
 
 @click.command

@@ -69,11 +69,6 @@ def _recipe(**values: Any) -> Recipe | None:
     weld_option,
     takes=Recipe,
 )
-@click.option(
-    "--compare",
-    is_flag=True,
-    help="Show two specs or meshes, the old and the new one, side by side under one camera and coloured by distance.",
-)
 @click.option("--unit", type=click.Choice([*UNITS]), help="Name this unit of length; areas and volumes of mm in cm.")
 @click.option("--no-open", is_flag=True, help="Do not open a browser; say where the page is.")
 @click.option("--watch", is_flag=True, help="Serve the page on this machine only, and follow the files until Ctrl-C.")
@@ -87,7 +82,6 @@ def view(
     paths: tuple[str, ...],
     output: str | None,
     recipe: Recipe | None,
-    compare: bool,
     unit: str | None,
     no_open: bool,
     watch: bool,
@@ -118,15 +112,13 @@ def view(
     degrees. Names appear under the pointer.
 
     A sequence has a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge
-    and --steps (a knot limit). With --compare, for git difftool, the page is that of gtb diff --report.
+    and --steps (a knot limit).
 
     With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
     the last good picture. It has a slider for each number of a spec's let that depends on no other, labelled by the
     comment on its line; a range in it, such as 10 … 80, is the slider's. The page never writes the file: it shows the
     --set options, or the lines of the spec, that make what is seen.
     """
-    if compare and (watch or limit.given or len(paths) != 2):
-        raise click.UsageError("--compare takes two files, and neither --watch nor the options of a limit")
     if output is not None and (suffix := suffix_of(output)) not in ("", "html", "htm") and not is_device(output):
         other = " (gtb plot draws pictures, and a page saves what it shows as PNG)" if suffix in PICTURES else ""
         raise click.UsageError(f"-o: {output}: a page is HTML, and its name ends in .html{other}")
@@ -143,25 +135,14 @@ def view(
         return serve(Pages(paths, reading, see), paths, port, console, opens=not no_open)
     from gtb_cli.pages.page import page_of
 
-    content = None if compare else see(reading.let)
-    page = _comparison(paths, recipe or Recipe(), reading) if content is None else page_of(content)
-    remarks = () if content is None else content.remarks
+    content = see(reading.let)
+    page = page_of(content)
     if output is not None:
         write_text(output, page)
-        return console.report(output, f"{len(page) / 1000:.0f} kB", remarks)
-    for remark in remarks:
+        return console.report(output, f"{len(page) / 1000:.0f} kB", content.remarks)
+    for remark in content.remarks:
         console.warn(remark)
     _show(page, console, opens=not no_open)
-
-
-def _comparison(paths: tuple[str, ...], recipe: Recipe, reading: Reading) -> str:
-    from gtb_cli.review.reports import reviewed
-    from gtb_cli.review.review_page import page
-    from gtb_cli.verdicts.comparing import Comparing
-
-    comparing = Comparing(recipe, reading=reading)
-    verdict = comparing.files(*paths)
-    return page(reviewed(verdict.paths, [verdict], comparing))
 
 
 def content_of_paths(

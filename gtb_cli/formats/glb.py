@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ class Node(NamedTuple):
     cells: IntArray
     normals: FloatArray | None
     uv: FloatArray | None
+
+
+_Part: TypeAlias = tuple[int, int, object, FloatArray]  # first vertex, number of vertices, accessor, and turn
 
 
 def glb_blocks(
@@ -208,7 +211,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     vertices: list[FloatArray] = []
     cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
     groups = []
-    others: dict[str, list[tuple[int, int, object, FloatArray]]] = {}  # first vertex, number, accessor and turn of each
+    others: dict[str, list[_Part]] = {}
     count = rows = used = 0
     for mesh, name, place in placed_meshes(tree):
         before = rows
@@ -271,14 +274,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
 _ATTRIBUTES = {"NORMAL": NORMALS, "TEXCOORD_0": TEXTURE}
 
 
-def _values(
-    tree: dict[str, Any],
-    binary: bytes,
-    name: str,
-    parts: list[tuple[int, int, object, FloatArray]],
-    count: int,
-    is_z_up: bool,
-) -> FloatArray:
+def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], count: int, is_z: bool) -> FloatArray:
     """(count, w) numbers of an attribute at the vertices of all parts, which is NaN in those without it."""
     found = [accessor_values(tree, binary, number).astype(np.float64) for _, _, number, _ in parts]
     result = np.full((count, max(rows.shape[1] for rows in found)), np.nan)
@@ -288,7 +284,7 @@ def _values(
         if name == "NORMAL":
             rows = rows @ (np.linalg.inv(turn) if np.linalg.det(turn) else turn)
         result[start : start + length, : rows.shape[1]] = rows
-    if name == "NORMAL" and not is_z_up:
+    if name == "NORMAL" and not is_z:
         result = result[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
     if name == "TEXCOORD_0":  # glTF counts from the top
         result[:, 1] = 1.0 - result[:, 1]

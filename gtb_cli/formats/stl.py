@@ -53,9 +53,7 @@ def read_stl(data: bytes) -> FileArrays:
     if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * facet.itemsize:
         facets = np.frombuffer(data, dtype=facet, offset=STL_HEADER_BYTES)
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
-        return _content(
-            corners, single_half_steps, lambda: {FACETS: facets["normal"], "attribute": facets["attribute"]}
-        )
+        return _content(corners, single_half_steps, {FACETS: facets["normal"], "attribute": facets["attribute"]})
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)
     if len(data) < STL_HEADER_BYTES:
@@ -65,9 +63,7 @@ def read_stl(data: bytes) -> FileArrays:
 
 
 def _content(
-    corners: FloatArray,
-    half_steps: Callable[[FloatArray], FloatArray],
-    of_facets: Callable[[], dict[str, NDArray[Any]]],
+    corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray], of_facets: dict[str, NDArray[Any]]
 ) -> FileArrays:
     fault = faulty_point(corners)
     if fault is not None:
@@ -77,7 +73,7 @@ def _content(
 
     def values() -> Values:
         rows = np.broadcast_to(np.arange(len(cells))[:, None], cells.shape)
-        return {name: (found.reshape(len(cells), -1).astype(np.float64), rows) for name, found in of_facets().items()}
+        return {name: (found.reshape(len(cells), -1).astype(np.float64), rows) for name, found in of_facets.items()}
 
     return FileArrays(corners[first], cells, half_steps, values=values)
 
@@ -111,11 +107,8 @@ def _read_text(data: bytes) -> FileArrays:
     corners.append(numbers(words, np.float64))
     sample = sample or words[: 3 * SAMPLED_VERTICES]
     normal = re.compile(rb"facet\s+normal" + 3 * number, re.IGNORECASE)
-
-    def normals() -> dict[str, NDArray[Any]]:
-        return {FACETS: numbers([word for words in normal.findall(data) for word in words], np.float64)}
-
-    return _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample), normals)
+    normals = numbers([word for words in normal.findall(data) for word in words], np.float64)
+    return _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample), {FACETS: normals})
 
 
 def _fault(data: bytes, place: int, number: int) -> GtbError:

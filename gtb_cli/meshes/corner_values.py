@@ -21,8 +21,10 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
     remarks = []
     for name in sorted({*here, *there}):
         if name in here and name in there:
-            rows, others = _at_corners(matched, here[name], there[name])
-            remarks += _unlike(name, rows, others, a.mesh.cells.ravel()[matched.slots[0]])
+            (rows, of), (others, others_of) = here[name], there[name]
+            one, other = matched.slots
+            found = rows[of.ravel()[one]], others[others_of.ravel()[other]]
+            remarks += _unlike(name, *found, a.mesh.cells.ravel()[one])
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
@@ -31,11 +33,6 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
 def holds_values(mesh: KnownMesh) -> bool:
     """Tell whether a mesh has values that `unlike_values` compares."""
     return bool(mesh.values().keys() - {FACETS})
-
-
-def _at_corners(matched: Matching, *values: tuple[FloatArray, IntArray]) -> list[FloatArray]:
-    """(n, w) values of each of two meshes at the corners that belong together."""
-    return [rows[of.ravel()[slots]] for (rows, of), slots in zip(values, matched.slots, strict=True)]
 
 
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:

@@ -6,7 +6,7 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, paired
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of, cross, dot, paired
 from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import Measures
@@ -198,20 +198,32 @@ class Lone:
     is_first: bool  # whether the first mesh has them
     absent: IntArray  # numbers of cells that the other one has not
     doubled: int  # how many more there are of others
+    near: tuple[IntArray, IntArray]  # cells of both meshes by which alone the absent ones are told how far they are
 
 
 def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
     """Find the faces in which two meshes differ if all faces of one are faces of the other, within the tolerance."""
     if a.is_curve != b.is_curve:
         return None
-    cells, others, _ = _by_nearness(a, b, tolerance)
+    cells, others = a.cells, b.cells
+    if a.vertices.shape != b.vertices.shape or np.abs(a.vertices - b.vertices).max() > tolerance:
+        cells, others, _ = _by_nearness(a, b, tolerance)
     faces = _faces(cells, others)
-    less, more = faces.there < faces.here, faces.here < faces.there
-    if less.any() == more.any():
+    is_first, has_more = bool((faces.there < faces.here).any()), bool((faces.here < faces.there).any())
+    if is_first == has_more:
         return None
-    mine, own = (faces.face, faces.there) if less.any() else (faces.other, faces.here)
-    absent = np.flatnonzero(own[mine] == 0)
-    return Lone(bool(less.any()), absent, int(np.abs(faces.here - faces.there).sum()) - len(absent))
+    rows = (a, cells, faces.face), (b, others, faces.other)
+    (mesh, mine, face), (rest, theirs, other) = rows if is_first else rows[::-1]
+    absent = np.flatnonzero((faces.there if is_first else faces.here)[face] == 0)
+    near = np.arange(len(other))
+    if len(absent) and np.isin(mine[absent], theirs).all():  # then none of their points is farther than a side is long
+        corners, others_corners = mesh.vertices[mesh.cells[absent]], rest.vertices[rest.cells]
+        (low, high), reach = bounds_of(corners.reshape(-1, 3)), 2 * np.ptp(corners, axis=1).max()
+        apart = (others_corners.max(axis=1) < low - reach) | (others_corners.min(axis=1) > high + reach)
+        near = np.flatnonzero(~apart.any(axis=1))
+    own = np.flatnonzero(np.isin(face, other[near]) | np.isin(np.arange(len(face)), absent))
+    doubled = int(np.abs(faces.here - faces.there).sum()) - len(absent)
+    return Lone(is_first, absent, doubled, (own, near) if is_first else (near, own))
 
 
 def unlike(

@@ -14,7 +14,7 @@ from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.corner_values import holds_values, unlike_values
 from gtb_cli.meshes.correspondence import Lone, lone_faces, matching, unlike
-from gtb_cli.meshes.hausdorff import Farthest, mesh_distance
+from gtb_cli.meshes.hausdorff import Distance, Farthest, mesh_distance
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
 from gtb_cli.meshes.motions import told_motion
@@ -180,14 +180,12 @@ def difference(
             else (),
             values=unlike_values(a, b, matched) if distance <= allowed and "attributes" not in ignore else (),
         )
-    lone = lone_faces(a.mesh, b.mesh, allowed)
-    finer = 0.1  # largest error of a distance, as a fraction of the tolerance, and of the error before
-    error = allowed
-    for _ in range(4):
-        error *= finer
-        found = mesh_distance(a.mesh, b.mesh, error)
-        if not found.distance <= allowed < found.bound <= found.distance + 2 * error:
-            break  # decided, or the effort was spent
+    lone, found = lone_faces(a.mesh, b.mesh, allowed), None
+    if lone is not None and len(lone.absent):
+        parts = [Mesh(each.vertices, each.cells[near]) for each, near in zip((a.mesh, b.mesh), lone.near, strict=True)]
+        found = _decided(parts[0], parts[1], allowed)
+    if found is None or found.distance <= allowed:  # then others, too, may be as far
+        found = _decided(a.mesh, b.mesh, allowed)
     first, second = measure(a.mesh), measure(b.mesh)
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks = 0, tuple[str, ...]()
@@ -207,6 +205,17 @@ def difference(
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
         uncompared="attributes" not in ignore and found.distance <= allowed and any(map(holds_values, (a, b))),
     )
+
+
+def _decided(a: Mesh, b: Mesh, allowed: float) -> Distance:
+    """Measure a distance so finely that it is more than what is allowed, or proved not to be, if effort suffices."""
+    finer = 0.1  # largest error of a distance, as a fraction of the tolerance, and of the error before
+    for power in range(1, 5):
+        error = allowed * finer**power
+        found = mesh_distance(a, b, error)
+        if not found.distance <= allowed < found.bound <= found.distance + 2 * error:
+            break  # decided, or the effort was spent
+    return found
 
 
 def _told(lone: Lone, mesh: Mesh) -> tuple[str, ...]:

@@ -55,13 +55,14 @@ def _words(turn: FloatArray, scale: float, shift: FloatArray) -> tuple[str, ...]
 
 def _axis(turn: FloatArray) -> tuple[str, float]:
     """The axis of a rotation, by its letter if it has one, and the angle in degrees, counter-clockwise."""
-    skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
-    degrees = math.degrees(math.atan2(np.linalg.norm(skew), (np.trace(turn) - 1) / 2))
-    both = turn + turn.T + (1 - np.trace(turn)) * np.eye(3)  # a multiple of the axis times itself
-    axis = both[:, np.argmax(np.abs(np.diag(both)))]
-    axis = axis / (np.linalg.norm(axis) or 1.0)
-    degrees *= -1.0 if axis @ skew < 0 and degrees < 180 - 1e-6 else 1.0
-    for letter, unit in zip("xyz", np.eye(3), strict=True):
-        if abs(axis @ unit) > 1 - 1e-12:
-            return letter, degrees * (1.0 if axis @ unit > 0 or degrees > 180 - 1e-6 else -1.0)
+    from scipy.spatial.transform import Rotation
+
+    vector = np.degrees(Rotation.from_matrix(turn).as_rotvec())
+    degrees = float(np.linalg.norm(vector))
+    axis = vector / (degrees or 1.0)
+    if degrees > 180 - 1e-6:  # then both directions are right
+        axis = axis * np.sign(axis[np.abs(axis).argmax()])
+    for letter, along in zip("xyz", axis, strict=True):
+        if abs(along) > 1 - 1e-12:
+            return letter, degrees if along > 0 else -degrees
     return f"({', '.join(f'{x:.6g}' for x in axis)})", degrees

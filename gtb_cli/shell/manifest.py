@@ -7,7 +7,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -32,12 +32,11 @@ class Manifest:
     def __init__(self, path: str, settings: Mapping[str, object], output: str, *, resume: bool = False) -> None:
         if path == output == STANDARD:
             raise click.UsageError("--manifest -: meshes already go to standard output; send them elsewhere with -o")
-        self.path, self._place = path, os.path.dirname(output)
+        self.path = path
         self.is_direct = path == STANDARD or is_device(path)
         self._settings = settings
         self._entries: dict[str, Mapping[str, Any] | None] = {}
         self._known = _known_entries(path, settings) if resume else {}
-        self._earlier: dict[str, Mapping[str, Any]] = {}
         self._written = -math.inf
         folder = os.path.dirname(path) or os.curdir
         self._folder = os.curdir if self.is_direct else folder
@@ -57,23 +56,6 @@ class Manifest:
     def expect(self, outputs: Iterable[str]) -> None:
         """List files in this order, once they are recorded."""
         self._entries = {name: self._entries.get(name) for name in map(self._name, outputs)}
-        for name, entry in self._known.items():
-            path = os.path.join(self._place, name.rpartition("/")[2])
-            is_listed = self._name(path) == name and name not in self._entries
-            if is_listed and not os.path.islink(path) and _sum_of(path) == entry["sha256"]:
-                self._earlier[path] = {"file": name, "sha256": entry["sha256"]}
-
-    def left_over(self, outputs: Collection[str]) -> list[str]:
-        """Return the files that the old manifest lists, that are as it says, and unlike `outputs` but for suffixes."""
-        stems = {os.path.splitext(output)[0] for output in outputs}
-        targets = {os.path.realpath(output) for output in outputs}  # of links, which need their files
-        spare = (path for path in self._earlier if os.path.realpath(path) not in targets)
-        return sorted(path for path in spare if os.path.splitext(path)[0] not in stems)
-
-    def remove(self, output: str) -> None:
-        """Remove a file that is left over."""
-        os.remove(output)
-        del self._earlier[output]
 
     def recorded(self, output: str, facts: Mapping[str, object], blocks: Iterable[bytes]) -> Iterator[bytes]:
         """Yield the blocks of a file; once all have passed, record it with its size, checksum and `facts`."""
@@ -109,7 +91,6 @@ class Manifest:
             "versions": versions(),
             "options": self._settings,
             "files": [entry for entry in self._entries.values() if entry is not None],
-            **({"earlier": list(self._earlier.values())} if self._earlier else {}),
         }
         return [f"{json.dumps(record, indent=2, allow_nan=False)}\n".encode()]
 
@@ -141,7 +122,7 @@ def _known_entries(manifest: str, options: Mapping[str, object]) -> dict[str, An
             record = json.load(file)
         is_like = record["versions"] == versions() and record["options"] == json.loads(json.dumps(options))
         known: dict[str, Any] = {}
-        for entry in [*record["files"], *record.get("earlier", ())]:
+        for entry in record["files"]:
             match entry:
                 case {"file": str(name), "sha256": str(found)}:
                     known[name] = entry if is_like and "versions" not in entry else {"sha256": found}

@@ -277,17 +277,16 @@ ignore_option = click.option(
 )
 
 
-def require_option(consequence: str) -> Option:
-    """Add ``--require``, whose help begins with what happens unless the mesh is as required."""
-    return click.option(
-        "--require",
-        callback=requirements_of,
-        metavar="WHAT",
-        multiple=True,
-        help=f"{consequence}, naming edges or places, unless the mesh is watertight (closed), solid (closed, its faces "
-        "look outwards, and none cross or turn back), all of one piece (one-piece), no patch or offset is seen to turn "
-        "back on itself (unfolded), or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
-    )
+require_option = click.option(
+    "--require",
+    callback=requirements_of,
+    metavar="WHAT",
+    multiple=True,
+    help="Write nothing and exit with status 1, naming edges or places, unless the mesh is watertight (closed), solid "
+    "(closed, its faces look outwards, and none cross or turn back), all of one piece (one-piece), no patch or offset "
+    "is seen to turn back on itself (unfolded), or patches meet at angles of a degree at most (smooth:1deg). May be "
+    "repeated.",
+)
 
 
 def _console(quiet: bool) -> Console:
@@ -361,7 +360,7 @@ def mesh_options(*more: str) -> Option:
             f"1/length), or {BASIS}I, the basis function T_I of a patch. May be repeated.",
         ),
         weld_option,
-        require_option("Write nothing and exit with status 1"),
+        require_option,
         takes=Recipe,
     )
     file = gathered(

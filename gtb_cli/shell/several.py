@@ -117,8 +117,8 @@ class ReportRequest:
             write_text(self.output, gap.join(texts))
 
 
-def report_options(*more: Option, metavar: str = "SPEC...") -> Option:
-    """Add the specs and options of a report, and `more`; the command gets the former as `request`."""
+def report_options(metavar: str = "SPEC...") -> Option:
+    """Add the specs and options of a report; the command gets them as `request`."""
     long_option = click.option(
         "--long",
         "in_full",
@@ -132,7 +132,6 @@ def report_options(*more: Option, metavar: str = "SPEC...") -> Option:
         json_option,
         long_option,
         weld_option,
-        *more,
         jobs_option,
         text_options,
     )

@@ -5,11 +5,9 @@ import pytest
 
 from gtb_cli.bezier.isocurve import isocurve, span
 from gtb_cli.errors import DomainError
-from gtb_cli.language.loading import parse
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.patches import bicubic, cubic_curve, pentagon, repeated_knots
-from tests.shell import BICUBIC, CURVE, PENTAGON, gtb
 
 # A rectangle of real knots, two of them at the same height, with edges of different scale
 REAL = Patch(
@@ -54,18 +52,3 @@ def test_a_corner_has_no_curve() -> None:
     triangle = Patch([[0, 0], [1, 0], [0, 1]], np.eye(3))
     with pytest.raises(DomainError, match="u: at 1 the domain has only a corner"):
         span(triangle, 0, 1.0)
-
-
-def test_on_the_command_line() -> None:
-    curve = parse(gtb("isocurve", BICUBIC, "--v", "sqrt(2)").text)
-    assert isinstance(curve, Patch)
-    assert curve.name == "bicubic-v1.41421"
-    for arguments, message in [
-        ([PENTAGON, "--u", "1"], "pentagon.toml: the domain is not a rectangle"),
-        ([BICUBIC], "expected one of --u V and --v V"),
-        ([BICUBIC, "--u", "1", "--v", "1"], "expected one of --u V and --v V"),
-        ([CURVE, "--u", "1"], "is a curve"),
-    ]:
-        result = gtb("isocurve", *arguments)
-        assert result.status == 2
-        assert message in result.err

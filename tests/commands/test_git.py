@@ -76,11 +76,3 @@ def test_git_difftool_writes_a_page_of_all_files(repository):
     done = shell("git difftool -d", repository)
     assert (done.status, "0 same, 1 different, 0 missing, 0 extra" in done.text) == (0, True)
     assert "a mesh.obj" in (repository / "changes.html").read_text()
-
-
-def test_git_difftool_opens_a_page_of_each_file_also_without_a_browser(repository):
-    line = """git config difftool.gtb.cmd 'gtb view --compare "$LOCAL" "$REMOTE"'; git difftool -y"""
-    shown = shell(line, repository, BROWSER="false", TMPDIR=str(repository), DISPLAY="")
-    assert shown.status == 0
-    (place,) = re.findall(r"the page is (.*)", shown.err)
-    assert '"different"' in Path(place).read_text()

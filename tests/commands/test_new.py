@@ -187,12 +187,3 @@ def test_bash_completes_in_the_shell(tmp_path):
 
 
 # --- specs out
-
-
-def test_the_manual_page_has_every_command(tmp_path):
-    page = gtb("completion", "man").text
-    assert page.startswith(".TH GTB 1")
-    assert [line[8:].replace("\\-", "-") for line in page.splitlines() if line.startswith(".SS ")] == list(COMMANDS)
-    requests = {line.split()[0] for line in page.splitlines() if line.startswith((".", "'"))}
-    assert requests == {".TH", ".SH", ".SS", ".nf", ".fi"}
-    assert "instead of \\-n" in page.lower()

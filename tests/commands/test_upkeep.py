@@ -45,16 +45,6 @@ def resumed(*more, specs=SPECS, n=2):
     return gtb("mesh", *specs, "-n", n, "-o", "out/", "--manifest", "m.json", "--resume", *more)
 
 
-def test_what_a_kept_link_leads_to_is_not_removed(place):
-    """The mesh was called up to date, and led to nothing afterwards."""
-    shutil.copy("pentagon.toml", "other.toml")
-    resumed(specs=["pentagon.toml", "other.toml"])
-    Path("out/pentagon.obj").unlink()
-    Path("out/pentagon.obj").symlink_to("other.obj")
-    assert "pentagon.obj: " in resumed("--prune", specs=["pentagon.toml"]).err
-    assert Path("out/pentagon.obj").is_file()
-
-
 def test_another_processor_makes_everything_again(place):
     line = ["mesh", "pentagon.toml", "bicubic.toml", "-n", 2, "-o", "out", "--manifest", "m.json", "--resume"]
     older = {"NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512_SKX X86_V3 X86_V4"}
