@@ -42,8 +42,8 @@ def difference_text(found: Difference) -> str:
         if found.distance <= found.tolerance:
             return text + faults
         where = f" of {found.group}" if found.group else ""
-        digits = 9 if _at(found.forward.at) != _at(found.backward.at) else 17
-        places = f"{_at(found.forward.at, digits)} and {_at(found.backward.at, digits)}"
+        style = ".9g" if _at(found.forward.at) != _at(found.backward.at) else ""  # all digits
+        places = f"{_at(found.forward.at, style)} and {_at(found.backward.at, style)}"
         return f"{text}{faults}  most at vertex {found.vertex}{where}: {places}\n"
     if found.method == "patches":
         apart = f"{found.distance:.3g} apart{' where they were looked at' if found.is_loose else ''}"
@@ -83,5 +83,5 @@ def _number(value: float | int | None, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}g}"
 
 
-def _at(point: Point, digits: int = 9) -> str:
-    return f"({' '.join(f'{x:.{digits}g}' for x in point)})"
+def _at(point: Point, style: str = ".9g") -> str:
+    return f"({' '.join(f'{x:{style}}' for x in point)})"
