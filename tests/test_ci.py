@@ -128,10 +128,29 @@ def test_the_action_tells_what_changed_in_a_summary_and_beside_files(checkout):
     assert "| `pentagon.obj` | different |" in summary
     annotations = [line for line in result.text.splitlines() if line.startswith("::")]
     assert [line.split("::")[1] for line in annotations] == [
-        "warning file=golden/pentagon.obj,title=gtb diff",
+        "warning file=specs/pentagon.toml,title=gtb diff",
         "warning file=golden/100%25%2Ca%3Ab.obj,title=gtb diff",
     ]
-    assert annotations[1].endswith("::missing: golden/100%25,a:b.obj is not in " + str(checkout / "runner/gtb-meshes"))
+    assert annotations[1].endswith("::missing: golden/100%25,a:b.obj is not in new")
+
+
+@long
+def test_a_broken_spec_and_one_without_a_golden_mesh_hide_no_other(checkout):
+    nudge(checkout)
+    shutil.copy(SPECS / "bicubic.toml", checkout / "specs")
+    (checkout / "specs" / "box-corner.toml").write_text("knots = [", encoding="utf-8")
+    result = action(checkout)
+    assert (result.status, outputs(checkout)["status"]) == (2, "error")
+    said = [
+        line.split(",title")[0].split(",line")[0]
+        for line in (result.text + result.err).splitlines()
+        if line[:2] == "::"
+    ]
+    assert sorted(said) == [
+        *("::error file=specs/box-corner.toml", "::warning file=specs/bicubic.toml"),
+        *("::warning file=specs/box-corner.toml", "::warning file=specs/pentagon.toml"),
+    ]
+    assert str(checkout) not in (checkout / "runner" / "gtb-report" / "changes.html").read_text("utf-8")
 
 
 def test_the_job_of_gitlab_makes_a_page(checkout):

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from gtb_cli.fairing.fair import Fairing
     from gtb_cli.vocabulary import Fairness, Keep
 
-DEFAULT_DEGREE = 25  # default of --max-degree, the same as in `gtb_cli.bezier.pieces`
-
 
 @click.command
 @spec_argument
@@ -89,15 +87,8 @@ def boundary(spec: Spec, edge: int | None) -> Spec:
     metavar="T",
     help="Split a curve at this parameter. By default where each T_i is the share of c_i ω_i in their sum.",
 )
-@click.option(
-    "--max-degree",
-    type=WholeNumber(1, 1000),  # binomial coefficients of higher degrees exceed the range of floats
-    metavar="D",
-    default=DEFAULT_DEGREE,
-    help=f"Highest degree of a piece; {DEFAULT_DEGREE} without this option.",
-)
 @streams_options
-def bezier(spec: str, split: tuple[float, ...] | None, max_degree: int, streams: Streams) -> None:
+def bezier(spec: str, split: tuple[float, ...] | None, streams: Streams) -> None:
     """\b
     Example: gtb bezier specs/example-4.1-integer.toml | gtb info -
 
@@ -115,11 +106,11 @@ def bezier(spec: str, split: tuple[float, ...] | None, max_degree: int, streams:
         raise click.UsageError(f"--split: expected one parameter, got {len(split)}")
     with streams.spec_of(spec) as loaded:
         if split is None:
-            pieces = bezier_pieces(loaded, max_degree)
+            pieces = bezier_pieces(loaded)
         elif isinstance(loaded, Model):
             raise SpecError(f"is a model of {len(loaded.patches)} patches, and --split is for one curve")
         else:
-            pieces = split_curve(loaded, split[0], max_degree)
+            pieces = split_curve(loaded, split[0])
         text = dump(pieces)
     streams.write(text)
     if isinstance(loaded, Model) and loaded.dimension == 2:

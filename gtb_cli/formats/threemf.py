@@ -130,8 +130,10 @@ class _Reader:
             raise GtbError("is a ZIP archive without the model of a 3MF file")
         if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise GtbError("is compressed in a way that no 3MF file is")
-        if archive.getinfo(name).file_size > LARGEST:
-            raise GtbError(f"says that its model has more than {LARGEST >> 30} GB")
+        least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
+        if archive.getinfo(name).file_size > min(LARGEST, max(least, ratio * archive.getinfo(name).compress_size)):
+            raise GtbError(f"says that its model has more than {LARGEST >> 30} GB, or {ratio} times its packed size")
+        self.depth = self.named = 0
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[str]] = {}
         self.components: dict[str, list[tuple[str, FloatArray]]] = {}
@@ -140,6 +142,7 @@ class _Reader:
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
+        parser.EndElementHandler = self.end
         parser.EntityDeclHandler = self.refuse  # it may stand for more than any memory holds
         with archive.open(name) as stream:
             parser.ParseFile(stream)
@@ -147,8 +150,16 @@ class _Reader:
     def refuse(self, *_: object) -> None:
         raise GtbError("declares an entity, which no 3MF file may")
 
+    def end(self, _: str) -> None:
+        self.depth -= 1
+
     def start(self, name: str, given: dict[str, str]) -> None:
+        deepest, most = 32, 100_000  # elements within elements, and objects, materials and their uses
         name = name.rpartition(":")[2]
+        self.depth += 1
+        self.named += name in ("object", "base", "basematerials", "component", "item")
+        if self.depth > deepest or self.named > most:
+            raise GtbError(f"has elements more than {deepest} deep, or more than {most} objects, materials and uses")
         if name == "vertex":
             self.meshes[self.id].vertices.extend((float(given["x"]), float(given["y"]), float(given["z"])))
         elif name == "triangle":

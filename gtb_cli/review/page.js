@@ -103,6 +103,13 @@ function mark(width, height, scale) {   // the place of the largest distance, al
 
 const redraw = () => { if (gl && !wanted) { wanted = true; requestAnimationFrame(draw); } };
 
+// A word for a shell, which takes no part of it for anything else
+const quoted = word => (/^[\w./+-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`).replace(/^(?='?-)/, "./");
+// The command that takes a file of a folder over; none for two files, or where names had to be changed to be shown
+const approval = change => ["different", "extra"].includes(change.verdict) && !data.names[1].endsWith(change.name)
+  && ![...data.names, change.name].some(name => name.includes("\\"))
+  ? `gtb approve ${[...data.names, change.name].map(quoted).join(" ")}` : "";
+
 function choose(k) {
   if (!data.changes.length) return;
   k = clamp(Math.trunc(k) || 0, 0, data.changes.length - 1);
@@ -121,6 +128,8 @@ function choose(k) {
   $("facts").textContent = [`${k + 1} of ${data.changes.length}`, coloured && coloured.at ? `most at ${coloured.place}` : "",
     ...most.map(side => `${side}: simplified from ${change[side].faces} to ${change[side].shown} faces`)].filter(x => x).join("; ");
   $("reasons").replaceChildren(...change.reasons.map(text => { const item = document.createElement("li"); item.textContent = text; return item; }));
+  $("approving").hidden = !approval(change);
+  $("approve").textContent = approval(change);
   const own = change.alone ? ", at its own scale" : "";
   $("first").textContent = `old${own}`;
   $("second").textContent = `new${own}`;
@@ -169,6 +178,7 @@ addEventListener("hashchange", () => choose(Number(location.hash.slice(1)) - 1))
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 $("before").onclick = () => choose(chosen - 1);
 $("after").onclick = () => choose(chosen + 1);
+$("copy").onclick = () => navigator.clipboard?.writeText($("approve").textContent).catch(() => { /* it stands there to be copied */ });
 
 function cell(row, ...texts) {
   const made = document.createElement("td");

@@ -50,7 +50,7 @@ def in_options(message: str) -> str:
         "hole": "--hole EDGE",
         "let": "--set",
         "lifting": "--lifting",
-        "max_degree": "--max-degree",
+        "max_degree": "max_degree in Python",
         "max_faces": "--max-faces",
         'parametrization="toric"': "--parametrization toric",
         "patch": "--patch",

@@ -42,7 +42,8 @@ class Verdict:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the files are not the same, beside their distance, in sentences."""
-        reasons = [*map(str, self.errors), *(self.found.faults if self.found else ()), *self.warnings, *self.notes]
+        told = (*self.found.words, *self.found.faults) if self.found else ()
+        reasons = [*map(str, self.errors), *told, *self.warnings, *self.notes]
         if self.word == "different" and self.found is None:
             reasons.append("other bytes")
         if self.found is not None and not self.found.same_kind:

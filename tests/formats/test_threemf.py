@@ -86,9 +86,9 @@ def test_objects_are_placed_where_components_and_items_say():
         f'<component objectid="1" transform="{turned}"/><component objectid="1"/></components></object>'
     )
     read = decode_mesh(
-        archive(objects, '<item objectid="5" transform="1 0 0 0 1 0 0 0 1 0 0 2"/>', "a.MODEL"), "x"
+        archive(objects, '<item objectid="5" transform="1 0 0 0 1 0 0 0 1 2 0 0"/>', "a.MODEL"), "x"
     ).mesh
-    expected = [[10, 0, 2], [10, 1, 2], [9, 0, 2], [0, 0, 2], [1, 0, 2], [0, 1, 2]]
+    expected = [[12, 0, 0], [12, 1, 0], [11, 0, 0], [2, 0, 0], [3, 0, 0], [2, 1, 0]]
     np.testing.assert_allclose(read.vertices, expected)
     assert read.groups == (("leaf", 0, 1), ("leaf", 1, 2))
 
@@ -117,6 +117,9 @@ def test_mirrored_objects_keep_their_outer_sides():
             "is not before the object",
         ),
         (archive("", '<item objectid="1" q:path="/3D/b.model" xmlns:q="q"/>'), "in another part of the archive"),
+        (archive(40 * "<a>" + 40 * "</a>"), "has elements more than 32 deep"),
+        (archive("", 100_001 * '<item objectid="1"/>'), "more than 100000 objects, materials and uses"),
+        (archive(17_000_000 * " ", method=zipfile.ZIP_DEFLATED), "or 200 times its packed size"),
         (archive("", prolog='<!DOCTYPE m [<!ENTITY a "aaaa">]>'), "declares an entity"),
         (
             archive(

@@ -1,12 +1,19 @@
 """Changes: what is shown of two versions of a mesh is small, and its distances are those that were found."""
 
 import base64
+import json
+import os
 import re
+import shlex
+import shutil
+import subprocess
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import gtb_cli
 import gtb_cli.review.changes as room
 from gtb_cli import Mesh, Recipe, diff, load
 from gtb_cli.errors import Fault
@@ -199,3 +206,15 @@ def test_a_curve_and_a_surface_have_no_distances():
     made = change("x", "different", old, new, diff(old, new))
     assert made.coloured == ""
     assert "no distances of a curve from a surface" in page(review(("a", "b"), iter([made])))
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="needs node")
+def test_the_page_quotes_names_for_a_shell():
+    script = (Path(gtb_cli.__file__).parent / "review" / "page.js").read_text("utf-8")
+    (line,) = [line for line in script.splitlines() if line.startswith("const quoted")]
+    names = ["a.obj", "a b.obj", "it's.obj", "-x.obj", "$(rm x).obj", "- y"]
+    code = f"{line}\nconsole.log(JSON.stringify({json.dumps(names)}.map(quoted)))"
+    quoted = json.loads(subprocess.run(["node", "-e", code], capture_output=True, check=True, text=True).stdout)
+    words = shlex.split(" ".join(quoted))
+    assert [os.path.normpath(word) for word in words] == names
+    assert not [word for word in words if word.startswith("-")]
