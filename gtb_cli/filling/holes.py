@@ -15,26 +15,28 @@ from gtb_cli.theory.patch import Patch
 
 
 def rings(model: Model) -> list[tuple[EdgeRef, ...]]:
-    """Find the closed rings of a surface model's open edges; edges that lead nowhere are left out."""
+    """Find the closed rings of a surface model's open edges; edges that lead nowhere are left out.
+
+    None passes a point twice: where edges come back to one, they are a ring of their own.
+    """
     joints = model.joints
     points = np.concatenate([patch.control_points for patch in model.patches])
     gap = MAX_GAP * float(np.ptp(points, axis=0).max())
     left = {ref: _ends(model, ref, joints.flipped[ref[0]]) for ref in joints.open}
     found = []
     while left:
-        first = next(iter(left))
-        start, end = left.pop(first)
-        chain = [first]
-        while not np.linalg.norm(end - start) <= gap or len(chain) < 2:
-            following = [ref for ref, (begin, _) in left.items() if np.linalg.norm(begin - end) <= gap]
-            if not following:
-                break
+        chain, begins, end = list[EdgeRef](), list[FloatArray](), next(iter(left.values()))[0]
+        while following := [ref for ref, (begin, _) in left.items() if np.linalg.norm(begin - end) <= gap]:
             # Where several edges begin, the next edge of the same patch belongs to another hole.
-            following.sort(key=lambda ref: ref[0] == chain[-1][0])
-            chain.append(following[0])
-            _, end = left.pop(following[0])
-        if np.linalg.norm(end - start) <= gap:
-            found.append(tuple(chain))
+            chain.append(min(following, key=lambda ref: bool(chain) and ref[0] == chain[-1][0]))
+            begin, end = left.pop(chain[-1])
+            begins.append(begin)
+            back = [k for k, begin in enumerate(begins[:-1]) if np.linalg.norm(begin - end) <= gap]
+            if back:
+                found.append(tuple(chain[back[-1] :]))
+                del chain[back[-1] :], begins[back[-1] :]
+            if not chain:
+                break
     return found
 
 

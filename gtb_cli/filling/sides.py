@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -238,6 +239,9 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     while left:
         gaps = np.array([np.linalg.norm(side.ends - chain[-1].ends[1], axis=1) for side in left])
         k, flip = (0, 0) if gaps[0, 0] <= MAX_GAP * size else divmod(int(gaps.argmin()), 2)
+        if gaps.min() > MAX_GAP * size >= np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1]):
+            names = ", ".join(side.name for side in left)
+            raise DomainError(f"loop: is closed without {names}: islands and guides inside a hole are not taken")
         _check_gap(float(gaps[k, flip]), size, chain[-1], left[k])
         side = left.pop(k)
         if flip:
@@ -246,6 +250,10 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     if turned:
         remarks.append(f"{', '.join(turned)}: run through from the other end")
     _check_gap(float(np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1])), size, chain[-1], chain[0])
+    for (i, side), (j, other) in combinations(enumerate(chain), 2):
+        if np.linalg.norm(side.ends[0] - other.ends[0]) <= MAX_GAP * size and 1 < j - i < len(chain) - 1:
+            at = ", ".join(f"{x:.6g}" for x in side.ends[0])
+            raise DomainError(f"loop: passes ({at}) twice, before {side.name} and {other.name}: fill each part alone")
     curves = [side.curve.copy() for side in chain]
     worst = 0.0
     for i in range(len(curves)):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices
-from gtb_cli.meshes.mesh import Values, no_values
+from gtb_cli.meshes.mesh import Values
 from gtb_cli.values import frozen
 
 STL_HEADER_BYTES = 84  # bytes before the facets of a binary STL file; the last four are the number of facets
@@ -30,7 +30,7 @@ class FileArrays:
     half_steps: Callable[[FloatArray], FloatArray]
     groups: tuple[tuple[str, int, int], ...] = ()
     space: str = ""
-    values: Callable[[], Values] = no_values
+    values: Callable[[], Values] = dict
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:

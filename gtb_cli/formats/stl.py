@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError, MeshError
@@ -62,9 +61,7 @@ def read_stl(data: bytes) -> FileArrays:
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 
-def _content(
-    corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray], of_facets: dict[str, NDArray[Any]]
-) -> FileArrays:
+def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray], facets: dict[str, Any]) -> FileArrays:
     fault = faulty_point(corners)
     if fault is not None:
         raise MeshError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
@@ -73,7 +70,7 @@ def _content(
 
     def values() -> Values:
         rows = np.broadcast_to(np.arange(len(cells))[:, None], cells.shape)
-        return {name: (found.reshape(len(cells), -1).astype(np.float64), rows) for name, found in of_facets.items()}
+        return {name: (found.reshape(len(cells), -1).astype(np.float64), rows) for name, found in facets.items()}
 
     return FileArrays(corners[first], cells, half_steps, values=values)
 

@@ -30,11 +30,6 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
     return tuple(remarks)
 
 
-def holds_values(mesh: KnownMesh) -> bool:
-    """Tell whether a mesh has values that `unlike_values` compares."""
-    return bool(mesh.values().keys() - {FACETS})
-
-
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
     if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]

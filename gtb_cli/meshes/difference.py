@@ -12,11 +12,11 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.corner_values import holds_values, unlike_values
+from gtb_cli.meshes.corner_values import unlike_values
 from gtb_cli.meshes.correspondence import Lone, lone_faces, matching, unlike
 from gtb_cli.meshes.hausdorff import Distance, Farthest, mesh_distance
 from gtb_cli.meshes.measures import Measures, measure
-from gtb_cli.meshes.mesh import KnownMesh, Mesh
+from gtb_cli.meshes.mesh import FACETS, KnownMesh, Mesh
 from gtb_cli.meshes.motions import told_motion
 from gtb_cli.vocabulary import percentage
 
@@ -203,7 +203,9 @@ def difference(
         turned=turned,
         remarks=remarks,
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
-        uncompared="attributes" not in ignore and found.distance <= allowed and any(map(holds_values, (a, b))),
+        uncompared="attributes" not in ignore
+        and found.distance <= allowed
+        and any(each.values().keys() - {FACETS} for each in (a, b)),
     )
 
 

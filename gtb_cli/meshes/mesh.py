@@ -28,11 +28,6 @@ Values: TypeAlias = dict[str, tuple[FloatArray, IntArray]]
 NORMALS, TEXTURE, FACETS = "normals", "texture coordinates", "facet normals"
 
 
-def no_values() -> Values:
-    """Return what a file holds that has nothing but positions and cells."""
-    return {}
-
-
 @by_value
 @frozen
 class Origin:
@@ -307,7 +302,7 @@ class KnownMesh:
     half_steps: FloatArray
     format: str  # one of `FORMATS`, or "spec"
     space: str = ""  # what the file says of its unit and vertical axis
-    values: Callable[[], Values] = no_values  # normals, texture coordinates and attributes, which are read when asked
+    values: Callable[[], Values] = dict  # normals, texture coordinates and attributes, which are read when asked
 
     @property
     def has_indices(self) -> bool:

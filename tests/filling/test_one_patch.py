@@ -292,6 +292,23 @@ def test_options_of_energy_and_fullness():
     assert full.bending.energy > fair.bending.energy
 
 
+def polygon(*corners):
+    """Straight sides between corners in the xy plane."""
+    ends = [np.array([*corner, 0.0, 1.0]) for corner in corners]
+    return [HoleSide(f"side {k}", np.array([ends[k], ends[(k + 1) % len(ends)]])) for k in range(len(ends))]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_ring_passes_a_point_twice(seed):
+    """Of a disc of triangles about a point, two are missing, so that the holes touch there."""
+    ways = [(math.cos(k * math.pi / 4), math.sin(k * math.pi / 4)) for k in range(9)]
+    corners = [[(0, 0), ways[k], ways[k + 1]] for k in (1, 2, 3, 5, 6, 7)]
+    corners += [[ways[k], ways[k + 1], np.multiply(2, ways[k]), np.multiply(2, ways[k + 1])] for k in range(8)]
+    order = np.random.default_rng(seed).permutation(len(corners))
+    disc = Model([Patch(corners[k], np.pad(corners[k], ((0, 0), (0, 1)))) for k in order])
+    assert sorted(map(len, rings(disc))) == [3, 3, 8]
+
+
 @pytest.mark.parametrize(
     ("sides", "message"),
     [
@@ -299,6 +316,11 @@ def test_options_of_energy_and_fullness():
         (random_sides(3, 0)[:2], "has 2 sides, at least 3"),
         (random_sides(4, 0)[:3], "is not closed, side 2 ends"),
         ([*random_sides(4, 0)[:2], random_sides(4, 1)[2], random_sides(4, 0)[3]], "is not closed"),
+        ([*random_sides(4, 0), *random_sides(3, 1)], "is closed without side 0, side 1, side 2: islands and guides"),
+        (
+            polygon([0, 0], [2, 0], [1, 2], [0, 0], [-2, 0], [-1, -2]),
+            r"passes \(0, 0, 0\) twice, before side 0 and side 3",
+        ),
         (random_sides(26, 0, (1, 1)), "has 26 sides, at most 24"),
         (
             [HoleSide("side 0", random_sides(3, 0)[0].curve, np.zeros((96, 3))), *random_sides(3, 0)[1:]],
