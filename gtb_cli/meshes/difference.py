@@ -175,9 +175,7 @@ def difference(
             group=_group(a.mesh, vertex),
             turned=matched.turned,
             remarks=matched.remarks,
-            words=told_motion(a.mesh.vertices[matched.vertices], b.mesh.vertices[matched.others], allowed)
-            if distance > allowed
-            else (),
+            words=told_motion(a.mesh.vertices[matched.vertices], b.mesh.vertices[matched.others], allowed),
             values=unlike_values(a, b, matched) if distance <= allowed and "attributes" not in ignore else (),
         )
     lone, found = lone_faces(a.mesh, b.mesh, allowed), None

@@ -238,8 +238,8 @@ solid_options = (
         "--rim",
         type=click.Choice(RIMS),
         default=RIMS[0],
-        help="How the rims of such a solid lie: along the normals (the default); or flat, in the plane of the "
-        "surface's rim, so that it stands on an area.",
+        help="How the rims of such a solid lie: along the normals (the default); or flat, each in the plane of the "
+        "surface's rim where the surface leaves that plane.",
     ),
 )
 
@@ -283,9 +283,8 @@ require_option = click.option(
     metavar="WHAT",
     multiple=True,
     help="Write nothing and exit with status 1, naming edges or places, unless the mesh is watertight (closed), solid "
-    "(closed, its faces look outwards, and none cross or turn back), all of one piece (one-piece), no patch or offset "
-    "is seen to turn back on itself (unfolded), or patches meet at angles of a degree at most (smooth:1deg). May be "
-    "repeated.",
+    "(closed, its faces look outwards, and none cross or turn back), of one piece (one-piece), no patch or offset "
+    "turns back on itself (unfolded), or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
 )
 
 

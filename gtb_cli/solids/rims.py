@@ -12,7 +12,7 @@ from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import sides_of
 
 PLANE = 1e-6  # of the size of a rim: its largest distance from its plane, a tenth of a micron in a decimetre
-STEEPEST = 0.2  # least sine of the angle between the wall and the plane of its rim, which is then five times as wide
+STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not along the normals; flat from 3 times it
 
 
 def with_flat_rims(solid: Mesh, thickness: float) -> Mesh:
@@ -20,10 +20,11 @@ def with_flat_rims(solid: Mesh, thickness: float) -> Mesh:
 
     Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, it ends in the
     plane: vertices next to the plane move there along edges, and those beyond are projected onto it, as parts of the
-    rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers.
+    rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers. Where the surface
+    lies in the plane, as around a hole in a floor or at a corner, the rim stays along the normals; it changes smoothly.
 
-    Raises `DomainError` if a rim does not lie in a plane, if the surface leaves this plane to both sides or at too
-    small an angle, or if the wall reaches another rim.
+    Raises `DomainError` if a rim does not lie in a plane, if the surface leaves this plane to both sides, if the offset
+    goes beyond the plane only where the surface does not lie in it, or if the wall reaches another rim.
     """
     count = len(solid.vertices) // 2
     vertices = solid.vertices.copy()
@@ -42,9 +43,16 @@ def with_flat_rims(solid: Mesh, thickness: float) -> Mesh:
         centre, normal, nearly = _plane_of(surface, rim, cells)
         near = f"near {point_text(surface[rim.argmax()], surface)}"
         height = (offset - centre) @ normal
+        share, way = _continuation(solid, rim, normal)
+        if not share.any():
+            continue
+        if ((share < 1) & (height[rim] > nearly)).any():
+            what = f"almost in its rim's plane near {point_text(surface[rim][share.argmin()], surface)}"
+            other = f'beyond which the wall would go: `thickness` {-thickness:g} does not, or take `rim="normal"`'
+            raise DomainError(f"rim: the surface lies {what}, as a patch does at a corner between two edges, {other}")
         short = np.flatnonzero(rim & (height < 0))
-        offset[rim] += _continuation(solid, rim, normal, np.minimum(height[rim], 0.0))
-        height[short] = 0.0
+        offset[rim] += (share * np.minimum(height[rim], 0.0))[:, None] * way
+        height[rim] = np.where(height[rim] < 0, (1 - share) * height[rim], height[rim])
         beyond = _reached(rim, height > nearly, edges)
         if (beyond & ((surface - centre) @ normal > nearly)).any():
             raise DomainError(f"rim: the surface goes to both sides of the plane of its rim {near}")
@@ -93,11 +101,12 @@ def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[Flo
     return centre, -np.copysign(1.0, farthest) * normal, nearly
 
 
-def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray, height: FloatArray) -> FloatArray:
-    """(k, 3) ways from the offset's vertices of a rim to its plane, in the tangent planes of all patches there.
+def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(k,) shares of the way from the offset's vertices of a rim to its plane, and (k, 3) ways for a height of 1.
 
-    The way is e − h m, with the plane's normal m, the height h, and e in the plane with ⟨n, e⟩ = h ⟨n, m⟩ for the
-    normals n of the patches, by least squares.
+    The way is e − m, with the plane's normal m, and e in the plane with ⟨n, e⟩ = ⟨n, m⟩ for the normals n of the
+    patches, by least squares: in the tangent planes of all. Unless the surface leaves the plane everywhere, less than
+    the whole way is gone where the angle is small.
     """
     alike = 0.01  # squared sine of the angle, six degrees, within which normals of patches count as one
     assert solid.normals is not None
@@ -108,18 +117,14 @@ def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray, height: Float
     vertex, row = np.divmod(keys, len(solid.normals))
     along = solid.normals[row] @ normal
     flat = solid.normals[row] - along[:, None] * normal
-    if float(np.linalg.norm(flat, axis=1).min()) < STEEPEST:
-        where = np.flatnonzero(rim)[vertex[np.linalg.norm(flat, axis=1).argmin()]]
-        near = f"near {point_text(solid.vertices[where], solid.bounds)}"
-        raise DomainError(
-            f"rim: the surface lies almost in its rim's plane {near}, as a patch does "
-            'at a corner between two edges of a plane rim: let patches meet there, or take `rim="normal"`'
-        )
     first = np.flatnonzero(np.diff(vertex, prepend=-1))
+    sine = np.minimum.reduceat(np.linalg.norm(flat, axis=1), first)
+    share = np.clip(sine / STEEPEST / 2 - 0.5, 0.0, 1.0) if sine.min() < STEEPEST else np.ones(len(sine))
+    share = share**2 * (3 - 2 * share)
     squares = np.add.reduceat(flat[:, :, None] * flat[:, None, :], first)
     right = np.add.reduceat(flat * along[:, None], first)
     inverse = np.linalg.pinv(squares, rcond=alike, hermitian=True)
-    return np.asarray(height[:, None] * (np.einsum("kij,kj->ki", inverse, right) - normal))
+    return share, np.einsum("kij,kj->ki", inverse, right) - normal
 
 
 def _reached(rim: BoolArray, beyond: BoolArray, edges: IntArray) -> BoolArray:

@@ -89,10 +89,8 @@ def mesh_text(report: dict[str, Any]) -> str:
         size = max(map(operator.sub, *reversed(box)))
         shown["bounds"] = corners(box)
         if shown.get("centroid") is not None:
-            shown["centroid"], shown["second_moments"] = (
-                row(_rounded(values, scale))
-                for values, scale in ((shown["centroid"], size), (shown["second_moments"], size * size))
-            )
+            shown["centroid"] = row(_rounded(shown["centroid"], size))
+            shown["second_moments"] = row(_rounded(shown["second_moments"], size * size))
         if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
     lines = [*labelled(shown).items()]

@@ -106,27 +106,3 @@ def test_references_may_count_back_and_leave_out(tmp_path):
     found = held(tmp_path / "a.obj")
     assert np.array_equal(found[TEXTURE][0], [[0, 0], [1, 0], [np.nan, np.nan]], equal_nan=True)
     assert np.array_equal(found[NORMALS][0], [[0, 0, 1], [0, 0, 1], 3 * [np.nan]], equal_nan=True)
-
-
-@pytest.mark.parametrize(
-    ("lines", "said"),
-    [
-        ("vn 0 0\nf 1//1 2//1 3//1", "'vn' has at least 3 numbers, got 2"),
-        ("vn 0 0 1\nf 1//1 2//1 3//2", "normals: a face refers to one that is not there"),
-        ("vn 0 x 1\nf 1//1 2//1 3//1", "'x' is not a number"),
-    ],
-)
-def test_wrong_values_are_refused_where_they_are_compared(tmp_path, lines, said):
-    (tmp_path / "a.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\n{lines}\n")
-    (tmp_path / "b.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n")
-    assert said in gtb("diff", tmp_path / "a.obj", tmp_path / "b.obj", status=2).err
-    assert said in gtb("info", tmp_path / "a.obj", status=2).err
-
-
-def test_values_are_not_compared_where_faces_differ(tmp_path):
-    square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\n"
-    (tmp_path / "a.obj").write_text(f"{square}f 1//1 2//1 3//1\nf 1//1 3//1 4//1\n")
-    (tmp_path / "b.obj").write_text(f"{square}f 1//1 2//1 4//1\nf 2//1 3//1 4//1\n")
-    found = gtb("diff", tmp_path / "a.obj", tmp_path / "b.obj", status=0)
-    assert "normals, texture coordinates and attributes are not compared" in found.err
-    assert not gtb("diff", tmp_path / "a.obj", tmp_path / "b.obj", "--ignore", "attributes", status=0).err
