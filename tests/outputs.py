@@ -25,7 +25,6 @@ def _each(keys: str, kind: Kind) -> dict[str, Kind]:
     return dict.fromkeys(keys.split(), kind)
 
 
-HEAD: dict[str, Kind] = {"schema": SCHEMA}
 EXTENTS = _each("length? length_error? area? area_error? volume? volume_error?", NUMBER)
 
 FAULT: dict[str, Kind] = {
@@ -196,31 +195,27 @@ FILLED: dict[str, Kind] = {
     "fault": (TEXT, None),
 }
 
-# What is printed or written, by its name, with its title
-SCHEMAS: dict[str, tuple[str, tuple[dict[str, Kind], ...]]] = {
-    "info": ("gtb info as JSON", tuple(HEAD | kind for kind in (PATCH, MODEL, MESH, FAULTY))),
-    "check": ("gtb check as JSON", tuple(HEAD | kind for kind in (CHECKED, CHECKED_MODEL))),
-    "diff": ("gtb diff as JSON", tuple(HEAD | kind for kind in (COMPARED, COMPARED_BYTES, FOLDERS, NOT_COMPARED))),
-    "decompose": (
-        "gtb decompose as JSON",
-        tuple(HEAD | kind for kind in (CELLS, {"patches": [CELLS]}, {"decompositions": [CONE]})),
-    ),
-    "eval": ("gtb eval as JSON", tuple(HEAD | EVALUATED | {key: [POINT]} for key in ("points", "basis"))),
-    "fill": ("gtb fill as JSON", (HEAD | FILLED,)),
-    "errors": ("errors and warnings on standard error", (HEAD | {"errors": [FAULT], "status": INTEGER},)),
-    "version": ("gtb and its packages", (HEAD | VERSIONS | {"click": TEXT},)),
-    "sequence": ("sequence.json", (HEAD | {"name": (TEXT, None), "meshes": [MEMBER], "rate": RATE},)),
-    "manifest": ("the manifest of gtb mesh", (HEAD | {"versions": VERSIONS, "options": "object", "files": [MADE]},)),
+# What is printed or written, by its name
+SCHEMAS: dict[str, tuple[dict[str, Kind], ...]] = {
+    "info": (PATCH, MODEL, MESH, FAULTY),
+    "check": (CHECKED, CHECKED_MODEL),
+    "diff": (COMPARED, COMPARED_BYTES, FOLDERS, NOT_COMPARED),
+    "decompose": (CELLS, {"patches": [CELLS]}, {"decompositions": [CONE]}),
+    "eval": (EVALUATED | {"points": [POINT]}, EVALUATED | {"basis": [POINT]}),
+    "fill": (FILLED,),
+    "errors": ({"errors": [FAULT], "status": INTEGER},),
+    "version": (VERSIONS | {"click": TEXT},),
+    "sequence": ({"name": (TEXT, None), "meshes": [MEMBER], "rate": RATE},),
+    "manifest": ({"versions": VERSIONS, "options": "object", "files": [MADE]},),
 }
 OF_SEVERAL = ("info", "check")  # which take several inputs, and then print a list
 
 
 def schema_of(name: str) -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of an output, or of a list of them, each with its file."""
-    title, kinds = SCHEMAS[name]
+    """The JSON Schema (draft 2020-12) of an output, or of a list of them, each with its file."""
+    kinds = tuple({"schema": SCHEMA} | kind for kind in SCHEMAS[name])
     entries = [tuple(kind | {"file": TEXT} for kind in kinds)]
-    found = _schema((*kinds, entries) if name in OF_SEVERAL else kinds)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title, **found}
+    return _schema((*kinds, entries) if name in OF_SEVERAL else kinds)
 
 
 def _schema(kind: Kind) -> dict[str, Any]:

@@ -7,10 +7,11 @@ T at its own place, so that no control point is too weak or too strong.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, planar_cross
 from gtb_cli.filling.corner_exponents import FREE, SUMS, corner_places, frames, keeps_corners
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
@@ -121,6 +122,7 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
     would carry the twists of both sides.
     """
     spacing = 0.98  # at 1, rows would be in each other's second layer
+    least_turn, shrinking, norm = 0.01, 0.98, partial(np.linalg.norm, axis=1)  # sines, and factor in each round
     most_sum = 0.95  # of the exponents of a row's first knot: at 1 it would lie on the line
     lengths, along, _ = frames(vertices)
     steps = lengths / degrees
@@ -150,7 +152,16 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
                         found[other] *= shrunk
         if np.allclose(old, found, rtol=1e-10):
             break
-    return np.asarray(found)
+    while True:  # knots p, q, r, t about a corner bound a convex region, and p + r and q + t lie in the second layer
+        p, q, r, t = corner_places(vertices, degrees, found)[:, 1:5].swapaxes(0, 1)
+        ways, across = (q - p, r - q, t - r), p + r - q - t
+        room = least_turn * np.stack([norm(ways[0]) * norm(ways[1]), norm(ways[1]) * norm(ways[2])])
+        turns = planar_cross(ways[1], ways[0]), planar_cross(ways[2], ways[1])
+        flat = (turns < room) | (np.stack([planar_cross(q - t, across), planar_cross(across, p - r)]) < room)
+        if not flat.any():
+            return np.asarray(found)
+        found[flat[0]] *= shrinking
+        found[np.roll(flat[1], -1)] *= shrinking
 
 
 def _boundary(

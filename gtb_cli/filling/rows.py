@@ -11,6 +11,8 @@ from gtb_cli.filling.net import Net
 from gtb_cli.filling.osculation import SecondRow, polar
 from gtb_cli.filling.planes import Field
 
+RANK = 1e-12  # relative size of what counts as nothing in forms of bounds and equations
+
 
 class Rows:
     """The control points of edges and rows, as functions of factors of fields: linear, but quadratic in second rows.
@@ -80,17 +82,19 @@ class Rows:
         for form in forms:
             factors = factors + form.least(*self._at(factors))[1][: self._count]
         turning: set[int] = set()
-        # Second rows are given up to the factors, and forms that do not join there would drive these to infinity.
-        for with_equations in (False, *[not self._seconds] * rounds):
+        for _ in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             turning |= self._turning(points)
-            factors = factors + self._step(final, factors, self._bounds(turning), with_equations)
+            table, least = self._bounds(turning)
+            if not len(table):
+                break
+            soft = final.soft(moves[: self._count])
+            factors = factors + soft @ table.T @ _pressures(table @ soft @ table.T, least - table @ factors)
         points, moves = self._at(fullness * factors)
         points = final.least(points, moves[self._count :])[0]
         for _ in range(rounds if all(n is not None for n in self._normals) else 4):  # coefficients follow free rows
             equations = self._equations(points)
-            table = final.softness(equations)
-            points = final.moved(points, equations, _multipliers(table, -equations.residuals(points), len(table)))
+            points = final.moved(points, equations)
         return points
 
     def _equations(self, points: FloatArray) -> CornerForms:
@@ -142,53 +146,20 @@ class Rows:
                         least.append(share * lengths[end] - sign * legs[knot - 1] @ way)
         return np.array(rows).reshape(len(rows), self._count), np.array(least)
 
-    def _step(
-        self, final: "_Form", factors: FloatArray, bounds: tuple[FloatArray, FloatArray], with_equations: bool
-    ) -> FloatArray:
-        """Return the change of factors, the least in the metric of the form, with which bounds and equations hold.
 
-        Equations are linearised; the free points share in what is missing.
-        """
-        difference = 1e-4  # of the loop's size: equations are nearly linear
-        points, moves = self._at(factors)
-        table, missing, count = bounds[0], bounds[1] - bounds[0] @ factors, 0
-        soft = final.soft(moves[: self._count])
-        form = table @ soft @ table.T
-        if with_equations:
-            points = final.least(points, moves[self._count :])[0]
-            followed = final.followed(moves[: self._count])
-            equations = self._equations(points)
-            residuals = equations.residuals(points)
-            step = difference / (np.abs(followed).max(initial=0.0) or 1.0)
-            there = points + step * followed
-            rates = (self._equations(there).residuals(there) - residuals) / step
-            count, table = len(residuals), np.vstack([rates.T, table])
-            form = table @ soft @ table.T
-            form[:count, :count] += final.softness(equations)
-            missing = np.concatenate([-residuals, missing])
-        return np.asarray(soft @ table.T @ _multipliers(form, missing, count))
+def _pressures(form: FloatArray, missing: FloatArray) -> FloatArray:
+    """Return x with which ``form @ x`` is at least what is missing: positive, or 0 where a bound holds without.
 
-
-def _multipliers(form: FloatArray, missing: FloatArray, equations: int) -> FloatArray:
-    """Return multipliers x with which ``form @ x`` is what is missing in equations, and at least that in bounds after.
-
-    Those of bounds are positive, or 0 where the bound holds without. If there is no solution, that is the nearest.
+    If there is no solution, it is the nearest.
     """
-    rank = 1e-12
-    size = np.sqrt(np.where(np.diag(form) > 0, np.diag(form), 1.0))
-    form, missing = form / size / size[:, None], missing / size
-    if equations == len(form):
-        return np.asarray(np.linalg.lstsq(form, missing, rcond=rank)[0] / size)
     from scipy.optimize import lsq_linear
 
-    values, vectors = np.linalg.eigh(form)
-    good = values > rank * values[-1]
+    size = np.sqrt(np.where(np.diag(form) > 0, np.diag(form), 1.0))
+    values, vectors = np.linalg.eigh(form / size / size[:, None])
+    good = values > RANK * values[-1]
     roots = np.sqrt(values[good])
-    lowest = np.where(np.arange(len(form)) < equations, -np.inf, 0.0)
-    found = lsq_linear(
-        roots[:, None] * vectors[:, good].T, vectors[:, good].T @ missing / roots, (lowest, np.inf), "bvls"
-    )
-    return np.asarray(found.x / size)
+    right = vectors[:, good].T @ (missing / size) / roots
+    return np.asarray(lsq_linear(roots[:, None] * vectors[:, good].T, right, (0.0, np.inf), "bvls").x / size)
 
 
 class _Form:
@@ -214,29 +185,20 @@ class _Form:
         points[self._free] = -self._weights @ points[self._outer]
         return points, factors
 
-    def followed(self, moves: FloatArray) -> FloatArray:
-        """Return (f, n, 3) moves which the free points follow."""
-        moves = moves.copy()
-        moves[:, self._free] = -self._weights @ moves[:, self._outer]
-        return moves
-
     def soft(self, moves: FloatArray) -> FloatArray:
         """Return the (f, f) inverse of the form of factors of moves, without those that it does not see."""
         own = moves[:, self._outer]
         images = np.einsum("ij,fjk->fik", self._form, own)
         return np.asarray(np.linalg.pinv(np.einsum("fik,gik->fg", images, own), rcond=1e-9, hermitian=True))
 
-    def _shifts(self, equations: CornerForms) -> tuple[FloatArray, FloatArray]:
+    def moved(self, points: FloatArray, equations: CornerForms) -> FloatArray:
+        """Return the points after the least moves of the free ones with which equations hold."""
         table = equations.matrix(len(self._free) + len(self._outer))[:, self._free]
-        return table, np.linalg.solve(self._own, table.T)
-
-    def softness(self, equations: CornerForms) -> FloatArray:
-        """Return (c, c) changes of equations by unit forces of each on the free points."""
-        table, shifts = self._shifts(equations)
-        return np.asarray((table @ shifts) * (equations.normals @ equations.normals.T))
-
-    def moved(self, points: FloatArray, equations: CornerForms, forces: FloatArray) -> FloatArray:
-        """Return the points after forces of equations."""
+        shifts = np.linalg.solve(self._own, table.T)
+        softness = (table @ shifts) * (equations.normals @ equations.normals.T)
+        size = np.sqrt(np.where(np.diag(softness) > 0, np.diag(softness), 1.0))
+        missing = -equations.residuals(points) / size
+        forces = np.linalg.lstsq(softness / size / size[:, None], missing, rcond=RANK)[0] / size
         points = points.copy()
-        points[self._free] += self._shifts(equations)[1] @ (forces[:, None] * equations.normals)
+        points[self._free] += shifts @ (forces[:, None] * equations.normals)
         return points

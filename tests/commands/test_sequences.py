@@ -15,7 +15,6 @@ from tests.specs import load
 SURFACE = str(SPECS / "example-4.4.toml")
 MOVING = str(SPECS / "example-4.2.toml")
 LINE = str(SPECS / "example-3.4.toml")
-PLAIN = str(SPECS / "example-3.1.toml")
 
 
 pytestmark = pytest.mark.usefixtures("measured_roughly")

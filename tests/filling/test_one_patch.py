@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy, energy_samples
 from gtb_cli.fairing.folds import folds, sharp_turns
+from gtb_cli.filling import net
 from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.hole_corners import concave_corners
@@ -178,6 +179,17 @@ def test_at_corners_the_normal_is_that_of_the_sides():
         expected = np.cross(first - side.ends[0], last - side.ends[0])
         np.testing.assert_allclose(normals[k], expected / np.linalg.norm(expected), atol=1e-9)
     assert np.nanmax(filling.corner_angles) < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(9))
+def test_first_knots_of_rows_leave_curvature_bounded(seed):
+    """They lie below the line of the next knots on edges, and sums of two apart in the second layer."""
+    random = np.random.default_rng(seed)
+    vertices, degrees = net.polygon(random.uniform(1, 4, 3 + seed)), random.integers(4, 9, 3 + seed)
+    for own in net.corner_places(vertices, degrees, net._row_distances(vertices, degrees, net.SECOND_LAYER)):
+        p = own[1:5] - own[0]
+        assert np.linalg.solve(p[[0, 3]].T, p[1:3].T).sum(axis=0).max() < 0.95 + 1e-9
+        assert net.keeps_corners(own[0] + p[:2] + p[2:], own[None]).all()
 
 
 def loop_of_five(kind: str) -> Filling:
