@@ -208,14 +208,13 @@ SCHEMAS: dict[str, tuple[dict[str, Kind], ...]] = {
     "sequence": ({"name": (TEXT, None), "meshes": [MEMBER], "rate": RATE},),
     "manifest": ({"versions": VERSIONS, "options": "object", "files": [MADE]},),
 }
-OF_SEVERAL = ("info", "check")  # which take several inputs, and then print a list
 
 
 def schema_of(name: str) -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of an output, or of a list of them, each with its file."""
     kinds = tuple({"schema": SCHEMA} | kind for kind in SCHEMAS[name])
     entries = [tuple(kind | {"file": TEXT} for kind in kinds)]
-    return _schema((*kinds, entries) if name in OF_SEVERAL else kinds)
+    return _schema((*kinds, entries) if name in ("info", "check") else kinds)
 
 
 def _schema(kind: Kind) -> dict[str, Any]:

@@ -110,7 +110,7 @@ def test_results_are_short_to_look_at(pentagon, box):
         repr(gtb_cli.check(Model([pentagon]))): "<ModelReport without a name: ",
         repr(
             gtb_cli.diff(pentagon, doubled, 1)
-        ): "<Difference: different, vertices 4.58 apart, tolerance 1>",  # (1, 2, 4) moves by √21
+        ): "<Difference: different, patches 4.58 apart, tolerance 1>",  # (1, 2, 4) moves by √21
         repr(
             gtb_cli.regular_decomposition(pentagon.knots, pentagon.lifting)
         ): "<RegularDecomposition: 8 knots, 5 cells, 0",

@@ -342,4 +342,5 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
         for form, shift in zip(limits, (3 * a + b, 2 * a + 2 * b, a + 3 * b), strict=True)
     )
     e, f, g = dot(first, first), dot(first, second), dot(second, second)
-    return np.stack([(xx * yy - xy**2) / (e * g - f**2), (2 * f * xy - g * xx - e * yy) / (2 * (e * g - f**2))])
+    det = (cross(first, second) ** 2).sum(axis=1)  # e g − f² without cancellation
+    return np.stack([(xx * yy - xy**2) / det, (2 * f * xy - g * xx - e * yy) / (2 * det)])

@@ -16,7 +16,6 @@ from tests.specs import load
 from tests.surfaces import cylinder, octant
 
 # Relative error of second differences with a step of 1e-4, and of sums over triangles of cubic polynomials
-DIFFERENCES = 1e-5
 
 
 def square(f) -> Patch:

@@ -128,7 +128,6 @@ def test_around_a_hole_in_a_floor_the_rim_stays_along_the_normals(thickness):
     assert_closed(solid)
     surface, offset = np.split(solid.vertices, 2)
     hole, lip = np.hypot(*surface[:, :2].T) < 8.0001, surface[:, 2] > 27.9999
-    assert lip.sum() == hole.sum() == 30
     np.testing.assert_allclose(np.abs(offset[hole] - surface[hole]), np.tile([0, 0, 2], (30, 1)), atol=1e-9)
     np.testing.assert_allclose(offset[lip, 2], 28, atol=1e-12)
 
