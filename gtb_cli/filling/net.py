@@ -152,16 +152,18 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
                         found[other] *= shrunk
         if np.allclose(old, found, rtol=1e-10):
             break
-    while True:  # knots p, q, r, t about a corner bound a convex region, and p + r and q + t lie in the second layer
+    # Knots p, q, r, t about a corner bound a convex region, and p + r and q + t lie in the second layer.
+    for _ in range(100):  # down to an eighth; a few rounds are enough
         p, q, r, t = corner_places(vertices, degrees, found)[:, 1:5].swapaxes(0, 1)
         ways, across = (q - p, r - q, t - r), p + r - q - t
         room = least_turn * np.stack([norm(ways[0]) * norm(ways[1]), norm(ways[1]) * norm(ways[2])])
         turns = planar_cross(ways[1], ways[0]), planar_cross(ways[2], ways[1])
         flat = (turns < room) | (np.stack([planar_cross(q - t, across), planar_cross(across, p - r)]) < room)
         if not flat.any():
-            return np.asarray(found)
+            break
         found[flat[0]] *= shrinking
         found[np.roll(flat[1], -1)] *= shrinking
+    return np.asarray(found)
 
 
 def _boundary(
