@@ -7,7 +7,6 @@ T at its own place, so that no control point is too weak or too strong.
 """
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 
@@ -122,7 +121,7 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
     would carry the twists of both sides.
     """
     spacing = 0.98  # at 1, rows would be in each other's second layer
-    least_turn, shrinking, norm = 0.01, 0.98, partial(np.linalg.norm, axis=1)  # sines, and factor in each round
+    least_turn, shrinking = 0.01, 0.98  # sine of the angle at a first knot, and factor of distances in each round
     most_sum = 0.95  # of the exponents of a row's first knot: at 1 it would lie on the line
     lengths, along, _ = frames(vertices)
     steps = lengths / degrees
@@ -156,7 +155,8 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
     for _ in range(100):  # down to an eighth; a few rounds are enough
         p, q, r, t = corner_places(vertices, degrees, found)[:, 1:5].swapaxes(0, 1)
         ways, across = (q - p, r - q, t - r), p + r - q - t
-        room = least_turn * np.stack([norm(ways[0]) * norm(ways[1]), norm(ways[1]) * norm(ways[2])])
+        lengths = np.linalg.norm(ways, axis=2)
+        room = least_turn * lengths[:-1] * lengths[1:]
         turns = planar_cross(ways[1], ways[0]), planar_cross(ways[2], ways[1])
         flat = (turns < room) | (np.stack([planar_cross(q - t, across), planar_cross(across, p - r)]) < room)
         if not flat.any():

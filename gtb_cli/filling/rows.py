@@ -68,8 +68,8 @@ class Rows:
         """Return the (n, 3) control points with the least energy, a quadratic form; fields are longer by a factor.
 
         Second rows depend on the factors: the form is minimised with them free, then by Gauss's and Newton's method,
-        which has converged to eight digits in two steps. Then factors and inner points move as little as they can, in
-        the metric of the form, to fulfil the equations of corners and the bounds of smooth ones.
+        which has converged to eight digits in two steps. Then factors move as little as they can, in the metric of
+        the form, to fulfil the bounds of smooth corners, and inner points to fulfil the equations of corners.
         """
         rounds = 2
         matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
@@ -89,7 +89,7 @@ class Rows:
             if not len(table):
                 break
             soft = final.soft(moves[: self._count])
-            factors = factors + soft @ table.T @ _pressures(table @ soft @ table.T, least - table @ factors)
+            factors = factors + soft @ table.T @ _multipliers(table @ soft @ table.T, least - table @ factors)
         points, moves = self._at(fullness * factors)
         points = final.least(points, moves[self._count :])[0]
         for _ in range(rounds if all(n is not None for n in self._normals) else 4):  # coefficients follow free rows
@@ -147,7 +147,7 @@ class Rows:
         return np.array(rows).reshape(len(rows), self._count), np.array(least)
 
 
-def _pressures(form: FloatArray, missing: FloatArray) -> FloatArray:
+def _multipliers(form: FloatArray, missing: FloatArray) -> FloatArray:
     """Return x with which ``form @ x`` is at least what is missing: positive, or 0 where a bound holds without.
 
     If there is no solution, it is the nearest.
