@@ -130,8 +130,8 @@ STRETCH_LIMITS = ((1e-6, 1e6),) * 3
 
 
 def printable(text: str) -> str:
-    """Return a text on one line, with an escape for each character that cannot be seen or would control a terminal."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+    """Return a text on one line, with escapes for what cannot be seen, or would control a terminal or GitHub's log."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text).replace("##[", "##\\x5b")
 
 
 def plain_name(name: str) -> str:

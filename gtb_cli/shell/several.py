@@ -107,8 +107,8 @@ class ReportRequest:
         gap: str = "",
     ) -> None:
         """Write the reports as JSON, in full, or with a line for each of several specs; `gap` stands between texts."""
-        if not self.as_json:  # no name at the beginning of a line is a command of GitHub's
-            rows = [(f"./{name}" if name.startswith(("::", "##")) else name, found) for name, found in rows]
+        if not self.as_json:  # "::" at the beginning of a line, also after spaces, is a command of GitHub's
+            rows = [(f"./{name}" if name.lstrip().startswith("::") else name, found) for name, found in rows]
         if self.as_json:
             data = [({"file": name} if self._are_several else {}) | record(found) for name, found in rows]
             write_json(self.output, data if self._are_several else data[0])
