@@ -131,7 +131,12 @@ STRETCH_LIMITS = ((1e-6, 1e6),) * 3
 
 def printable(text: str) -> str:
     """Return a text on one line, with escapes for what cannot be seen, or would control a terminal or GitHub's log."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text).replace("##[", "##\\x5b")
+    return without_commands("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text))
+
+
+def without_commands(text: str) -> str:
+    """Escape what is a command of GitHub's at any place in a line; a name in a spec or a mesh may hold it."""
+    return text.replace("##[", "##\\x5b")
 
 
 def plain_name(name: str) -> str:

@@ -17,7 +17,7 @@ from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.options import INPUT, json_option, text_options, weld_option
 from gtb_cli.shell.streams import refuse_overwriting, shown_input, write_json, write_text
 from gtb_cli.shell.workers import Workers, jobs_option
-from gtb_cli.vocabulary import printable
+from gtb_cli.vocabulary import printable, without_commands
 
 Found = TypeVar("Found")
 Task = TypeVar("Task")
@@ -116,7 +116,7 @@ class ReportRequest:
             write_text(self.output, "".join(f"{line(printable(name), found)}\n" for name, found in rows))
         else:
             texts = [(f"{printable(name)}\n" if self._are_several else "") + text(found) for name, found in rows]
-            write_text(self.output, gap.join(texts))
+            write_text(self.output, without_commands(gap.join(texts)))
 
 
 def report_options(metavar: str = "SPEC...") -> Option:
