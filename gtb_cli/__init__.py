@@ -11,7 +11,7 @@ Integrals
     quadrature, Quadrature
 Limits
     regular_decomposition, RegularDecomposition, regular_decompositions, LiftingCone, convergence_rate,
-    degenerate, regular_control_surface, degeneration, MeshSequence, Member, MeasuredRate,
+    degenerate, regular_control_surface, degeneration, MeshSequence, Member,
     merge_knots, move_knots, knot_limit, KnotLimit, Film, knot_sequence
 Other patches
     elevate, isocurve, bezier_pieces, split_curve, fit, Fit, fill, Filling, Contact, fair, Fairing
@@ -93,7 +93,6 @@ if TYPE_CHECKING:
     from gtb_cli.pages.notebook import frame as frame
     from gtb_cli.pages.page import page as page
     from gtb_cli.plots.figures import plot as plot
-    from gtb_cli.sequences.rates import MeasuredRate as MeasuredRate
     from gtb_cli.sequences.sequence import (
         Member as Member,
         MeshSequence as MeshSequence,
@@ -137,7 +136,6 @@ else:
         "pages.notebook": "frame",
         "pages.page": "page",
         "plots.figures": "plot",
-        "sequences.rates": "MeasuredRate",
         "sequences.sequence": "Member MeshSequence degeneration knot_sequence",
         "tessellation.recipe": "Recipe",
         "tessellation.tessellate": "tessellate",

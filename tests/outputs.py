@@ -155,8 +155,6 @@ MEMBER: Kind = {
     "distance_to_limit_with_film?": (NUMBER, None),
 }
 
-RATE: Kind = _each("predicted measured measured_from measured_to", (NUMBER, None))
-
 MADE: Kind = MEASURES | {
     "file": TEXT,
     "sha256": TEXT,
@@ -166,6 +164,15 @@ MADE: Kind = MEASURES | {
     "tolerance?": NUMBER,
     "assurance?": TEXT,
     "versions?": VERSIONS,
+}
+
+PART: dict[str, Kind] = {
+    "kind": {"part"},
+    "format": TEXT,
+    **_each("faces trimmed_faces solids open_edges", INTEGER),
+    "holes": [TEXT],
+    "bounds": [POINT],
+    **_each("area volume", (NUMBER, None)),
 }
 
 BENT = _each("area bending variation curvature relative_error", NUMBER)
@@ -197,15 +204,15 @@ FILLED: dict[str, Kind] = {
 
 # What is printed or written, by its name
 SCHEMAS: dict[str, tuple[dict[str, Kind], ...]] = {
-    "info": (PATCH, MODEL, MESH, FAULTY),
+    "info": (PATCH, MODEL, MESH, FAULTY, PART),
     "check": (CHECKED, CHECKED_MODEL),
     "diff": (COMPARED, COMPARED_BYTES, FOLDERS, NOT_COMPARED),
     "decompose": (CELLS, {"patches": [CELLS]}, {"decompositions": [CONE]}),
     "eval": (EVALUATED | {"points": [POINT]}, EVALUATED | {"basis": [POINT]}),
-    "fill": (FILLED,),
+    "fill": (FILLED, {"holes": [{"edges": [TEXT], "near": POINT}]}),
     "errors": ({"errors": [FAULT], "status": INTEGER},),
     "version": (VERSIONS | {"click": TEXT},),
-    "sequence": ({"name": (TEXT, None), "meshes": [MEMBER], "rate": RATE},),
+    "sequence": ({"name": (TEXT, None), "meshes": [MEMBER], "rate": {"predicted": (NUMBER, None)}},),
     "manifest": ({"versions": VERSIONS, "options": "object", "files": [MADE]},),
 }
 

@@ -34,8 +34,10 @@ def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
 @click.option(
     "--hole",
     metavar="EDGE",
-    help='In a model, fill the ring with this edge, such as "wall-0 edge 2"; in a part, the hole near "10,0,2.5".',
+    help='In a model or part, fill the hole with this edge, such as "wall-0 edge 2", at this patch or face, "face-3", '
+    'or near this point, "10,0,2.5".',
 )
+@click.option("--holes", is_flag=True, help="List the holes of a model or part, and fill none.")
 @click.option(
     "--continuity",
     multiple=True,
@@ -73,6 +75,7 @@ def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
 def fill(
     loop: str,
     hole: str | None,
+    holes: bool,
     continuity: dict[str, str],
     inner: str,
     fullness: float | None,
@@ -110,8 +113,10 @@ def fill(
     A hole with concave corners is cut by up to six curves, from these corners to others (of a loop of curves, also to
     points of sides), into parts with a patch each, whose tangent planes along the cuts are the same.
     """
-    from gtb_cli.filling.fill import filled
-    from gtb_cli.filling.loops import read_hole
+    from gtb_cli.filling.fill import filled, holes_of
+    from gtb_cli.filling.holes import ring_texts
+    from gtb_cli.filling.loops import read_loop
+    from gtb_cli.filling.part_holes import Part
     from gtb_cli.language.writer import dump
     from gtb_cli.models.model import Model
 
@@ -119,13 +124,22 @@ def fill(
     if kind is None and (tolerance or angle):
         raise click.UsageError("--tolerance and --angle are for an output that is a CAD file, such as -o filled.step")
     data = read_bytes(loop)
+    found = read_loop(data, source, streams.reading)
     with about(source):
-        found, hole, part = read_hole(data, source, hole, streams.reading)
+        if holes:
+            rings = holes_of(found)
+            if as_json:
+                data_of = [{"edges": ring.names, "near": ring.corners.mean(axis=0).tolist()} for ring in rings]
+                write_json(streams.output, {"holes": data_of})
+            else:
+                streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
+            return
         name = None if isinstance(found, Model) else stem_of(loop)
         filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)
     if kind is not None and not filling.fault:
         from gtb_cli.formats.kinds_of_surfaces import encode_surfaces
 
+        part = found.shape if isinstance(found, Part) else None
         with about(source):
             encoded = encode_surfaces(filling.model or filling.patch, kind, "mm", tolerance, angle, part=part)
         write_blocks(streams.output, [encoded[0]])

@@ -1,4 +1,4 @@
-"""`gtb info`: what a spec describes, and what a mesh measures."""
+"""`gtb info`: what a spec describes, and what a mesh or a part measures."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def info(request: ReportRequest, console: Console) -> None:
     """\b
     Example: gtb info specs/pentagon.toml
 
-    Say what specs describe, or what meshes measure.
+    Say what specs describe, or what meshes and parts measure.
 
     Of a spec: the kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any
     knots), knots and edges numbered from 0, the bounding box of the surface, how far the parametrisation is from
@@ -44,6 +44,7 @@ def info(request: ReportRequest, console: Console) -> None:
     than two faces) or turned (with two that look in opposite directions), collapsed faces, and groups. --json has all
     digits and groups; the text has those that are the same on all processors, for git diff: git config
     diff.gtb.textconv "gtb info". A mesh without faces, or with coordinates that are not finite, is said to be so.
+    Of a STEP, IGES or BREP file (gtb-cli[cad]): faces, solids, holes, bounds, area and volume.
     """
     in_full = request.in_full
     report = partial(_found, in_full=request.as_json or in_full, with_extents=not request.in_lines)
@@ -54,7 +55,7 @@ def info(request: ReportRequest, console: Console) -> None:
 
 
 def _line(name: str, found: dict[str, Any]) -> str:
-    if found["kind"] == "mesh":
+    if found["kind"] in ("mesh", "part"):
         return mesh_line(name, found)
     if "patches" in found:
         state = "closed" if found["closed"] else f"{len(found['open_edges'])} open edges"
@@ -80,7 +81,7 @@ def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool,
         found = spec_or_report(spec)
     if isinstance(found, dict):
         if weld is not None:
-            raise GtbError(f"{shown_input(spec)}: --weld is for specs, and this is a mesh")
+            raise GtbError(f"{shown_input(spec)}: --weld is for specs, and this is a {found['kind']}")
         return found
     with about(shown_input(spec)):
         shape = with_weld(found, weld)
@@ -168,7 +169,7 @@ def _report(patch: Patch, found: Description) -> dict[str, Any]:
 
 def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> str:
     """Write a report as a table of two columns; unless in full, only as many patches and joints as fit on a screen."""
-    if found["kind"] == "mesh":
+    if found["kind"] in ("mesh", "part"):
         return mesh_text(found)
     patches = found.get("patches", [])
     if not in_full and len(patches) > MAX_PATCHES_SHOWN:

@@ -13,7 +13,7 @@ from gtb_cli.fairing.descent import FLAT, descended, figures, is_fairer, measure
 from gtb_cli.fairing.energy import Samples, energy_matrix, samples
 from gtb_cli.fairing.folds import folds as count_folds
 from gtb_cli.fairing.variation import Bending
-from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
+from gtb_cli.knots.domain import LAYER_TOLERANCE, layers
 from gtb_cli.language.spec_paths import SpecPath, loaded
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import CURVE_TOLERANCE

@@ -14,9 +14,10 @@ from gtb_cli.files import read_file
 from gtb_cli.filling.certificate import Filling, edge_of
 from gtb_cli.filling.cutting import fill_parts
 from gtb_cli.filling.hole_corners import corners
-from gtb_cli.filling.holes import ring_of, ring_sides
-from gtb_cli.filling.loops import read_hole
+from gtb_cli.filling.holes import Ring, model_rings, one_ring, ring_sides
+from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.one_patch import closed, fill_loop, met_with
+from gtb_cli.filling.part_holes import Part
 from gtb_cli.filling.sides import HoleSide
 from gtb_cli.filling.strips import curve_side
 from gtb_cli.language.document import MAX_BYTES
@@ -80,17 +81,17 @@ def fill(
     ----------
     Not in the paper; the rows of knots and the tangent planes that they give are in `gtb_cli.filling.one_patch`.
     """
-    found: Sequence[HoleSide] | Model
+    found: Sequence[HoleSide] | Model | Part
     if isinstance(loop, Model):
         found = loop if loop.dimension == 2 else _sides(loop, ribbons, ribbons2)
     else:
         source = os.fspath(loop)
-        found, hole, _ = read_hole(read_file(source, MAX_BYTES + 1), source, hole)
+        found = read_loop(read_file(source, MAX_BYTES + 1), source)
     return filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness, raises=raises)
 
 
 def filled(
-    found: Sequence[HoleSide] | Model,
+    found: Sequence[HoleSide] | Model | Part,
     hole: str | None,
     name: str | None,
     *,
@@ -99,25 +100,38 @@ def filled(
     fullness: float = 1.0,
     raises: int | None = None,
 ) -> Filling:
-    """Fill a loop of sides, or an open ring of a model, with a patch that meets its neighbours as `fill` says.
+    """Fill a loop of sides, or a hole of a model or a part, with a patch that meets its neighbours as `fill` says.
 
     The `model` of the filling has the patch, under a name that no other has. Raises `DomainError` as `fill` does.
     """
     options: dict[str, Any] = {"continuity": continuity, "inner": inner, "fullness": fullness, "raises": raises}
+    if isinstance(found, Part):
+        sides, remarks = found.sides(one_ring(found.rings, hole, "part"))
+        filling = filled(sides, None, name, **options)
+        return replace(filling, remarks=(*remarks, *filling.remarks))
     if not isinstance(found, Model):
         if hole is not None:
             raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
         filling = _in_parts(found, name, (), options)
         return _beside((), filling) if filling.parts else filling
-    ring = ring_of(found, hole)
+    refs = [found.joints.open[edge] for edge in one_ring(model_rings(found), hole, "model").edges]
     taken = [patch.name for patch in found]
-    filling = _in_parts(ring_sides(found, ring), next(_free(name or "hole", taken)), taken, options)
+    filling = _in_parts(ring_sides(found, refs), next(_free(name or "hole", taken)), taken, options)
     whole = found.replace(patches=(*found.patches, *filling.patches))
     remarks = filling.remarks
     if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] >= len(found)]:
         remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
-    beside = [found.patches[k] for k in sorted({ref[0] for ref in ring})]
+    beside = [found.patches[k] for k in sorted({ref[0] for ref in refs})]
     return replace(_beside(beside, filling), remarks=remarks, model=whole)
+
+
+def holes_of(found: Sequence[HoleSide] | Model | Part) -> Sequence[Ring]:
+    """Return the holes of a model or a part."""
+    if isinstance(found, Part):
+        return found.rings
+    if isinstance(found, Model):
+        return model_rings(found)
+    raise DomainError("holes: a loop of curves is itself the hole")
 
 
 def _in_parts(

@@ -1,11 +1,12 @@
-"""Open rings of a model: the edges around a hole, as sides with the tangent planes of the neighbouring patches."""
+"""Holes: closed rings of open edges, and those of a model as sides with the tangent planes of its patches."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, point_text
 from gtb_cli.errors import DomainError
 from gtb_cli.filling.osculation import patch_bend
 from gtb_cli.filling.sides import MAX_GAP, HoleSide, bezier_form, edge_normals, points_and_tangents, stations
@@ -14,55 +15,89 @@ from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.patch import Patch
 
 
-def rings(model: Model) -> list[tuple[EdgeRef, ...]]:
-    """Find the closed rings of a surface model's open edges; edges that lead nowhere are left out.
+class Ring(NamedTuple):
+    """The edges around a hole: their numbers, their names, and (m, 3) points, where they begin and others."""
 
-    None passes a point twice: where edges come back to one, they are a ring of their own.
+    edges: tuple[int, ...]
+    names: tuple[str, ...]
+    corners: FloatArray
+
+
+def closed_rings(rows: Sequence[FloatArray], names: Sequence[str], gap: float) -> list[Ring]:
+    """Find the closed rings of edges, each within a gap of the next; others lead nowhere.
+
+    Edges are rows of points, from the first to the last. No ring passes a point twice: where edges come back to one,
+    they are a ring of their own, and so is one edge with points between its ends.
     """
-    joints = model.joints
-    points = np.concatenate([patch.control_points for patch in model.patches])
-    gap = MAX_GAP * float(np.ptp(points, axis=0).max())
-    left = {ref: _ends(model, ref, joints.flipped[ref[0]]) for ref in joints.open}
-    found = []
+    left, found = dict(enumerate(rows)), []
     while left:
-        chain, begins, end = list[EdgeRef](), list[FloatArray](), next(iter(left.values()))[0]
-        while following := [ref for ref, (begin, _) in left.items() if np.linalg.norm(begin - end) <= gap]:
-            # Where several edges begin, the next edge of the same patch belongs to another hole.
-            chain.append(min(following, key=lambda ref: bool(chain) and ref[0] == chain[-1][0]))
-            begin, end = left.pop(chain[-1])
-            begins.append(begin)
-            back = [k for k, begin in enumerate(begins[:-1]) if np.linalg.norm(begin - end) <= gap]
+        chain, end = list[int](), next(iter(left.values()))[0]
+        while following := [edge for edge, row in left.items() if np.linalg.norm(row[0] - end) <= gap]:
+            # Where several edges begin, the next edge of the same patch or face belongs to another hole.
+            last = _owner(names[chain[-1]]) if chain else ""
+            chain.append(min(following, key=lambda edge: bool(chain) and _owner(names[edge]) == last))
+            end = left.pop(chain[-1])[-1]
+            least = 1 if len(rows[chain[-1]]) > 2 else 2
+            back = [k for k in range(len(chain) - least + 1) if np.linalg.norm(rows[chain[k]][0] - end) <= gap]
             if back:
-                found.append(tuple(chain[back[-1] :]))
-                del chain[back[-1] :], begins[back[-1] :]
+                edges = tuple(chain[back[-1] :])
+                corners = np.concatenate([rows[edge][:-1] for edge in edges])
+                found.append(Ring(edges, tuple(names[edge] for edge in edges), corners))
+                del chain[back[-1] :]
             if not chain:
                 break
     return found
 
 
-def ring_of(model: Model, edge: str | None) -> tuple[EdgeRef, ...]:
-    """Return the ring that contains an edge, named such as ``wall-0 edge 2``; without a name, the only ring, if any."""
-    found = rings(model)
+def one_ring(found: Sequence[Ring], asked: str | None, where: str) -> Ring:
+    """Return the ring that is asked for by an edge, a patch or face, or a point near it; or else the only ring.
+
+    An edge is named such as ``wall-0 edge 2``, a point ``10, 0, 2.5``. Raises `DomainError` if there is not one.
+    """
     if not found:
-        raise DomainError("hole: the model has no closed ring of open edges")
-    known = "; ".join(f"{edge_name(model.patches, ring[0])} (of {len(ring)} sides)" for ring in found)
-    if edge is not None:
-        for ring in found:
-            if edge in [edge_name(model.patches, ref) for ref in ring]:
-                return ring
-        raise DomainError(f"hole: no open ring has an edge {edge!r}; rings begin with: {known}")
-    if len(found) > 1:
-        raise DomainError(f"hole: the model has {len(found)}, `hole` names one of: {known}")
-    return found[0]
+        raise DomainError(f"hole: the {where} has no closed ring of open edges")
+    known = "; ".join(ring_texts(found))
+    fitting = [ring for ring in found if asked is None or asked in ring.names]
+    fitting = fitting or [ring for ring in found if asked in [_owner(name) for name in ring.names]]
+    if not fitting and asked is not None:
+        try:
+            point = np.array([float(word) for word in asked.split(",")])
+        except ValueError:
+            point = np.empty(0)
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise DomainError(f"hole: no open ring has an edge {asked!r}, and it is not a point; rings: {known}")
+        fitting = [min(found, key=lambda ring: float(np.linalg.norm(ring.corners.mean(axis=0) - point)))]
+    if len(fitting) > 1:
+        raise DomainError(f"hole: the {where} has {len(fitting)}, `hole` names one of: {known}")
+    return fitting[0]
 
 
-def ring_sides(model: Model, ring: Sequence[EdgeRef]) -> list[HoleSide]:
-    """Return the sides of a hole, in the direction that gives its patch the orientation of its neighbours.
+def ring_texts(found: Sequence[Ring]) -> list[str]:
+    """Describe rings: the first edge, the number of sides, and where they are."""
+    places = [point_text(ring.corners.mean(axis=0), ring.corners) for ring in found]
+    return [f"{ring.names[0]} (of {len(ring.edges)} sides, near {at})" for ring, at in zip(found, places, strict=True)]
+
+
+def _owner(name: str) -> str:
+    return name.rpartition(" edge ")[0]
+
+
+def model_rings(model: Model) -> list[Ring]:
+    """Find the closed rings of a surface model's open edges; the numbers are places in ``model.joints.open``."""
+    joints = model.joints
+    points = np.concatenate([patch.control_points for patch in model.patches])
+    ends = [_ends(model, ref, joints.flipped[ref[0]]) for ref in joints.open]
+    names = [edge_name(model.patches, ref) for ref in joints.open]
+    return closed_rings(ends, names, MAX_GAP * float(np.ptp(points, axis=0).max()))
+
+
+def ring_sides(model: Model, refs: Sequence[EdgeRef]) -> list[HoleSide]:
+    """Return the sides of a hole with these edges, in the direction that gives its patch its neighbours' orientation.
 
     Raises `DomainError` if an edge is not a rational Bézier curve.
     """
     sides = []
-    for patch_index, edge in ring:
+    for patch_index, edge in refs:
         patch = model.patches[patch_index]
         name = edge_name(model.patches, (patch_index, edge))
         (curve,) = bezier_form(patch.boundary(edge), (), name)
@@ -72,12 +107,11 @@ def ring_sides(model: Model, ring: Sequence[EdgeRef]) -> list[HoleSide]:
     return sides
 
 
-def _ends(model: Model, ref: EdgeRef, flipped: bool) -> tuple[FloatArray, FloatArray]:
-    """Return the ends of an edge in the hole's direction."""
+def _ends(model: Model, ref: EdgeRef, flipped: bool) -> FloatArray:
+    """Return the ends of an edge in the hole's direction, (2, 3)."""
     patch, edge = model.patches[ref[0]], ref[1]
-    points = patch.control_points[patch.domain.edge_knots(edge)]
-    ends = points[0], points[-1]
-    return ends if flipped else ends[::-1]
+    knots = patch.domain.edge_knots(edge)[[0, -1]]
+    return patch.control_points[knots if flipped else knots[::-1]]
 
 
 def _outwards(patch: Patch, edge: int, side: HoleSide) -> HoleSide:

@@ -1,13 +1,14 @@
-"""Loops of curves from files: specs of curves with ribbons, `.gbp` and `.lop`."""
+"""Holes from files: loops of curves in specs with ribbons, `.gbp` and `.lop`; models; CAD parts."""
 
 import os
-from typing import Any
 
 import numpy as np
 
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.filling.part_holes import Part, part_of
 from gtb_cli.filling.sides import MAX_DEGREE, HoleSide
 from gtb_cli.filling.strips import curve_side, strip_side
+from gtb_cli.importers.cad_files import cad_kind, kernel_faults, read_shape
 from gtb_cli.importers.nurbs import span_matrices
 from gtb_cli.importers.words import Words
 from gtb_cli.language.loading import parse_loop
@@ -15,20 +16,23 @@ from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import CAD_SUFFIXES
 
 SUFFIXES = (".gbp", ".lop")
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
-def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> list[HoleSide] | Model:
-    """Read a `.gbp` or `.lop` file, by its suffix, or a spec: curves are the sides of a loop, surfaces are a model.
+def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> list[HoleSide] | Model | Part:
+    """Read a `.gbp` or `.lop` file, by its suffix, a CAD part, or a spec: curves are the sides of a loop.
 
     Raises `SpecError`, with file and line: the file is too large, has words that are not numbers, or too few or too
     many numbers; of specs see `gtb_cli.load`; or a ribbon is not valid.
     """
     if reading.spec_format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
         return loop_from_text(data, source)
+    if reading.spec_format is None and (kind := cad_kind(data, source)) is not None:
+        shape = read_shape(data, kind, source)
+        with kernel_faults(source):
+            return part_of(shape)
     spec, rows = parse_loop(data, source, reading)
     if isinstance(spec, Patch):
         what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
@@ -40,23 +44,6 @@ def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> list[Hole
         return [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
     except DomainError as error:
         raise SpecError(f"{source}: {error}") from None
-
-
-def read_hole(
-    data: bytes, source: str, hole: str | None, reading: Reading = AS_SEEN
-) -> tuple[list[HoleSide] | Model, str | None, Any]:
-    """Read a loop as `read_loop` does, or a hole of a CAD part.
-
-    Also return the edge that is left to find, and the part as a shape of the kernel, or None.
-    """
-    kind = CAD_SUFFIXES.get(os.path.splitext(source)[1].lower().removeprefix("."))
-    if reading.spec_format is not None or kind is None:
-        return read_loop(data, source, reading), hole, None
-    from gtb_cli.filling.part_holes import part_hole
-    from gtb_cli.importers.cad_files import read_shape
-
-    shape = read_shape(data, kind, source)
-    return part_hole(shape, hole), None, shape
 
 
 def loop_from_text(data: bytes, source: str) -> list[HoleSide]:

@@ -1,6 +1,5 @@
 """Holes of CAD parts: rings of edges with one face each, as sides with the tangent planes of these faces."""
 
-from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,105 +7,92 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, point_text
 from gtb_cli.errors import DomainError
+from gtb_cli.filling.holes import Ring, closed_rings
 from gtb_cli.filling.sides import MAX_GAP, HoleSide, points_and_tangents, stations
-from gtb_cli.filling.spline_sides import nearest_curves
-from gtb_cli.importers.cad_files import edge_pieces, kernel, parts
+from gtb_cli.filling.spline_sides import nearest_curve
+from gtb_cli.importers.cad_files import SEWN, box_of, edge_pieces, face_frames, kernel, parts, uses_of_edges
+from gtb_cli.values import frozen
 
-DISTANCES = 1e-7, 1e-6, 1e-5
-"""Of an edge's spline from one Bézier curve, tried in turn, of the size."""
+TRIALS = [(count, within) for count in (0, 1) for within in (1e-7, 1e-6)] + [(count, 1e-5) for count in range(4)]
+"""Of an edge: how many more curves than it must have, and their distance from it, of the size. Few come first, as a
+hole with many short sides is hard to fill."""
 
-
-def part_hole(shape: Any, hole: str | None) -> list[HoleSide]:
-    """Return the sides of a hole in a part: the only one, or that nearest to a point such as "10, 0, 2.5".
-
-    Raises `DomainError` if it has no such hole.
-    """
-    found = _rings(_free_sides(shape))
-    if not found:
-        raise DomainError("hole: the part has no closed ring of edges with one face")
-    places = np.array([np.mean([side.ends[0] for side in ring], axis=0) for ring in found])
-    if hole is None:
-        if len(found) > 1:
-            known = "; ".join(
-                f"{point_text(place, places)} (of {len(ring)} sides)" for place, ring in zip(places, found, strict=True)
-            )
-            raise DomainError(f"hole: the part has {len(found)}, `hole` is a point near one of: {known}")
-        return found[0]
-    try:
-        point = np.array([float(word) for word in hole.split(",")])
-    except ValueError:
-        point = np.empty(0)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise DomainError(f"hole: expected a point x,y,z near a hole of the part, got {hole!r}")
-    return found[int(np.linalg.norm(places - point, axis=1).argmin())]
+DEGREES = range(3, 9)  # of such a curve: those of higher degrees waver, and so do the planes of a patch across them
 
 
-def _free_sides(shape: Any) -> list[HoleSide]:
-    """Return the edges with one face, in the direction and with the fields across of a patch that continues it."""
-    tool, forward = kernel("BRep").BRep_Tool, kernel("TopAbs").TopAbs_Orientation.TopAbs_FORWARD
-    uses = defaultdict(list)
+@frozen
+class Part:
+    """A shape of the kernel, its edges with one face (name, whether in a hole's direction, edge, face), and rings."""
+
+    shape: Any
+    edges: Sequence[tuple[str, bool, Any, Any]]
+    size: float
+    rings: Sequence[Ring]
+
+    def sides(self, ring: Ring) -> tuple[list[HoleSide], tuple[str, ...]]:
+        """Return three sides of a hole or more, across which a patch continues the faces, and remarks on curves."""
+        sides, remarks = [], []
+        for label, along, edge, face in (self.edges[number] for number in ring.edges):
+            curves = _curves(edge, self.size, -(-3 // len(ring.edges)))
+            for k, (curve, distance) in [*enumerate(curves)][:: 1 if along else -1]:
+                name = f"{label} part {k}" if len(curves) > 1 else label
+                points, tangents = points_and_tangents(curve, stations())
+                across = np.cross(tangents, _normals(face, points, name))
+                side = HoleSide(name, curve, -across if along else across)
+                sides.append(side if along else side.reversed())
+                remarks += [f"{name}: a curve {distance:.3g} from its edge"] if distance > 0 else []
+        return sides, tuple(remarks)
+
+
+def part_of(shape: Any) -> Part:
+    """Sew the faces of a shape where their edges agree, as those of IGES files do not yet, and find its holes."""
+    sewing = kernel("BRepBuilderAPI").BRepBuilderAPI_Sewing(SEWN * float(np.ptp(box_of(shape), axis=0).max()))
+    sewing.Add(shape)
+    sewing.Perform()
+    numbers = {}  # of faces in the file, by which `gtb import` names them, too
     for number, face in enumerate(parts(shape, "FACE")):
-        for edge in parts(face, "EDGE"):
-            if not tool.Degenerated_s(edge) and not tool.IsClosed_s(edge, face):
-                uses[hash(edge)].append((number, face, edge))
-    free = [one for (one, *others) in uses.values() if not others]
-    points = [ends[[0, -1], :3] / ends[[0, -1], 3:] for _, _, edge in free for ends in edge_pieces(edge)]
-    size = float(np.ptp(np.concatenate(points), axis=0).max()) if points else 1.0
-    sides = []
-    for count, (number, face, edge) in enumerate(free):
-        curves = _curves(edge, size)
-        for k, curve in enumerate(curves):
-            sign = 1.0 if edge.Orientation() == forward else -1.0
-            points_there, tangents = points_and_tangents(curve, stations())
-            name = f"face-{number} edge {count}" + (f" part {k}" if len(curves) > 1 else "")
-            side = HoleSide(name, curve, sign * np.cross(tangents, _normals(face, points_there, name)))
-            sides.append(side.reversed() if sign > 0 else side)
-    return sides
+        numbers[hash(sewing.ModifiedSubShape(face) if sewing.IsModifiedSubShape(face) else face)] = number
+    shape = sewing.SewedShape()
+    tool, forward = kernel("BRep").BRep_Tool, kernel("TopAbs").TopAbs_Orientation.TopAbs_FORWARD
+    edges, rows = list[tuple[str, bool, Any, Any]](), list[FloatArray]()
+    for (edge, face), *others in uses_of_edges(shape).values():
+        if not others and not tool.Degenerated_s(edge) and not tool.IsClosed_s(edge, face):
+            along = edge.Orientation() != forward
+            edges.append((f"face-{numbers[hash(face)]} edge {len(edges)}", along, edge, face))
+            (pieces,) = edge_pieces(edge, 1)
+            joints = np.array([*(piece[0] for piece in pieces), pieces[-1][-1]])[:: 1 if along else -1]
+            rows.append(joints[:, :3] / joints[:, 3:])
+    size = float(np.ptp(np.concatenate(rows), axis=0).max()) if edges else 1.0
+    return Part(shape, edges, size, closed_rings(rows, [name for name, *_ in edges], MAX_GAP * size))
 
 
 def _normals(face: Any, points: FloatArray, name: str) -> FloatArray:
     """Return the outward unit normals of a face at the points of it that are nearest."""
-    surface, gp = kernel("BRep").BRep_Tool.Surface_s(face), kernel("gp")
+    surface, point = kernel("BRep").BRep_Tool.Surface_s(face), kernel("gp").gp_Pnt
     project = kernel("GeomAPI").GeomAPI_ProjectPointOnSurf
-    sign = -1.0 if face.Orientation() == kernel("TopAbs").TopAbs_Orientation.TopAbs_REVERSED else 1.0
-    found = []
-    for point in points.tolist():
-        place, along, across = gp.gp_Pnt(), gp.gp_Vec(), gp.gp_Vec()
-        surface.D1(*project(gp.gp_Pnt(*point), surface).LowerDistanceParameters(), place, along, across)
-        normal = along.Crossed(across)
-        found.append((normal.X(), normal.Y(), normal.Z()))
-    normals = np.array(found)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    if lengths.min() <= 1e-9 * lengths.max():
-        place_text = point_text(points[int(lengths.argmin())], points)
-        raise DomainError(f"{name}: its face has no normal near {place_text}")
-    return np.asarray(sign * normals / lengths)
+    places = [project(point(*each), surface).LowerDistanceParameters() for each in points.tolist()]
+    normals = face_frames(face, places)[3]
+    if lacking := np.flatnonzero(np.isnan(normals[:, 0])).tolist():
+        raise DomainError(f"{name}: its face has no normal near {point_text(points[lacking[0]], points)}")
+    return normals
 
 
-def _curves(edge: Any, size: float) -> list[FloatArray]:
-    """Return an edge as Bézier curves: one where one is near enough to all of its polynomial spans."""
-    pieces = edge_pieces(edge)
-    if len(pieces) < 2 or any(np.ptp(piece[:, 3]) > 0 for piece in pieces):
-        return pieces
-    start = pieces[0][0, :3]
-    for within in DISTANCES:
-        curves = nearest_curves([(piece[:, :3] - start) / size for piece in pieces], within)
-        if len(curves) == 1:
-            break
-    return [np.column_stack([points * size + start, np.ones(len(points))]) for points, _, _ in curves]
-
-
-def _rings(sides: Sequence[HoleSide]) -> list[list[HoleSide]]:
-    """Return the closed rings of sides, each of which ends where the next begins."""
-    left, found = list(sides), []
-    size = float(np.ptp([side.ends for side in sides], axis=(0, 1)).max()) if sides else 1.0
-    while left:
-        ring = [left.pop(0)]
-        while np.linalg.norm(ring[-1].ends[1] - ring[0].ends[0]) > MAX_GAP * size or len(ring) < 2:
-            gaps = [np.linalg.norm(side.ends[0] - ring[-1].ends[1]) for side in left]
-            if not gaps or min(gaps) > MAX_GAP * size:
+def _curves(edge: Any, size: float, least: int) -> list[tuple[FloatArray, float]]:
+    """Return an edge as Bézier curves, and how far they are from it: as few as are near enough, of equal lengths."""
+    for more, within in TRIALS:
+        found = []
+        for pieces in edge_pieces(edge, least + more):
+            start = pieces[0][0, :3] / pieces[0][0, 3]
+            if len(pieces) > 1 and any(np.ptp(piece[:, 3]) > 0 for piece in pieces):
+                break  # splines with weights are not fitted
+            if len(pieces) == 1:
+                found.append((pieces[0], 0.0))
+                continue
+            nearest = nearest_curve([(piece[:, :3] - start) / size for piece in pieces], within, DEGREES)
+            if nearest is None:
                 break
-            ring.append(left.pop(int(np.argmin(gaps))))
+            points, distance = nearest
+            found.append((np.column_stack([points * size + start, np.ones(len(points))]), distance * size))
         else:
-            found.append(ring)
-    return found
+            return found
+    return [(piece, 0.0) for pieces in edge_pieces(edge, 1) for piece in pieces]

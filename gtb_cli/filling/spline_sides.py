@@ -5,13 +5,15 @@ is nearest to a spline at other parameters than its own: those of the nearest po
 curve (tangent distance minimisation; W. Wang, H. Pottmann and Y. Liu, Fitting B-spline curves to point clouds, 2006).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import groupby, pairwise
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.filling.sides import MAX_DEGREE, HoleSide, bernstein
+
+MOST_TURN = 0.01  # of the unit tangent between pieces: what turns more is meant as a corner
 
 MAX_DISTANCE = 1e-5  # between a spline and its Bézier curve, of the loop's size, as between ends that meet
 
@@ -49,24 +51,40 @@ def single_curves(sides: Sequence[HoleSide]) -> tuple[list[HoleSide], list[str]]
 
 def nearest_curves(pieces: Sequence[FloatArray], within: float = MAX_DISTANCE) -> list[tuple[FloatArray, float, int]]:
     """Return Bézier points of curves of the least degrees within a distance, with distances and numbers of pieces."""
+    if (found := nearest_curve(pieces, within, range(len(pieces[0]), MAX_DEGREE + 1))) is not None:
+        return [(*found, len(pieces))]
+    _, turns = _at_joints(pieces)
+    cut = 1 + int(turns.argmax()) if turns.max() > MOST_TURN else len(pieces) // 2
+    return [*nearest_curves(pieces[:cut], within), *nearest_curves(pieces[cut:], within)]
+
+
+def nearest_curve(
+    pieces: Sequence[FloatArray], within: float, degrees: Iterable[int]
+) -> tuple[FloatArray, float] | None:
+    """Return the Bézier points of one curve of the first degree within a distance of pieces, and this, if there is any.
+
+    Coordinates are relative to a point near them, and of size 1.
+    """
     if len(pieces) == 1:
-        return [(pieces[0], 0.0, 1)]
+        return pieces[0], 0.0
     hopeless = 10  # times too far with all distances weighed alike
-    most_turn = 0.01  # of the unit tangent between pieces: what turns more is meant as a corner
+    ratios, turns = _at_joints(pieces)
+    if turns.max() > MOST_TURN:
+        return None
+    places, t = _sampled(pieces, ratios)
+    ways = np.array([pieces[0][1] - pieces[0][0], pieces[-1][-1] - pieces[-1][-2]])
+    if _fitted(places, t, ways, MAX_DEGREE, 1.0)[1] > hopeless * within:
+        return None
+    return next(filter(None, (_fitted_within(places, t, ways, degree, within) for degree in degrees)), None)
+
+
+def _at_joints(pieces: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return the ratios of derivatives after and before each joint, and changes of unit tangents, 2 without one."""
     legs = np.array([[before[-1] - before[-2], after[1] - after[0]] for before, after in pairwise(pieces)])
     lengths = np.linalg.norm(legs, axis=2, keepdims=True)
-    turns = np.linalg.norm(np.diff(legs / np.where(lengths > 0, lengths, 1.0), axis=1), axis=(1, 2))
-    cut = len(pieces) // 2
-    if not lengths.all() or turns.max() > most_turn:
-        cut = 1 + int(np.where(lengths.all(axis=(1, 2)), turns, 2.0).argmax())
-    else:
-        places, t = _sampled(pieces, lengths[:, 1, 0] / lengths[:, 0, 0])
-        ways = np.array([pieces[0][1] - pieces[0][0], pieces[-1][-1] - pieces[-1][-2]])
-        if _fitted(places, t, ways, MAX_DEGREE, 1.0)[1] <= hopeless * within:
-            for degree in range(len(pieces[0]), MAX_DEGREE + 1):
-                if (found := _fitted_within(places, t, ways, degree, within)) is not None:
-                    return [(*found, len(pieces))]
-    return [*nearest_curves(pieces[:cut], within), *nearest_curves(pieces[cut:], within)]
+    safe = np.where(lengths > 0, lengths, 1.0)
+    turns = np.linalg.norm(np.diff(legs / safe, axis=1), axis=(1, 2))
+    return safe[:, 1, 0] / safe[:, 0, 0], np.where(lengths.all(axis=(1, 2)), turns, 2.0)
 
 
 def _fitted_within(

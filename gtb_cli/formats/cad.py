@@ -76,8 +76,7 @@ def _sewn(
     surfaces: Sequence[SplineSurface], tolerance: float, part: Any = None
 ) -> tuple[Any, list[tuple[Any, str]], int, int]:
     """Return a compound of solids and shells, its faces with their names, and the numbers of shells and solids."""
-    builder, topology, explorer = kernel("BRepBuilderAPI"), kernel("TopoDS"), kernel("TopExp").TopExp_Explorer
-    kinds = kernel("TopAbs").TopAbs_ShapeEnum
+    builder, topology = kernel("BRepBuilderAPI"), kernel("TopoDS")
     sewing = builder.BRepBuilderAPI_Sewing(tolerance)
     given = [builder.BRepBuilderAPI_MakeFace(_surface(one), KERNEL_PRECISION).Face() for one in surfaces]
     for face in [*([] if part is None else parts(part, "FACE")), *given]:
@@ -91,9 +90,7 @@ def _sewn(
     pile = kernel("BRep").BRep_Builder()
     pile.MakeCompound(compound)
     shells = solids = 0
-    walk = explorer(sewing.SewedShape(), kinds.TopAbs_SHELL)
-    while walk.More():
-        shell = _as(topology, "Shell", walk.Current())
+    for shell in parts(sewing.SewedShape(), "SHELL"):
         if kernel("BRep").BRep_Tool.IsClosed_s(shell):
             solid = builder.BRepBuilderAPI_MakeSolid(shell).Solid()
             kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)  # its faces outwards
@@ -102,22 +99,13 @@ def _sewn(
         else:
             pile.Add(compound, shell)
             shells += 1
-        walk.Next()
-    walk = explorer(sewing.SewedShape(), kinds.TopAbs_FACE, kinds.TopAbs_SHELL)
-    while walk.More():  # faces without neighbours
+    for face in parts(sewing.SewedShape(), "FACE", "SHELL"):  # without neighbours
         shell = topology.TopoDS_Shell()
         pile.MakeShell(shell)
-        pile.Add(shell, walk.Current())
+        pile.Add(shell, face)
         pile.Add(compound, shell)
         shells += 1
-        walk.Next()
     return compound, named, shells, solids
-
-
-def _as(topology: Any, kind: str, shape: Any) -> Any:
-    """Cast a shape to its own type; the name of the cast depends on the release of the package."""
-    caster = topology.TopoDS
-    return (getattr(caster, f"{kind}_s", None) or getattr(caster, kind))(shape)
 
 
 def _surface(surface: SplineSurface) -> Any:

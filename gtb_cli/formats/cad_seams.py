@@ -1,33 +1,26 @@
 """Seams of sewn faces, measured in the surfaces of the file: angles between their tangent planes, and gaps."""
 
-from collections import defaultdict
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.importers.cad_files import kernel, parts
+from gtb_cli.importers.cad_files import face_frames, kernel, uses_of_edges
 
 PLACES = 64  # of each edge, closer together towards its ends
 
 
 class Seams(NamedTuple):
-    """The largest angle in degrees, and the largest gap, of new faces to those of a part, and between new ones."""
+    """The largest angle in degrees, and the largest gap, of new faces to those of a part, and between new ones.
+
+    A gap is what is across the edge: along it, faces may have it at parameters of their own.
+    """
 
     angle: float
     gap: float
     inner_angle: float
     inner_gap: float
-
-
-def uses_of_edges(shape: Any) -> dict[int, list[tuple[Any, Any]]]:
-    """Return the edges of a shape, by their numbers, each with its faces."""
-    uses = defaultdict(list)
-    for face in parts(shape, "FACE"):
-        for edge in parts(face, "EDGE"):
-            uses[hash(edge)].append((edge, face))
-    return uses
 
 
 def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
@@ -38,8 +31,8 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
         olds = [hash(face) not in new for _, face in pair]
         if len(pair) != 2 or all(olds):
             continue
-        (points, normals), (others, other_normals) = (_along(edge, face) for edge, face in pair)
-        gaps = np.linalg.norm(points - others, axis=1)
+        (points, normals, ways), (others, other_normals, _) = (_along(edge, face) for edge, face in pair)
+        gaps = np.linalg.norm(np.cross(points - others, ways), axis=1)
         sines, cosines = np.linalg.norm(np.cross(normals, other_normals), axis=1), (normals * other_normals).sum(axis=1)
         angles = np.degrees(np.arctan2(sines, cosines))  # 180 where the faces turn back
         found = worst[any(olds)]
@@ -47,19 +40,16 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
     return Seams(*worst[True], *worst[False])
 
 
-def _along(edge: Any, face: Any) -> tuple[FloatArray, FloatArray]:
-    """Return (n, 3) points and unit normals of a face, on its outer side, at places along an edge of it."""
-    curve = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face)
-    surface, gp = kernel("BRep").BRep_Tool.Surface_s(face), kernel("gp")
+def _along(edge: Any, face: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (n, 3) points and unit normals of a face, on its outer side, and unit tangents, along an edge of it."""
+    curve, gp = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face), kernel("gp")
     first, last = curve.FirstParameter(), curve.LastParameter()
-    sign = -1.0 if face.Orientation() == kernel("TopAbs").TopAbs_Orientation.TopAbs_REVERSED else 1.0
     rows = []
     for share in (1 - np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES)) / 2:
-        at, place, along, across = curve.Value(first + share * (last - first)), gp.gp_Pnt(), gp.gp_Vec(), gp.gp_Vec()
-        surface.D1(at.X(), at.Y(), place, along, across)
-        normal = along.Crossed(across)
-        rows.append([each() for vector in (place, normal) for each in (vector.X, vector.Y, vector.Z)])
-    found = np.array(rows)
-    lengths = np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return found[:, :3], sign * found[:, 3:] / lengths
+        at, way = gp.gp_Pnt2d(), gp.gp_Vec2d()
+        curve.D1(first + share * (last - first), at, way)
+        rows.append((at.X(), at.Y(), way.X(), way.Y()))
+    places, ways = np.split(np.array(rows), 2, axis=1)
+    points, along, across, normals = face_frames(face, places.tolist())
+    tangents = ways[:, :1] * along + ways[:, 1:] * across
+    return points, normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True)

@@ -4,12 +4,16 @@ Its Python package is an extra: ``gtb-cli[cad]``. Lengths of STEP and IGES files
 """
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,10 +24,15 @@ from gtb_cli.files import begin
 from gtb_cli.importers.classical_nets import curve, rectangle
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import CAD_SUFFIXES, printable, suffix_of
 
 MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
 
-PROBE = "import sys; from gtb_cli.importers.cad_files import probe; probe(*sys.argv[1:])"
+SHAPELESS = 3  # exit status of a process that finds no shape in a file
+
+PROBE = "import sys; from gtb_cli.importers.cad_files import probe; sys.exit(probe(*sys.argv[1:]))"
+
+SEWN = 1e-6  # of the size: distance within which edges of neighbouring faces are one
 
 UNTRIMMED = 1e-7  # relative difference of a face's area to that between its bounds: the kernel's precision
 
@@ -48,34 +57,56 @@ def read_shape(data: bytes, kind: str, source: str) -> Any:
         begin(path)
         with open(path, "wb") as file:
             file.write(data)
-        if subprocess.run([sys.executable, "-c", PROBE, kind, path], capture_output=True, check=False).returncode < 0:
+        probed = subprocess.run([sys.executable, "-c", PROBE, kind, path], capture_output=True, check=False)
+        if probed.returncode < 0:
             raise SpecError(f"{source}: Open CASCADE breaks down when it reads this file")
-        shape = _shape(kind, path)
-    if shape is None or shape.IsNull():
-        raise SpecError(f"{source}: Open CASCADE finds no shape in it: is it a {kind.upper()} file?")
-    return shape
+        if probed.returncode == SHAPELESS:
+            said = re.sub(r"\x1b\[[\d;]*m|\*|ERR \w+ : (Undefined )?", "", probed.stdout.decode("utf-8", "replace"))
+            words = "".join(f" ({printable(line.strip())})" for line in said.strip().splitlines()[:1])
+            raise SpecError(f"{source}: Open CASCADE finds no shape in it{words}: is it {kind.upper()}?")
+        return _shape(kind, path)
+
+
+@contextmanager
+def kernel_faults(source: str) -> Iterator[None]:
+    """Turn exceptions of the kernel into a `SpecError` with its words."""
+    try:
+        yield
+    except kernel("Standard").Standard_Failure as error:
+        raise SpecError(f"{source}: Open CASCADE: {error}") from None
+
+
+def cad_kind(data: bytes, path: str) -> str | None:
+    """Return the kind of a CAD file, by its content or else its name: step, iges or brep; None for others."""
+    first = data[:82].replace(b"\r", b"\n").partition(b"\n")[0]
+    if len(first) >= 80 and first[72:73] == b"S" and first[73:80].strip() == b"1":
+        return "iges"
+    if first.startswith(b"ISO-10303-21"):
+        return "step"
+    return "brep" if b"DBRep_DrawableShape" in data[:100] else CAD_SUFFIXES.get(suffix_of(path))
 
 
 def silence() -> None:
     """Keep the kernel from writing to standard output, which is for data."""
-    room = kernel("Message")
-    for printer in list(room.Message.DefaultMessenger_s().Printers()):
-        printer.SetTraceLevel(room.Message_Gravity.Message_Fail)
+    messenger = kernel("Message").Message.DefaultMessenger_s()
+    for printer in list(messenger.Printers()):
+        messenger.RemovePrinter(printer)
 
 
 def _shape(kind: str, path: str) -> Any:
     return _brep(path) if kind == "brep" else _transferred(path, kind)
 
 
-def probe(kind: str, path: str) -> None:
-    """Read a file as a process of its own, which a broken file may end."""
-    silence()
+def probe(kind: str, path: str) -> int:
+    """Read a file as a process of its own, which a broken file may end; the kernel prints what it finds wrong."""
     shape = _shape(kind, path)
-    if shape is not None and not shape.IsNull():
-        for face in parts(shape, "FACE"):
-            face_pieces(face)
-        for edge in parts(shape, "EDGE"):
-            edge_pieces(edge)
+    if shape is None or shape.IsNull():
+        return SHAPELESS
+    for face in parts(shape, "FACE"):
+        face_pieces(face)
+    for edge in parts(shape, "EDGE"):
+        edge_pieces(edge, 1)
+    return 0
 
 
 def _brep(path: str) -> Any:
@@ -104,15 +135,63 @@ def parts(shape: Any, kind: str, avoid: str = "SHAPE") -> Iterator[Any]:
         explorer.Next()
 
 
-def edge_pieces(edge: Any) -> list[FloatArray]:
-    """Return an edge as Bézier curves, each (m + 1, 4) homogeneous points (x w, y w, z w, w), along its own curve."""
+def box_of(shape: Any) -> FloatArray:
+    """Return the lowest and highest coordinates of a shape, (2, 3); zeros if it is empty."""
+    box = kernel("Bnd").Bnd_Box()
+    kernel("BRepBndLib").BRepBndLib.AddOptimal_s(shape, box, False, False)
+    box.SetGap(0.0)
+    corners = [] if box.IsVoid() else [box.CornerMin(), box.CornerMax()]
+    return np.array([(each.X(), each.Y(), each.Z()) for each in corners] or np.zeros((2, 3)))
+
+
+def extent_of(shape: Any, what: str) -> float:
+    """Return the area (``Surface``) or the volume (``Volume``) of a shape, or of all its faces, to nine digits."""
+    measured = kernel("GProp").GProp_GProps()
+    getattr(kernel("BRepGProp").BRepGProp, f"{what}Properties_s")(shape, measured, 1e-9)
+    return float(measured.Mass())
+
+
+def uses_of_edges(shape: Any) -> dict[int, list[tuple[Any, Any]]]:
+    """Return the edges of a shape, by their numbers, each with its faces."""
+    uses = defaultdict(list)
+    for face in parts(shape, "FACE"):
+        for edge in parts(face, "EDGE"):
+            uses[hash(edge)].append((edge, face))
+    return uses
+
+
+def edge_pieces(edge: Any, count: int) -> list[list[FloatArray]]:
+    """Return parts of equal lengths of an edge, each as Bézier curves, along the edge's own curve.
+
+    Each curve has (m + 1, 4) homogeneous points (x w, y w, z w, w). An edge that is a point, as a pole is, has none.
+    """
+    if kernel("BRep").BRep_Tool.Degenerated_s(edge):
+        return []
     convert, adaptor = kernel("GeomConvert"), kernel("BRepAdaptor").BRepAdaptor_Curve(edge)
-    first, last = adaptor.FirstParameter(), adaptor.LastParameter()
-    whole = kernel("BRep").BRep_Tool.Curve_s(edge, first, last)
-    trimmed = kernel("Geom").Geom_TrimmedCurve(whole, first, last)
-    pieces = convert.GeomConvert_BSplineCurveToBezierCurve(convert.GeomConvert.CurveToBSplineCurve_s(trimmed))
-    arcs = [pieces.Arc(k) for k in range(1, pieces.NbArcs() + 1)]
-    return [_net(arc.Pole, arc.Weight, (arc.NbPoles(),)) for arc in arcs]
+    whole = kernel("BRep").BRep_Tool.Curve_s(edge, adaptor.FirstParameter(), adaptor.LastParameter())
+    ends, found = (adaptor.FirstParameter(), adaptor.LastParameter()), []
+    even = kernel("GCPnts").GCPnts_UniformAbscissa(adaptor, count + 1, *ends)
+    for first, last in pairwise([ends[0], *(even.Parameter(k) for k in range(2, count + 1)), ends[1]]):
+        trimmed = kernel("Geom").Geom_TrimmedCurve(whole, first, last)
+        pieces = convert.GeomConvert_BSplineCurveToBezierCurve(convert.GeomConvert.CurveToBSplineCurve_s(trimmed))
+        arcs = [pieces.Arc(k) for k in range(1, pieces.NbArcs() + 1)]
+        found.append([_net(arc.Pole, arc.Weight, (arc.NbPoles(),)) for arc in arcs])
+    return found
+
+
+def face_frames(face: Any, places: Iterable[Sequence[float]]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return points of a face at n places, both derivatives, and outward unit normals, NaN without one: (n, 3)."""
+    surface, gp, rows = kernel("BRep").BRep_Tool.Surface_s(face), kernel("gp"), []
+    for u, v in places:
+        vectors = gp.gp_Pnt(), gp.gp_Vec(), gp.gp_Vec()
+        surface.D1(u, v, *vectors)
+        rows.append([(each.X(), each.Y(), each.Z()) for each in vectors])
+    points, along, across = np.array(rows).swapaxes(0, 1)
+    turned = face.Orientation() == kernel("TopAbs").TopAbs_Orientation.TopAbs_REVERSED
+    normals = np.cross(across, along) if turned else np.cross(along, across)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    has_normal = lengths > 1e-9 * lengths.max()  # beyond what is rounding at a pole
+    return points, along, across, np.where(has_normal, normals / np.where(has_normal, lengths, 1.0), np.nan)
 
 
 def face_pieces(face: Any) -> list[FloatArray] | None:
@@ -128,11 +207,7 @@ def face_pieces(face: Any) -> list[FloatArray] | None:
     whole = kernel("BRepBuilderAPI").BRepBuilderAPI_MakeFace(surface, *bounds, 1e-9)
     if not whole.IsDone():
         return None
-    areas = []
-    for one in (face, whole.Face()):
-        measured = kernel("GProp").GProp_GProps()
-        kernel("BRepGProp").BRepGProp.SurfaceProperties_s(one, measured, 1e-9)
-        areas.append(abs(measured.Mass()))
+    areas = [abs(extent_of(one, "Surface")) for one in (face, whole.Face())]
     if abs(areas[0] - areas[1]) > UNTRIMMED * areas[1]:
         return None
     convert = kernel("GeomConvert")
@@ -161,15 +236,13 @@ def _read(kind: str, data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     shape = read_shape(data, kind, source)
     patches: list[Patch] = []
     trimmed = 0
-    try:
+    with kernel_faults(source):
         for number, face in enumerate(parts(shape, "FACE")):
             nets = face_pieces(face)
             trimmed += nets is None
             patches += _patches(nets or [], f"face-{number}")
         for number, edge in enumerate(parts(shape, "EDGE", "FACE")):
-            patches += _patches(edge_pieces(edge), f"edge-{number}")
-    except kernel("Standard").Standard_Failure as error:
-        raise SpecError(f"{source}: Open CASCADE: {error}") from None
+            patches += _patches([piece for pieces in edge_pieces(edge, 1) for piece in pieces], f"edge-{number}")
     if len(patches) > MAX_PATCHES:
         raise SpecError(f"{source}: has {len(patches)} spans, a model has at most {MAX_PATCHES} patches")
     remarks = [f"{trimmed} trimmed faces are left out, as patches have no trimming"] if trimmed else []

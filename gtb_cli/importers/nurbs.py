@@ -1,4 +1,4 @@
-"""B-spline and NURBS curves and surfaces as exact Bézier patches, span by span.
+"""B-spline curves as exact Bézier curves, span by span.
 
 Knots are inserted until their multiplicity is the degree. This gives the Bézier points of a span [t_k, t_{k+1}]: the
 values of its polar form at (t_k, …, t_k, t_{k+1}, …, t_{k+1}), which de Boor's algorithm finds by averages alone.
@@ -8,25 +8,15 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.importers.classical_nets import MAX_DEGREE
-from gtb_cli.language.patch_reader import MAX_PATCHES
-
-MAX_CONTROL_POINTS = 100_000  # largest number of control points of a curve or surface
 
 
 def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int, FloatArray]]:
-    """Return, for each span of a B-spline basis of `count` functions, its first control point and a matrix.
+    """Return, for each span of a B-spline basis of `count` functions on as many knots, its first point and a matrix.
 
     The (degree + 1, degree + 1) matrix gives the span's Bézier points. Its rows are nonnegative and add up to 1: no
     accuracy is lost, and positive weights stay positive.
     """
     min_span = 1e-12  # spans shorter than this fraction of all are ignored: their knots were meant to be equal
-    if not 1 <= degree <= MAX_DEGREE:
-        raise DomainError(f"degree: expected 1 to {MAX_DEGREE}, got {degree}")
-    if not degree < count <= MAX_CONTROL_POINTS:
-        raise DomainError(f"control points: expected {degree + 1} to {MAX_CONTROL_POINTS} for degree {degree}")
-    if len(knots) != count + degree + 1:
-        raise DomainError(f"knots: expected {count + degree + 1}, control points plus order, got {len(knots)}")
     steps = np.diff(knots)
     if not (steps >= 0).all():
         k = int(np.argmin(steps >= 0))
@@ -34,8 +24,6 @@ def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int,
     found = degree + np.flatnonzero(steps[degree:count] > min_span * (knots[count] - knots[degree]))
     if not len(found):
         raise DomainError("knots: all spans are empty")
-    if len(found) > MAX_PATCHES:
-        raise DomainError(f"has {len(found)} spans, a model has at most {MAX_PATCHES} patches")
     return [(k - degree, _bezier_points(degree, knots, k)) for k in found.tolist()]
 
 

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 from gtb_cli.errors import Fault, SpecError
 from gtb_cli.files import read_file
+from gtb_cli.importers.cad_files import cad_kind
 from gtb_cli.language.document import MAX_BYTES, kind_of
 from gtb_cli.language.loading import stem_of
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES
+from gtb_cli.vocabulary import CAD_FORMATS
 
 
 class Imported(NamedTuple):
@@ -31,10 +32,7 @@ READERS = {
     **dict.fromkeys(CAD_FORMATS, "cad_files"),
 }
 
-SUFFIXES = {f".{suffix}": name for suffix, name in CAD_SUFFIXES.items()} | {f".{name}": name for name in READERS}
-
-# Formats that hold little but numbers: a file has the one whose reader gets to its end
-NUMBER_FORMATS = ("trp", "bv", "bpt", "bzr")
+SUFFIXES = {f".{name}": name for name in READERS}
 
 
 def import_file(path: str | os.PathLike[str], format: str | None = None) -> Imported:
@@ -85,32 +83,16 @@ def import_data(path: str, data: bytes, format: str | None = None) -> Imported:
 
 
 def _read(path: str, data: bytes, format: str | None) -> tuple[list[Patch], list[str]]:
-    format = format or _by_content(data) or SUFFIXES.get(os.path.splitext(path)[1].lower())
+    format = format or cad_kind(data, path) or SUFFIXES.get(os.path.splitext(path)[1].lower())
     if format is not None:
         return _with(format, data, path)
-    takers = []
-    for name in NUMBER_FORMATS:
-        try:
-            takers.append((name, _with(name, data, path)))
-        except SpecError:
-            continue
-    if len(takers) == 1:
-        return takers[0][1]
-    if not takers and (kind := kind_of(data)):
+    if kind := kind_of(data):
         why = ": triangles cannot become patches" if kind.endswith("mesh") else ""
         raise SpecError(f"{path}: is {kind}, and holds no patches{why}")
-    reason = f"may be {' or '.join(name for name, _ in takers)}" if takers else "is in no format that is read"
-    raise SpecError(f"{path}: {reason}; name one of {', '.join(READERS)} as its format")
+    raise SpecError(f"{path}: is in no format that is known by its content or suffix; name one of {', '.join(READERS)}")
 
 
 def _with(format: str, data: bytes, path: str) -> tuple[list[Patch], list[str]]:
     found: tuple[list[Patch], list[str]]
     found = getattr(import_module(f"gtb_cli.importers.{READERS[format]}"), f"read_{format}")(data, path)
     return found
-
-
-def _by_content(data: bytes) -> str | None:
-    first = data[:82].replace(b"\r", b"\n").partition(b"\n")[0]
-    if len(first) >= 80 and first[72:73] == b"S" and first[73:80].strip() == b"1":
-        return "iges"
-    return "step" if first.startswith(b"ISO-10303-21") else "brep" if b"DBRep_DrawableShape" in data[:100] else None

@@ -1,6 +1,7 @@
 """The domain Δ: convex hull of the knots, its edges, and the edge functions h_j with their scale."""
 
 import math
+from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from typing import Literal, NoReturn, TypeAlias, get_args
 
@@ -19,6 +20,8 @@ EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
 # Units in the last place of the data within which a parameter, inside or outside, counts as on an edge
 PARAMETER_ULPS = 4
+
+LAYER_TOLERANCE = 1e-9  # fraction of the hull's size: knots whose distances from an edge differ by less form one layer
 
 
 @by_value
@@ -273,6 +276,13 @@ def _built(
     incidence.flags.writeable = False
     vertices, scaled, heights = read_only(vertices), read_only(scaled), read_only(heights)
     return Domain(points, vertices, scaled, incidence, heights, edge_normals, scale if scale.ndim else float(scale))
+
+
+def layers(heights: FloatArray) -> Iterator[IntArray]:
+    """Yield the indices of the knots of equal positive height over an edge, lowest first: their shares vanish alike."""
+    order = np.argsort(heights, kind="stable")
+    order = order[heights[order] > 0]
+    yield from np.split(order, np.flatnonzero(np.diff(heights[order]) > LAYER_TOLERANCE * heights.max()) + 1)
 
 
 def has_integer_corners(vertices: FloatArray) -> bool:

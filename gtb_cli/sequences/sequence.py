@@ -23,7 +23,6 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import filled_normals
 from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
-from gtb_cli.sequences.rates import MeasuredRate, measured_rate
 from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.patch import Patch
@@ -134,22 +133,12 @@ class MeshSequence:
             return None
         return found if 0 < found < INF else None
 
-    @property
-    def rate(self) -> MeasuredRate | None:
-        """The exponent with which distances fall, from the limit with its film if it has one; see `MeasuredRate`."""
-        return self._measured([self.entry(member, "") for member in self.members])
-
-    def _measured(self, entries: Sequence[dict[str, Any]]) -> MeasuredRate | None:
-        *approaching, _ = entries
-        key = "distance_to_limit_with_film" if self._family.has_film else "distance_to_limit"
-        distances, errors = ([entry[name] for entry in approaching] for name in (key, "distance_error"))
-        return measured_rate(self.values[:-1], distances, errors, self.key)
-
     def entry(self, member: Member, name: str, kind: str = "file") -> dict[str, Any]:
         """Return the entry of a mesh in `sequence.json`; `name` is that of a file, or of what `kind` says."""
         entry: dict[str, Any] = {
             kind: name,
-            self.key: "inf" if member.value == INF else number(member.value),
+            # A whole number below 2⁵³ as an int, which JSON writes without a point
+            self.key: "inf" if (x := member.value) == INF else int(x) if x.is_integer() and abs(x) < 2**53 else x,
             "vertices": len(member.mesh.vertices),
             "faces": len(member.mesh.cells),
             "distance_to_limit": member.distance,
@@ -161,19 +150,8 @@ class MeshSequence:
 
     def record(self, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Return the content of `sequence.json`, with the entries of all meshes."""
-        found = self._measured(entries)
-        rate = {
-            "predicted": self.predicted_rate if self._accuracy and len(entries) > 1 else None,
-            "measured": found and found.exponent,
-            "measured_from": found and number(found.first),
-            "measured_to": found and number(found.last),
-        }
-        return {"name": self.name, "meshes": list(entries), "rate": rate}
-
-
-def number(value: float) -> float | int:
-    """Return a float that is a whole number below 2⁵³ as an int, which JSON writes without a point."""
-    return int(value) if value.is_integer() and abs(value) < 2**53 else value
+        predicted = self.predicted_rate if self._accuracy and len(entries) > 1 else None
+        return {"name": self.name, "meshes": list(entries), "rate": {"predicted": predicted}}
 
 
 @of_patch

@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -86,7 +86,10 @@ class SequenceOutput:
                 self._report(place, sequence, member, self.options.warnings(member.mesh, kind))
             content = sequence.record(entries)
             files.add(record, [(json.dumps(versioned(content), indent=2) + "\n").encode("ascii")])
-        self._report_rate(sequence, content["rate"])
+        if rate := content["rate"]["predicted"]:
+            power = "(1 − step)^" if sequence.key == "step" else "x^" if sequence.values[-1] == 0 else "x^-"
+            name = file_stem(sequence.name)
+            self.streams.console.note(f"{name}: distances from the limit fall as {power}{rate:.3g} or faster in theory")
 
     def _members(self, sequence: MeshSequence, names: list[str], spec: str) -> Iterator[Member]:
         """Make the meshes, with the spec's name in errors."""
@@ -97,16 +100,6 @@ class SequenceOutput:
                 with about(shown_input(spec)):
                     member = next(members)
                 yield member
-
-    def _report_rate(self, sequence: MeshSequence, rate: dict[str, Any]) -> None:
-        """Report how fast the distances fall: what the theory says, and what was measured."""
-        power = "(1 − step)^" if sequence.key == "step" else "x^" if sequence.values[-1] == 0 else "x^-"
-        texts = [f"as {power}{rate['predicted']:.3g} or faster in theory"] if rate["predicted"] else []
-        if rate["measured"]:
-            first, last = number_text(rate["measured_from"]), number_text(rate["measured_to"])
-            texts.append(f"as {power}{rate['measured']:.3g} measured from {sequence.key} = {first} to {last}")
-        if texts:
-            self.streams.console.note(f"{file_stem(sequence.name)}: distances from the limit fall {', '.join(texts)}")
 
     def _report(self, place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str]) -> None:
         if member.doubt:

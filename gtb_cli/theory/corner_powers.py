@@ -14,8 +14,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, planar_cross, rows_of
 from gtb_cli.knots.about_a_knot import cleared, coordinate_rounding
-from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.layers import LAYER_TOLERANCE
+from gtb_cli.knots.domain import LAYER_TOLERANCE, Domain
 
 AXIS = 1e-9  # λ along an edge
 

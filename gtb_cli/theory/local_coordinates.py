@@ -14,10 +14,9 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
 from gtb_cli.knots.about_a_knot import Differences
-from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.domain import LAYER_TOLERANCE, Domain
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.knots.layers import LAYER_TOLERANCE
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length, exponents
 from gtb_cli.theory.basis import Location
 from gtb_cli.values import frozen

@@ -13,10 +13,9 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, cross_of_columns, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import PARALLEL_SINE, Differences, cleared, coordinate_rounding
-from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.domain import Domain, layers
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.knots.layers import layers
 from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.corners import limits_at

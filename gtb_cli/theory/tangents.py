@@ -6,8 +6,8 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import PARALLEL_SINE, cleared, coordinate_rounding
+from gtb_cli.knots.domain import layers
 from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.knots.layers import layers
 from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.parametrization import Blend, Parametrization

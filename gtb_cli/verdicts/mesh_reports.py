@@ -1,4 +1,4 @@
-"""Reports on mesh files: as plain data, as lines whose order and digits are stable, and as one line."""
+"""Reports on meshes and CAD parts: as plain data, as lines whose order and digits are stable, and as one line."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import operator
 from typing import TYPE_CHECKING, Any
 
-from gtb_cli.errors import MeshError
+from gtb_cli.errors import MeshError, SpecError
 from gtb_cli.shell.streams import Spec, shown_input
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.comparing import mesh_or_spec
@@ -19,15 +19,18 @@ if TYPE_CHECKING:
 
 
 def spec_or_report(path: str) -> Spec | dict[str, Any]:
-    """Return the spec in a file, or a report on the mesh in it, as the content says.
+    """Return the spec in a file, or a report on the mesh or the CAD part in it, as the content says.
 
     The report on a mesh with nothing to measure has its fault, and a hash, by which versions of it differ.
     """
     import hashlib
 
     from gtb_cli.distances.comparison import decoded
+    from gtb_cli.importers.cad_files import cad_kind
 
     data = mesh_or_spec(path)
+    if (kind := cad_kind(data, path)) is not None:
+        return _part_report(data, kind, shown_input(path))
     try:
         found = decoded(data, shown_input(path), Recipe())
     except MeshError as error:
@@ -55,6 +58,31 @@ def _report(known: KnownMesh) -> dict[str, Any]:
     return {**report, f"collapsed_{cells}": measures.collapsed, **digests, "groups": groups}
 
 
+def _part_report(data: bytes, kind: str, source: str) -> dict[str, Any]:
+    """Report on a part, in millimetres; faces whose edges agree count as sewn, and the volume is that of solids."""
+    from gtb_cli.filling.holes import ring_texts
+    from gtb_cli.filling.part_holes import part_of
+    from gtb_cli.importers.cad_files import box_of, extent_of, face_pieces, kernel_faults, parts, read_shape
+
+    shape = read_shape(data, kind, source)
+    with kernel_faults(source):
+        part, faces, solids = part_of(shape), [*parts(shape, "FACE")], [*parts(shape, "SOLID")]
+        if not faces:
+            raise SpecError(f"{source}: has no faces")
+        return {
+            "kind": "part",
+            "format": kind,
+            "faces": len(faces),
+            "trimmed_faces": sum(face_pieces(face) is None for face in faces),
+            "solids": len(solids),
+            "open_edges": len(part.edges),
+            "holes": [*ring_texts(part.rings)],
+            "bounds": box_of(shape).tolist(),
+            "area": extent_of(shape, "Surface"),
+            "volume": sum(extent_of(solid, "Volume") for solid in solids) if solids else None,
+        }
+
+
 def _digest(*arrays: NDArray[Any]) -> str:
     """Return sixteen characters that change with the numbers of arrays, and with nothing else."""
     import hashlib
@@ -68,7 +96,11 @@ def _digest(*arrays: NDArray[Any]) -> str:
 
 
 def mesh_line(name: str, report: dict[str, Any]) -> str:
-    """Describe a mesh in a few words."""
+    """Describe a mesh or a part in a few words."""
+    if report["kind"] == "part":
+        counts = [("solid", report["solids"]), ("open edge", report["open_edges"]), ("hole", len(report["holes"]))]
+        state = ", ".join(f"{count} {what}{'s' * (count > 1)}" for what, count in counts if count)
+        return f"{name}: part of {report['faces']} faces{state and f', {state}'}"
     if "fault" in report:
         return f"{name}: {report['fault']}"
     cells = "segments" if "segments" in report else "faces"
@@ -78,12 +110,12 @@ def mesh_line(name: str, report: dict[str, Any]) -> str:
 
 
 def mesh_text(report: dict[str, Any]) -> str:
-    """Write a report on a mesh, with as many digits as other processors find, too."""
+    """Write a report on a mesh or a part, with as many digits as other processors find, too."""
     from gtb_cli.meshes.measures import labelled
 
     max_groups_shown = 20
     shown = dict(report)
-    groups = shown.pop("groups", [])
+    groups, holes = shown.pop("groups", []), shown.pop("holes", [])
     digests = shown.pop("digests", {})
     if box := shown.get("bounds"):
         size = max(map(operator.sub, *reversed(box)))
@@ -93,7 +125,7 @@ def mesh_text(report: dict[str, Any]) -> str:
             shown["second_moments"] = row(_rounded(shown["second_moments"], size * size))
         if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
-    lines = [*labelled(shown).items()]
+    lines = [*labelled(shown).items(), *(("hole", text) for text in holes)]
     lines += [(f"digest of {name}", digest) for name, digest in digests.items()]
     for name, count in [group.values() for group in groups[:max_groups_shown]]:
         lines.append(("group", f"{name}: {count}"))

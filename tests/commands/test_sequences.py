@@ -44,11 +44,7 @@ def test_the_sequence_of_example_44(n, tmp_path):
     assert list(record) == ["schema", "name", "meshes", "rate"]
     rate = record["rate"]
     assert rate["predicted"] == pytest.approx(72 / 97)
-    distances = {mesh["x"]: mesh["distance_to_limit"] for mesh in record["meshes"]}
-    assert (rate["measured_from"], rate["measured_to"]) == (600, 1_000_000)
-    assert rate["measured"] == pytest.approx(np.log(distances[600] / distances[1_000_000]) / np.log(1e6 / 600))
-    said = "distances from the limit fall as x^-0.742 or faster in theory, as x^-0.809 measured from x = 600 to 1e6\n"
-    assert said in result.err
+    assert "distances from the limit fall as x^-0.742 or faster in theory\n" in result.err
     assert record["name"] == "example-4.4"
     assert [entry["file"] for entry in record["meshes"]] == files
     assert list(record["meshes"][0]) == ["file", "x", "vertices", "faces", "distance_to_limit", "distance_error"]

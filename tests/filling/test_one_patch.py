@@ -18,7 +18,7 @@ from gtb_cli.filling import net
 from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.hole_corners import concave_corners
-from gtb_cli.filling.holes import rings
+from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.loops import loop_from_text, read_loop
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bezier_form, points_and_tangents, raised, stations
@@ -318,7 +318,7 @@ def test_no_ring_passes_a_point_twice(seed):
     corners += [[ways[k], ways[k + 1], np.multiply(2, ways[k]), np.multiply(2, ways[k + 1])] for k in range(8)]
     order = np.random.default_rng(seed).permutation(len(corners))
     disc = Model([Patch(corners[k], np.pad(corners[k], ((0, 0), (0, 1)))) for k in order])
-    assert sorted(map(len, rings(disc))) == [3, 3, 8]
+    assert sorted(len(ring.edges) for ring in model_rings(disc)) == [3, 3, 8]
 
 
 @pytest.mark.parametrize(
@@ -581,7 +581,7 @@ def box() -> Model:
 
 def test_the_corner_of_a_box_is_what_fill_makes(box):
     kept, rest = box.patches[0], Model(box.patches[1:])
-    assert [len(ring) for ring in rings(rest)] == [6, 6]
+    assert [len(ring.edges) for ring in model_rings(rest)] == [6, 6]
     filling = fill(rest, hole="rounding-x edge 0", raises=0)
     assert filling.angle < PLANES
     assert filling.folds == 0
@@ -657,23 +657,6 @@ def bent_beside(patch):
     start, end = patch.domain.vertices[:2]
     edge = start + np.linspace(0.05, 0.95, 19)[:, None] * (end - start)
     return mean_curvature(patch, edge + 0.01 * (patch.domain.vertices.mean(axis=0) - edge))
-
-
-@long
-def test_the_command_says_which_holes_there_are(box, tmp_path):
-    path = tmp_path / "open.toml"
-    path.write_text(dump(Model(box.patches[1:])), encoding="utf-8")
-    several = gtb("fill", path)
-    assert several.status == 2
-    assert "the model has 2, --hole EDGE names one of: rounding-x edge 0 (of 6 sides)" in several.err
-    assert "no open ring has an edge 'x'" in gtb("fill", path, "--hole", "x", status=2).err
-    done = gtb("fill", path, "--hole", "face-z edge 0")
-    assert done.status == 0
-    assert "6 sides, " in done.err
-    assert gtb("fill", path, "--hole", "face-z edge 0", "-q").err == ""
-    assert "hole: names an edge of a model" in gtb("fill", CUP, "--hole", "side 0", status=2).err
-    closed = gtb("fill", SPECS / "hebesphenorotunda.toml", status=2)
-    assert "has no closed ring of open edges" in closed.err
 
 
 @pytest.mark.parametrize("raises", mostly_long([None, 2]))

@@ -4,7 +4,6 @@ import math
 import re
 import sys
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,11 @@ import pytest
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.bspline_surfaces import spline_surfaces
-from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
+from gtb_cli.formats.cad import KERNEL_UNITS, encode_cad
 from gtb_cli.formats.exact_surfaces import exact_surfaces
 from gtb_cli.formats.threemf import UNIT_NAMES
+from gtb_cli.importers import cad_files
+from gtb_cli.importers.cad_files import kernel
 from gtb_cli.language.writer import save as write
 from gtb_cli.meshes.measures import measure
 from gtb_cli.models.model import Model
@@ -33,10 +34,6 @@ INTEGERS = SPECS / "example-4.1-integer.toml"
 PLACE = 1e-9  # largest distance of a point of an exact face from the patch, of its size: STEP has sixteen digits
 
 VOLUME = 1e-4  # relative difference of the kernel's volume and a fine mesh's
-
-
-def kernel(room: str) -> Any:
-    return import_module(f"OCP.{room}")
 
 
 def read(data: bytes, kind: str, folder: Path) -> Any:
@@ -56,13 +53,7 @@ def read(data: bytes, kind: str, folder: Path) -> Any:
 
 
 def parts(shape: Any, kind: str) -> list[Any]:
-    kinds = kernel("TopAbs").TopAbs_ShapeEnum
-    walk = kernel("TopExp").TopExp_Explorer(shape, getattr(kinds, f"TopAbs_{kind}"))
-    found = []
-    while walk.More():
-        found.append(walk.Current())
-        walk.Next()
-    return found
+    return [*cad_files.parts(shape, kind)]
 
 
 def unlike(shapes: list[Any]) -> list[Any]:
@@ -262,7 +253,7 @@ def test_exact_patches_stay_exact_beside_fitted_ones(
     points = top.evaluate(np.random.default_rng(1).dirichlet(np.ones(len(v)), 12) @ v)
     assert distance(shape, points) <= PLACE * size
     tolerance = kernel("BRep").BRep_Tool.Tolerance_s
-    assert max(tolerance(_as(kernel("TopoDS"), "Edge", edge)) for edge in parts(shape, "EDGE")) <= 1e-6 * size
+    assert max(tolerance(edge) for edge in parts(shape, "EDGE")) <= 1e-6 * size
     rough, fine = (measure(tessellate(model, count)).volume or 0.0 for count in (48, 96))
     assert volume(shape) == pytest.approx(fine + (fine - rough) / 3, rel=2 * VOLUME)  # the mesh's error is quadratic
 
@@ -282,13 +273,12 @@ def test_fitted_patches_share_edges_with_other_parameters() -> None:
 
 def bends(shape: Any) -> list[float]:
     """The largest angle in degrees between the normals of two B-spline faces on each edge that they share."""
-    brep, topology = kernel("BRep").BRep_Tool, kernel("TopoDS")
-    faces = [_as(topology, "Face", face) for face in parts(shape, "FACE")]
+    brep = kernel("BRep").BRep_Tool
     sides: list[tuple[Any, list[Any]]] = []
-    for face in faces:
+    for face in parts(shape, "FACE"):
         if not isinstance(brep.Surface_s(face), kernel("Geom").Geom_BSplineSurface):
             continue
-        for edge in (_as(topology, "Edge", edge) for edge in parts(face, "EDGE")):
+        for edge in parts(face, "EDGE"):
             uses = next((uses for other, uses in sides if other.IsSame(edge)), None)
             if uses is None:
                 sides.append((edge, [face]))

@@ -9,7 +9,7 @@ import pytest
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.importers.nurbs import span_matrices
-from gtb_cli.importers.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_data
+from gtb_cli.importers.readers import READERS, SUFFIXES, import_data
 from gtb_cli.language.loading import parse
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.models.model import Model
@@ -86,15 +86,14 @@ def test_iges_says_what_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_format_is_known_by_content_and_by_suffix_and_its_spec_is_read_back(name: str, tmp_path: Path) -> None:
+def test_a_format_is_known_by_its_suffix_and_its_spec_is_read_back(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(FILES[name])
     result = gtb("import", path)
     assert result.status == 0, result.err
-    for other in (import_data("<stdin>", FILES[name]).shape, parse(result.text)):
-        for first, second in zip(other.patches, patches_of(name), strict=True):
-            np.testing.assert_array_equal(first.control_points, second.control_points)
-            np.testing.assert_array_equal(first.coefficients, second.coefficients)
+    for first, second in zip(parse(result.text).patches, patches_of(name), strict=True):
+        np.testing.assert_array_equal(first.control_points, second.control_points)
+        np.testing.assert_array_equal(first.coefficients, second.coefficients)
 
 
 @pytest.mark.parametrize(
@@ -127,10 +126,21 @@ def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) 
     ("path", "data", "message"),
     [
         ("x.bzr", b"", "x.bzr: is empty"),
-        ("<stdin>", b"hello", "<stdin>: is in no format that is read; name one of trp, bv"),
-        *((f"x.{kind}", b"hello", f"x.{kind}: Open CASCADE finds no shape in it") for kind in ("igs", "stp", "brep")),
-        ("x.3dm", b"3D Geometry File Format", r"x\.3dm: is in no format that is read; name one of trp, bv"),
-        ("x.json", b'{"shape": {"type": "curve"}}', r"x\.json: is in no format that is read; name one of trp, bv"),
+        ("<stdin>", b"hello", "<stdin>: is in no format that is known by its content or suffix; name one of trp, bv"),
+        *(
+            (f"x.{kind}", b"hello", f"x.{kind}: Open CASCADE finds no shape in it.*: is it")
+            for kind in ("igs", "stp", "brep")
+        ),
+        (
+            "x.3dm",
+            b"3D Geometry File Format",
+            r"x\.3dm: is in no format that is known by its content or suffix; name one of trp, bv",
+        ),
+        (
+            "x.json",
+            b'{"shape": {"type": "curve"}}',
+            r"x\.json: is in no format that is known by its content or suffix; name one of trp, bv",
+        ),
         ("x.bpt", b"1 " * 6_000_000, "x.bpt: is too large, at most 10 MB are read"),
         ("x.bpt", b"%d" % (MAX_PATCHES + 1), f"a whole number from 1 to {MAX_PATCHES}, got"),
     ],
@@ -140,13 +150,9 @@ def test_what_is_not_such_a_file(path: str, data: bytes, message: str) -> None:
         import_data(path, data)
 
 
-def test_nurbs_have_limits() -> None:
-    with pytest.raises(DomainError, match="degree: expected 1 to 60"):
-        span_matrices(61, np.arange(200.0), 100)
+def test_splines_have_spans() -> None:
     with pytest.raises(DomainError, match="all spans are empty"):
         span_matrices(1, np.zeros(5), 3)
-    with pytest.raises(DomainError, match=f"has {MAX_PATCHES + 1} spans"):
-        span_matrices(1, np.arange(MAX_PATCHES + 4.0), MAX_PATCHES + 2)
 
 
 def test_loops_are_filled(tmp_path: Path) -> None:
@@ -165,5 +171,4 @@ def test_loops_are_filled(tmp_path: Path) -> None:
 
 def test_the_table_of_formats_is_one() -> None:
     assert tuple(READERS) == IMPORTS
-    assert set(NUMBER_FORMATS) <= set(READERS)
     assert set(SUFFIXES.values()) == set(READERS)

@@ -10,9 +10,8 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.importers.trp import edge_coefficients
-from gtb_cli.knots.domain import domain
+from gtb_cli.knots.domain import domain, layers
 from gtb_cli.knots.lattice import MAX_BINOMIAL_DEGREE, binomial_coefficients
-from gtb_cli.knots.layers import layers
 
 ROUNDING = 1e-14
 """Relative: the coefficients are rounded once."""
