@@ -28,10 +28,10 @@ POINTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
 @pytest.mark.parametrize(
     ("name", "count"),
     [
-        *(("evaluate", 7), ("export", 7), ("meshes", 8)),
+        *(("evaluate", 7), ("meshes", 8)),
         *(
             pytest.param(*module, marks=long)
-            for module in (("diff", 4), ("refinement", 7), ("sequences", 3), ("startup", 7))
+            for module in (("export", 7), ("diff", 4), ("refinement", 7), ("sequences", 3), ("startup", 7))
         ),
     ],
 )

@@ -116,7 +116,11 @@ def names(folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=long if name in ("degenerate", "knot-limit") else ()) for name in COMMANDS]
+    "name",
+    [
+        pytest.param(name, marks=long if name in ("degenerate", "knot-limit", "fill", "fair") else ())
+        for name in COMMANDS
+    ],
 )
 def test_the_example_in_the_help_runs(name, workplace):
     result = script(example_of(name), workplace)

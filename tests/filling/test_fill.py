@@ -37,6 +37,7 @@ def test_fill_takes_curves_and_ribbons():
     assert points.sum() == pytest.approx(1, abs=1e-6)
 
 
+@long
 def test_fill_takes_files_and_models(tmp_path):
     assert len(gtb_cli.fill(HERE / "pocket3sided.lop", raises=0).sides) == 3
     path = tmp_path / "loop.toml"

@@ -132,7 +132,7 @@ def test_a_refusal_names_what_turns_the_patch_over(sign, what, way_out):
     assert re.match(f"the patch {what}: {way_out}", fill_loop(plane_sides(L, [sign] * 6)).fault)
 
 
-@pytest.mark.parametrize("seed", mostly_long([1, 2, 0, *range(3, 8)], 2))  # refused, and not
+@pytest.mark.parametrize("seed", mostly_long([2, 1, 0, *range(3, 8)]))  # refused, as 1 is, and not
 def test_no_plane_patch_that_passes_is_folded(seed):
     """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
     rng = np.random.default_rng(seed)
@@ -199,7 +199,7 @@ def loop_of_five(kind: str) -> Filling:
     return fill_loop([HoleSide(side.name, side.curve) for side in sides] if kind == "edges only" else sides)
 
 
-@pytest.mark.parametrize("kind", ["planes", *mostly_long(["an edge only", "edges only"], 1)])
+@pytest.mark.parametrize("kind", mostly_long(["planes", "an edge only", "edges only"]))
 def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     patch = loop_of_five(kind).patch
     found = [corner_limits(patch, corner) for corner in range(5)]
@@ -244,7 +244,7 @@ def test_corners_where_ribbons_disagree_are_said(tmp_path):
     assert (angles[2:] < 1e-6).all()
 
 
-@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e-200, 0.0), (1e9, 0.0), (1.0, 1e7)])
+@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e-9, 0.0), (1.0, 1e7), (1e-200, 0.0), (1e9, 0.0)], 2))
 def test_any_size_and_place(scale, shift):
     plain = random_sides(3, 5, (3, 3))
     moved = []
@@ -259,6 +259,7 @@ def test_any_size_and_place(scale, shift):
     np.testing.assert_allclose(back.evaluate(places, "linear"), one.evaluate(places, "linear"), atol=tolerance)
 
 
+@long
 def test_the_order_and_direction_of_sides_do_not_matter():
     sides = random_sides(4, 6, (2, 2))
     mixed = [sides[0], sides[2].reversed(), sides[3], sides[1].reversed()]
@@ -409,6 +410,7 @@ def test_the_cup_is_filled():
     assert filling.bending.variation < 20
 
 
+@long
 def test_a_bspline_is_one_side():
     """Its Bézier curve is as near as is said, from end to end, and no inner knot is a corner."""
     path = HERE / "pocket3sided.lop"
@@ -463,11 +465,8 @@ def test_a_bspline_with_a_corner_or_far_from_any_curve_becomes_several():
         ("gbp", "3 3\n0 0 0\n1 2", "x.gbp:3: expected the boundary, 27 numbers, and the file ends after 2"),
         ("gbp", "3 3\n0 0 nan", "x.gbp:2: expected the centre, got 'nan', which is not a number up to 1e+100"),
         ("lop", "1\n1\n4 0 0 1 0\n2 0 0 0 1 1 1", "x.lop:2: curve 0: knots: must ascend, got 1 before 0"),
-        (
-            "lop",
-            "1\n3\n8 0 0 0 0 1 1 1 1\n5",
-            "x.lop:4: expected the number of points of curve 0, a whole number from 4",
-        ),
+        ("lop", "1\n3\n8 0 0 0 0 1 1 1 1\n5", "x.lop:4: expected the number of points of curve 0, a whole number from"),
+        ("lop", "1\n1\n4 0 0 0 0\n2 0 0 0 1 1 1", "x.lop:2: curve 0: knots: all spans are empty"),
         ("lop", "1\n1\n4 0 0 1 1\n2 0 0 0 1 1 1 7", "x.lop:4: expected the end of the file, got '7'"),
         ("lop", "1" * 1_000_001, "x.lop: is too large"),
     ],
@@ -493,6 +492,7 @@ control_points = [[0, 1, 0], [0, 0, 0]]
 """
 
 
+@long
 def test_a_spec_of_curves_is_filled(tmp_path):
     sides = read_loop(TRIANGLE.encode(), "x.toml")
     assert [side.across is None for side in sides] == [False, True, True]

@@ -123,6 +123,7 @@ def test_what_is_not_known_is_said() -> None:
         fill_loop([found[0], replace(found[1], bend=bend), *found[2:]], continuity="g2")
 
 
+@long
 def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
     found = strips(3, 0, 2)
     curves, ribbons, ribbons2 = ([rows[k, :, :3] for rows in found.values()] for k in range(3))

