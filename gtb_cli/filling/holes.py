@@ -29,13 +29,13 @@ def closed_rings(rows: Sequence[FloatArray], names: Sequence[str], gap: float) -
     Edges are rows of points, from the first to the last. No ring passes a point twice: where edges come back to one,
     they are a ring of their own, and so is one edge with points between its ends.
     """
-    left, found = dict(enumerate(rows)), []
+    left, found, owners = dict(enumerate(rows)), [], [name.rpartition(" edge ")[0] for name in names]
     while left:
         chain, end = list[int](), next(iter(left.values()))[0]
         while following := [edge for edge, row in left.items() if np.linalg.norm(row[0] - end) <= gap]:
             # Where several edges begin, the next edge of the same patch or face belongs to another hole.
-            last = _owner(names[chain[-1]]) if chain else ""
-            chain.append(min(following, key=lambda edge: bool(chain) and _owner(names[edge]) == last))
+            last = owners[chain[-1]] if chain else ""
+            chain.append(min(following, key=lambda edge: bool(chain) and owners[edge] == last))
             end = left.pop(chain[-1])[-1]
             least = 1 if len(rows[chain[-1]]) > 2 else 2
             back = [k for k in range(len(chain) - least + 1) if np.linalg.norm(rows[chain[k]][0] - end) <= gap]
@@ -58,7 +58,7 @@ def one_ring(found: Sequence[Ring], asked: str | None, where: str) -> Ring:
         raise DomainError(f"hole: the {where} has no closed ring of open edges")
     known = "; ".join(ring_texts(found))
     fitting = [ring for ring in found if asked is None or asked in ring.names]
-    fitting = fitting or [ring for ring in found if asked in [_owner(name) for name in ring.names]]
+    fitting = fitting or [ring for ring in found if asked in [name.rpartition(" edge ")[0] for name in ring.names]]
     if not fitting and asked is not None:
         try:
             point = np.array([float(word) for word in asked.split(",")])
@@ -75,11 +75,7 @@ def one_ring(found: Sequence[Ring], asked: str | None, where: str) -> Ring:
 def ring_texts(found: Sequence[Ring]) -> list[str]:
     """Describe rings: the first edge, the number of sides, and where they are."""
     places = [point_text(ring.corners.mean(axis=0), ring.corners) for ring in found]
-    return [f"{ring.names[0]} (of {len(ring.edges)} sides, near {at})" for ring, at in zip(found, places, strict=True)]
-
-
-def _owner(name: str) -> str:
-    return name.rpartition(" edge ")[0]
+    return [f"{ring.names[0]} (of {len(ring.edges)} edges, near {at})" for ring, at in zip(found, places, strict=True)]
 
 
 def model_rings(model: Model) -> list[Ring]:

@@ -14,8 +14,7 @@ from gtb_cli.importers.cad_files import SEWN, box_of, edge_pieces, face_frames, 
 from gtb_cli.values import frozen
 
 TRIALS = [(count, within) for count in (0, 1) for within in (1e-7, 1e-6)] + [(count, 1e-5) for count in range(4)]
-"""Of an edge: how many more curves than it must have, and their distance from it, of the size. Few come first, as a
-hole with many short sides is hard to fill."""
+"""Of an edge: how many more curves than it must have, and how near, of the size; few, as many are hard to fill."""
 
 DEGREES = range(3, 9)  # of such a curve: those of higher degrees waver, and so do the planes of a patch across them
 
@@ -36,8 +35,9 @@ class Part:
             curves = _curves(edge, self.size, -(-3 // len(ring.edges)))
             for k, (curve, distance) in [*enumerate(curves)][:: 1 if along else -1]:
                 name = f"{label} part {k}" if len(curves) > 1 else label
-                points, tangents = points_and_tangents(curve, stations())
-                across = np.cross(tangents, _normals(face, points, name))
+                start = curve[0, :3] / curve[0, 3]  # far from the origin, points and derivatives lose digits
+                points, tangents = points_and_tangents(curve - np.append(start, 0) * curve[:, 3:], stations())
+                across = np.cross(tangents, _normals(face, start, points, name))
                 side = HoleSide(name, curve, -across if along else across)
                 sides.append(side if along else side.reversed())
                 remarks += [f"{name}: a curve {distance:.3g} from its edge"] if distance > 0 else []
@@ -66,14 +66,19 @@ def part_of(shape: Any) -> Part:
     return Part(shape, edges, size, closed_rings(rows, [name for name, *_ in edges], MAX_GAP * size))
 
 
-def _normals(face: Any, points: FloatArray, name: str) -> FloatArray:
-    """Return the outward unit normals of a face at the points of it that are nearest."""
-    surface, point = kernel("BRep").BRep_Tool.Surface_s(face), kernel("gp").gp_Pnt
-    project = kernel("GeomAPI").GeomAPI_ProjectPointOnSurf
-    places = [project(point(*each), surface).LowerDistanceParameters() for each in points.tolist()]
-    normals = face_frames(face, places)[3]
+def _normals(face: Any, start: FloatArray, points: FloatArray, name: str) -> FloatArray:
+    """Return the outward unit normals of a face at its nearest points; these are given from a start."""
+    gp, project = kernel("gp"), kernel("GeomAPI").GeomAPI_ProjectPointOnSurf
+    move = gp.gp_Trsf()
+    move.SetTranslation(gp.gp_Vec(*(-start).tolist()))
+    near = kernel("TopoDS").TopoDS.Face(face.Moved(kernel("TopLoc").TopLoc_Location(move)))
+    surface = kernel("BRep").BRep_Tool.Surface_s(near)
+    places = [project(gp.gp_Pnt(*each), surface).LowerDistanceParameters() for each in points.tolist()]
+    normals = face_frames(near, places)[3]
     if lacking := np.flatnonzero(np.isnan(normals[:, 0])).tolist():
-        raise DomainError(f"{name}: its face has no normal near {point_text(points[lacking[0]], points)}")
+        raise DomainError(
+            f"{name}: its face has no normal near {point_text(points[lacking[0]] + start, points + start)}"
+        )
     return normals
 
 

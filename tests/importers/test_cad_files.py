@@ -122,6 +122,11 @@ def test_the_hole_of_a_part_has_its_edges_and_the_planes_of_its_faces():
         np.testing.assert_allclose(np.cross(normals, from_axis), 0, atol=1e-6 * np.abs(normals).max())
         assert (from_axis * normals).sum(axis=1).min() > 0  # outwards
         assert ((middle - points) * side.across).sum(axis=1).min() > 0
+    move, other = kernel("gp").gp_Trsf(), box_without_a_corner((3, 2, 1))
+    move.SetTranslation(kernel("gp").gp_Vec(1e5, 2e5, -3e5))
+    far = other.Moved(kernel("TopLoc").TopLoc_Location(move))
+    for side, there in zip(sides_of(other)[0], sides_of(far)[0], strict=True):
+        np.testing.assert_allclose(side.across, there.across, rtol=0, atol=1e-9 * np.abs(side.across).max())
 
 
 def test_faces_that_are_not_sewn_yet_and_some_turned_have_the_same_hole():
