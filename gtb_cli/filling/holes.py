@@ -26,8 +26,7 @@ class Ring(NamedTuple):
 def closed_rings(rows: Sequence[FloatArray], names: Sequence[str], gap: float) -> list[Ring]:
     """Find the closed rings of edges, each within a gap of the next; others lead nowhere.
 
-    Edges are rows of points, from the first to the last. No ring passes a point twice: where edges come back to one,
-    they are a ring of their own, and so is one edge with points between its ends.
+    Edges are rows of points. No ring passes a point twice, and an edge with points between its ends may be one alone.
     """
     left, found, owners = dict(enumerate(rows)), [], [name.rpartition(" edge ")[0] for name in names]
     while left:

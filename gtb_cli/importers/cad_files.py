@@ -22,9 +22,10 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.files import begin
 from gtb_cli.importers.classical_nets import curve, rectangle
+from gtb_cli.language.document import kind_of
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import CAD_SUFFIXES, printable, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, printable, suffix_of
 
 MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
 
@@ -78,12 +79,8 @@ def kernel_faults(source: str) -> Iterator[None]:
 
 def cad_kind(data: bytes, path: str) -> str | None:
     """Return the kind of a CAD file, by its content or else its name: step, iges or brep; None for others."""
-    first = data[:82].replace(b"\r", b"\n").partition(b"\n")[0]
-    if len(first) >= 80 and first[72:73] == b"S" and first[73:80].strip() == b"1":
-        return "iges"
-    if first.startswith(b"ISO-10303-21"):
-        return "step"
-    return "brep" if b"DBRep_DrawableShape" in data[:100] else CAD_SUFFIXES.get(suffix_of(path))
+    kind = (kind_of(data) or "").removesuffix(" file").rpartition(" ")[2].lower()
+    return kind if kind in CAD_FORMATS else CAD_SUFFIXES.get(suffix_of(path))
 
 
 def silence() -> None:

@@ -12,6 +12,9 @@ MAX_BYTES = 10_000_000  # a spec; a patch of a thousand knots takes a hundred ki
 MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of them
 # The beginnings of files that users mistake for specs
 _OTHER_FILES = {
+    "a STEP file": re.compile(rb"ISO-10303-21"),
+    "an IGES file": re.compile(rb"[^\r\n]{72}S[ 0]{6}1\s"),
+    "a BREP file": re.compile(rb"[^\0]{0,90}DBRep_DrawableShape"),
     "a PLY mesh": re.compile(rb"ply\r?\n"),
     "a GLB mesh": re.compile(rb"glTF"),
     "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*facet\b"),
@@ -133,7 +136,8 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
         if data.startswith(LFS_POINTER):
             raise SpecError(Fault(LFS_FAULT, source))
         if (kind := kind_of(data)) is not None:
-            raise SpecError(Fault(f"is {kind}, and a spec is expected", source))
+            expected = "a spec is expected" + ": gtb import makes one" * kind.endswith("file")
+            raise SpecError(Fault(f"is {kind}, and {expected}", source))
     text = _decode(data, source)
     if format is None:
         format = "json" if text.lstrip()[:1] == "{" else "toml"

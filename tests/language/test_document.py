@@ -243,6 +243,8 @@ def test_bytes_that_are_not_text() -> None:
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "a pointer of Git LFS in place"),
         (b"ply\nformat ascii 1.0\n", "a PLY mesh, and a spec is expected"),
         (b"glTF\x02\0\0\0", "a GLB mesh"),
+        (b"ISO-10303-21;\nHEADER;\n", "a STEP file, and a spec is expected: gtb import makes one"),
+        (b"x" * 72 + b"S0000001\r\n", "an IGES file"),
         (b"solid x = y\n facet normal 0 0 1\n", "not valid TOML"),
         (b"solid part\n facet normal 0 0 1\n", "an STL mesh"),
         (bytes(80) + (1).to_bytes(4, "little") + bytes(50), "an STL mesh"),
