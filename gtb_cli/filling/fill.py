@@ -108,6 +108,11 @@ def filled(
     if isinstance(found, Part):
         sides, remarks = found.sides(one_ring(found.rings, hole, "part"))
         filling = filled(sides, None, name, **options)
+        wild, rounding = 1e4, 1e-7  # variation beyond all that is fair; angles that curves and planes of files are off
+        if filling.fault or filling.bending_nearer.variation > wild:
+            other = filled([replace(side, rounding=rounding) for side in sides], None, name, **options)
+            varied = [each.bending_nearer.variation for each in (filling, other)]
+            filling = other if not other.fault and (filling.fault or varied[1] < varied[0]) else filling
         return replace(filling, remarks=(*remarks, *filling.remarks))
     if not isinstance(found, Model):
         if hole is not None:

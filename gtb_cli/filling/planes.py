@@ -49,9 +49,9 @@ def row_fields(
 
 def _touching(side: HoleSide, normals: FloatArray, counts: range) -> tuple[FloatArray, list[FloatArray]]:
     """Return fields tangent to the planes: exact ones with the fewest raises, or approximate ones if none is exact."""
-    # Normal component relative to the field: the rounding of sums of some dozen terms; or, if no field is exact, 0.2
-    # degrees, and a message gives the angle.
-    exact_residual, fitted_residual = 1e-13, 3e-3
+    # Normal component relative to the field: rounding; or, if no field is exact, 0.2 degrees, and a message gives the
+    # angle.
+    exact_residual, fitted_residual = side.rounding, 3e-3
     t = stations()
     _, tangents = points_and_tangents(side.curve, t)
     inward = np.cross(normals, tangents)

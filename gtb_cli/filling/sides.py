@@ -28,7 +28,7 @@ class HoleSide:
     that the patch is to touch. `bend` has the (96,) normal curvatures of the neighbour across the side there, with
     tangent × across as the normal; NaN where there is none. None: these are not known. `strip` has the first
     and the second derivative across of a polynomial neighbour along a polynomial side, as Bézier points (m + 1, 3).
-    `spline` is the B-spline of which it is a piece.
+    `spline` is the B-spline of which it is a piece. Fields with normal components below `rounding` are in the planes.
     """
 
     name: str
@@ -37,6 +37,7 @@ class HoleSide:
     bend: FloatArray | None = None
     strip: tuple[FloatArray, FloatArray] | None = None
     spline: str | None = None
+    rounding: float = 1e-13  # of sums of some dozen terms
 
     @property
     def degree(self) -> int:

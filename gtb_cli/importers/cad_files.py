@@ -91,7 +91,15 @@ def silence() -> None:
 
 
 def _shape(kind: str, path: str) -> Any:
-    return _brep(path) if kind == "brep" else _transferred(path, kind)
+    if kind == "brep":
+        shape = kernel("TopoDS").TopoDS_Shape()
+        return shape if kernel("BRepTools").BRepTools.Read_s(shape, path, kernel("BRep").BRep_Builder()) else None
+    name = {"step": "STEPControl", "iges": "IGESControl"}[kind]
+    reader = getattr(kernel(name), f"{name}_Reader")()
+    if reader.ReadFile(path) != kernel("IFSelect").IFSelect_ReturnStatus.IFSelect_RetDone:
+        return None
+    reader.TransferRoots()
+    return reader.OneShape() if reader.NbShapes() else None
 
 
 def probe(kind: str, path: str) -> int:
@@ -104,20 +112,6 @@ def probe(kind: str, path: str) -> int:
     for edge in parts(shape, "EDGE"):
         edge_pieces(edge, 1)
     return 0
-
-
-def _brep(path: str) -> Any:
-    shape = kernel("TopoDS").TopoDS_Shape()
-    return shape if kernel("BRepTools").BRepTools.Read_s(shape, path, kernel("BRep").BRep_Builder()) else None
-
-
-def _transferred(path: str, kind: str) -> Any:
-    name = {"step": "STEPControl", "iges": "IGESControl"}[kind]
-    reader = getattr(kernel(name), f"{name}_Reader")()
-    if reader.ReadFile(path) != kernel("IFSelect").IFSelect_ReturnStatus.IFSelect_RetDone:
-        return None
-    reader.TransferRoots()
-    return reader.OneShape() if reader.NbShapes() else None
 
 
 def parts(shape: Any, kind: str, avoid: str = "SHAPE") -> Iterator[Any]:

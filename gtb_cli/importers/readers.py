@@ -12,7 +12,7 @@ from gtb_cli.language.loading import stem_of
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import CAD_FORMATS
+from gtb_cli.vocabulary import CAD_FORMATS, suffix_of
 
 
 class Imported(NamedTuple):
@@ -31,8 +31,6 @@ READERS = {
     "bzr": "bezierview",
     **dict.fromkeys(CAD_FORMATS, "cad_files"),
 }
-
-SUFFIXES = {f".{name}": name for name in READERS}
 
 
 def import_file(path: str | os.PathLike[str], format: str | None = None) -> Imported:
@@ -83,8 +81,8 @@ def import_data(path: str, data: bytes, format: str | None = None) -> Imported:
 
 
 def _read(path: str, data: bytes, format: str | None) -> tuple[list[Patch], list[str]]:
-    format = format or cad_kind(data, path) or SUFFIXES.get(os.path.splitext(path)[1].lower())
-    if format is not None:
+    format = format or cad_kind(data, path) or suffix_of(path)
+    if format in READERS:
         return _with(format, data, path)
     if kind := kind_of(data):
         why = ": triangles cannot become patches" if kind.endswith("mesh") else ""

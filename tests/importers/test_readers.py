@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import SpecError
-from gtb_cli.importers.readers import READERS, SUFFIXES, import_data
+from gtb_cli.importers.readers import READERS, import_data
 from gtb_cli.language.loading import parse
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.models.model import Model
@@ -157,4 +157,3 @@ def test_loops_are_filled(tmp_path: Path) -> None:
 
 def test_the_table_of_formats_is_one() -> None:
     assert tuple(READERS) == IMPORTS
-    assert set(SUFFIXES.values()) == set(READERS)
