@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, point_text
+from gtb_cli.arrays import EPS, FloatArray, point_text
 from gtb_cli.errors import DomainError
 from gtb_cli.filling.osculation import patch_bend
 from gtb_cli.filling.sides import MAX_GAP, HoleSide, bezier_form, edge_normals, points_and_tangents, stations
@@ -114,5 +114,7 @@ def _outwards(patch: Patch, edge: int, side: HoleSide) -> HoleSide:
     normals = edge_normals(patch, edge, stations())
     if not np.isfinite(normals).all():
         return side
-    _, tangents = points_and_tangents(side.curve, stations())
-    return replace(side, across=np.cross(tangents, normals), bend=patch_bend(patch, edge, side.curve, -normals))
+    points, tangents = points_and_tangents(side.curve, stations())
+    far = 30 * EPS * float(np.abs(points).max() / np.ptp(points, axis=0).max())  # what normals are off there
+    side = replace(side, across=np.cross(tangents, normals), rounding=max(side.rounding, far))
+    return replace(side, bend=patch_bend(patch, edge, side.curve, -normals))
