@@ -16,12 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from gtb_cli.vocabulary import FORMATS, suffix_of
+
 if TYPE_CHECKING:
     from gtb_cli.distances.comparison import Comparable
     from gtb_cli.meshes.difference import Aspect, Kind
     from gtb_cli.verdicts.comparing import Comparing
 
 _TESTS = pytest.StashKey[dict[str, str]]()  # that have golden files of their names, by these
+_ASKED = pytest.StashKey[set[str]]()  # paths of golden files and of meshes that tests compared
 _WRITTEN = pytest.StashKey[list[str]]()  # messages about the golden files that a test wrote
 
 
@@ -40,6 +43,30 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     if written := item.stash.get(_WRITTEN, None):
         pytest.fail("\n".join(written), pytrace=False)
     return result
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Tell the process that started this worker of pytest-xdist which golden files were asked for."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["gtb"] = sorted(session.config.stash.get(_ASKED, ()))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Gather what a worker has told."""
+    node.config.stash.setdefault(_ASKED, set()).update(getattr(node, "workeroutput", {}).get("gtb", ()))
+
+
+def pytest_terminal_summary(terminalreporter: Any, exitstatus: int, config: pytest.Config) -> None:
+    """Name golden files in the folders of test modules that no test asked for, if all their tests ran and passed."""
+    asked = config.stash.get(_ASKED, set())
+    partly = any(getattr(config.option, name, None) for name in ("keyword", "markexpr", "deselect", "lf"))
+    if exitstatus or partly or "::" in "".join(config.args) or {"skipped", "xfailed"} & terminalreporter.stats.keys():
+        return
+    for folder in sorted({path.parent for path in map(Path, asked) if os.path.exists(f"{path.parent}.py")}):
+        for path in sorted(folder.iterdir()):
+            if suffix_of(path.name) in FORMATS and ".obtained." not in path.name and str(path) not in asked:
+                terminalreporter.write_line(f"no test asked for the golden file {path}")
 
 
 @pytest.fixture
@@ -115,7 +142,6 @@ class MeshRegression:
         from gtb_cli.formats.export import encode_mesh
         from gtb_cli.tessellation.recipe import Recipe
         from gtb_cli.verdicts.comparing import Comparing
-        from gtb_cli.vocabulary import suffix_of
 
         with suppress(TypeError, ValueError):  # None and percentages
             tolerance = float(tolerance)  # type: ignore[arg-type]
@@ -126,6 +152,7 @@ class MeshRegression:
             format = format or (suffix_of(os.fspath(fullpath)) if fullpath is not None else "obj")
             golden = self._golden(format, basename, fullpath)
             path = self._file.parent / what if isinstance(what, str | os.PathLike) else what
+            self._config.stash.setdefault(_ASKED, set()).update({str(golden), str(path)})
             data = b"".join(encode_mesh(operand(path, recipe).known.mesh, format))
             self._compare(golden, data, Comparing(recipe, tolerance, kind, ignore))
         except GtbError as error:

@@ -83,6 +83,27 @@ def test_where_ci_is_set_a_missing_golden_file_is_never_written(folder):
     assert files(folder) == set()
 
 
+def test_golden_files_that_no_test_asked_for_are_named_after_full_runs_that_passed(folder):
+    test = """
+def test_lamp(mesh_regression):
+    mesh_regression.check("lamp.toml", n=1)
+    mesh_regression.check("test_lamp/input.obj", fullpath="lamp.obj")
+def test_other(mesh_regression):
+    mesh_regression.check("lamp.toml", n=2)
+"""
+    (folder / "test_lamp").mkdir()
+    gtb("mesh", folder / "lamp.toml", "-n", 1, "-o", folder / "test_lamp" / "input.obj", status=0)
+    steps = """
+run()
+for name in "old.obj", "old.obtained.obj", "notes.txt":
+    shutil.copy("test_lamp/input.obj", "test_lamp/" + name)
+run(), run("-k", "lamp"), run("test_lamp.py::test_lamp"), run("-n", "2")
+"""
+    texts = [text for _, text in runs(folder, test, steps)]
+    assert [text.count("no test asked for") for text in texts] == [0, 1, 0, 0, 1]
+    assert "no test asked for the golden file " + str(folder / "test_lamp" / "old.obj") in texts[1]
+
+
 @long
 def test_everything_that_has_a_mesh_is_checked_and_each_check_has_its_file(folder):
     found = runs(

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.elevation import product
 from gtb_cli.errors import DomainError
 from gtb_cli.language.spec_paths import of_patch
@@ -21,17 +20,22 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     the same points at the same v; on an edge it is the boundary curve. Raises `DomainError` for a curve, another
     domain, or a value beyond it.
     """
-    low, high = span(patch, axis, value)
+    if patch.dimension == 1:
+        raise DomainError("is a curve, and has no isoparametric curves")
     shape = patch.domain
     if len(shape.vertices) != 4 or ((shape.normals != 0).sum(axis=1) != 1).any():
         raise DomainError(
             "the domain is not a rectangle along the axes: isoparametric curves are not GT-Bézier curves there"
         )
+    low, high = shape.vertices[[0, 2], axis].tolist()
+    if not low <= value <= high:
+        raise DomainError(f"{AXES[axis]}: expected {low:g} to {high:g}, got {value:g}")
     name = f"{patch.name or 'patch'}-{AXES[axis]}{value:g}"
     other = 1 - axis
     # Edges 0 … 3 are bottom, right, top, left.
     beside = [3, 1] if axis == 0 else [0, 2]
-    heights = shape.heights_of_columns((low[None] + high[None]) / 2)
+    place = np.where(np.arange(2) == axis, value, shape.vertices.mean(axis=0))
+    heights = shape.heights_of_columns(place[None])
     on = [edge for edge in beside if heights[edge, 0] == 0]
     members = np.flatnonzero(shape.incidence[:, on[0]]) if on else np.arange(len(patch.knots))
     logs = patch.log_products[members]
@@ -46,29 +50,3 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     )
     merged = product(curve, np.zeros((1, 1)))
     return merged if len(merged.knots) < len(curve.knots) else curve
-
-
-def span(patch: Patch, axis: int, value: float) -> tuple[FloatArray, FloatArray]:
-    """Return the ends of the segment of a surface's domain on which a parameter has a value.
-
-    Raises `DomainError` if there is no such segment, or it is only a corner.
-    """
-    if patch.dimension == 1:
-        raise DomainError("is a curve, and has no isoparametric curves")
-    v = patch.domain.vertices
-    low, high = float(v[:, axis].min()), float(v[:, axis].max())
-    if not low <= value <= high:
-        raise DomainError(f"{AXES[axis]}: expected {low:g} to {high:g}, got {value:g}")
-    other = 1 - axis
-    found = []
-    for start, end in zip(v, np.roll(v, -1, axis=0), strict=True):
-        if start[axis] == value:
-            found.append(float(start[other]))
-        if (start[axis] - value) * (end[axis] - value) < 0:
-            share = (value - start[axis]) / (end[axis] - start[axis])
-            found.append(float(start[other] + share * (end[other] - start[other])))
-    ends = np.empty((2, 2))
-    ends[:, axis], ends[:, other] = value, (min(found), max(found))
-    if max(found) - min(found) <= patch.domain.tolerance:
-        raise DomainError(f"{AXES[axis]}: at {value:g} the domain has only a corner")
-    return ends[0], ends[1]

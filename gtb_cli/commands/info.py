@@ -220,7 +220,7 @@ def _within(value: float, error: float) -> str:
     if not error:
         return row([value])
     digits = -math.ceil(math.log10(2 * error))  # half a step is for the rounding here
-    return f"{round(value, digits) + 0.0:.{max(digits, 0)}f} ± {10.0**-digits:g} (estimated from meshes)"
+    return f"{round(value, digits) + 0.0:.{max(digits, 0)}f} ± {10.0**-digits:g} (estimated)"
 
 
 def _listed(names: list[str], in_full: bool) -> str:

@@ -98,13 +98,6 @@ def variation_of(
 @click.option("--curvature", type=click.Choice(["gaussian", "mean"]), help="Colour a surface by its curvature.")
 @click.option("--colours", type=click.Choice(COLOUR_MAPS), help="Map of numbers to colours.")
 @click.option(
-    "--isolines",
-    type=WholeNumber(0, 200),
-    default=0,
-    metavar="N",
-    help="Lines of constant u, and of constant v; none without this option.",
-)
-@click.option(
     "--index", type=WholeNumber(0), multiple=True, metavar="I", help="Draw only this basis function. May be repeated."
 )
 @click.option("--unnormalised", is_flag=True, help="Draw the basis β_i instead of the rational one, T_i.")

@@ -14,7 +14,7 @@ from gtb_cli.distances.between_shapes import shape_distance
 from gtb_cli.errors import DomainError, GtbError
 from gtb_cli.files import read_up_to
 from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
-from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, spec_format_of
+from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
@@ -196,7 +196,7 @@ def decoded(data: bytes, name: str, recipe: Recipe, reading: Reading = AS_SEEN) 
     if kind is not None:
         return Operand(decode_mesh(data, name, kind), recipe, name)
     if b"\0" in data[:BEGINNING_BYTES] and not reading.spec_format:
-        raise GtbError(f"{name}: is neither a mesh nor a spec")
+        raise GtbError(f"{name}: is {kind_of(data) or 'neither a mesh nor a spec'}")
     return Operand(parse(data, name, reading.spec_format or spec_format_of(name), dict(reading.let)), recipe, name)
 
 

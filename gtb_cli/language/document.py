@@ -17,6 +17,7 @@ _OTHER_FILES = {
     "a BREP file": re.compile(rb"[^\0]{0,90}DBRep_DrawableShape"),
     "a PLY mesh": re.compile(rb"ply\r?\n"),
     "a GLB mesh": re.compile(rb"glTF"),
+    "a gzip archive (gunzip opens it)": re.compile(rb"\x1f\x8b"),
     "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*facet\b"),
     "HTML, SVG or XML": re.compile(rb"\s*+<[!?a-zA-Z]"),
     "an OBJ mesh": re.compile(rb"(?:[ \t\r\n]++|#[^\n]*+)*+(?:v[nt]? [-+.\d]|(?:mtllib|[og]) [^=\n]*\n)"),

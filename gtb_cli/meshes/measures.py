@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, bounds_of, cross, dot
+from gtb_cli.arrays import bounds_of, cross, dot
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.frame import Frame
@@ -151,14 +151,6 @@ def moments(mesh: Mesh) -> tuple[list[float] | None, list[float] | None]:
     spread = np.einsum("k,kci,kcj->ij", weights, both, both) / (width * (width + 1))
     products = [spread[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))]
     return frame.outside(centroid).tolist(), [_finite(float(frame.length(x, 2))) or 0.0 for x in products]
-
-
-def centre_of_mass(mesh: Mesh) -> FloatArray:
-    """(3,) centre of mass of the inside of a closed mesh: the mean of those of the tetrahedra over its faces."""
-    frame = mesh.vertices.mean(axis=0)
-    a, b, c = (mesh.vertices[corner] - frame for corner in mesh.faces.T)
-    volumes = dot(a, cross(b, c))
-    return np.asarray(frame + volumes @ (a + b + c) / (4 * volumes.sum()))
 
 
 def _finite(value: float | None) -> float | None:

@@ -73,8 +73,8 @@ def plot(
     **options
         Those of the command, by their names. ``size`` (width and height in inches), ``dpi``, ``camera`` (azimuth and
         elevation in degrees), ``stretch`` (three factors), ``labels`` and ``net`` (bool), ``curvature`` ("gaussian" or
-        "mean"), ``colours`` (a map), ``isolines`` (their number), ``index`` (of basis functions), ``unnormalised`` and
-        ``lifted`` (bool), ``resolution``, ``vary`` (such as ``{"weights[2]": [1, 5, 25]}``). Of a sequence: ``x``,
+        "mean"), ``colours`` (a map), ``index`` (of basis functions), ``unnormalised`` and ``lifted`` (bool),
+        ``resolution``, ``vary`` (such as ``{"weights[2]": [1, 5, 25]}``). Of a sequence: ``x``,
         ``lifting`` ((n,) values, or the index of the knot whose weight grows), ``merge`` (``{3: 1}``: knot 3 moves to
         knot 1) and ``steps``.
 

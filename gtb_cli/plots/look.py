@@ -75,7 +75,6 @@ class Look:
     net: bool | None = None  # draw control points and the lines between them; None: for a single patch
     curvature: CurvatureKind | None = None  # which colours a surface
     colours: str | None = None  # one of `gtb_cli.vocabulary.COLOUR_MAPS`
-    isolines: int = 0  # number of lines of constant u, and of constant v
     index: tuple[int, ...] = ()  # basis functions to draw; empty: all
     unnormalised: bool = False  # draw β_i instead of T_i
     lifted: bool = False  # draw the lifted knots and their upper hull above the decomposition
@@ -86,7 +85,7 @@ class Look:
             object.__setattr__(self, "camera", Camera(*_numbers("camera", self.camera, CAMERA_LIMITS)))
         object.__setattr__(self, "size", _numbers("size", self.size, SIZE_LIMITS))
         object.__setattr__(self, "index", tuple(np.atleast_1d(np.asarray(self.index, dtype=object)).tolist()))
-        least_and_most = [("resolution", (1, 1000)), ("isolines", (0, 200)), ("dpi", (20, 1200))]
+        least_and_most = [("resolution", (1, 1000)), ("dpi", (20, 1200))]
         for name, value, (least, most) in [
             *((name, getattr(self, name), ends) for name, ends in least_and_most),
             *(("index", value, (0, 10**6)) for value in self.index),

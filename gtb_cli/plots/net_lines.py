@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.bezier.isocurve import span
 from gtb_cli.knots.decomposition import control_net, regular_decomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.edges import edge_points_at
@@ -60,17 +59,6 @@ def curve_path(curve: Patch) -> FloatArray:
     near = np.geomspace(end_distance, 1 / segments, end_points)[:-1]
     share = np.concatenate([[0], near, even, 1 - near[::-1], [1]])
     return curve.evaluate((low * (1 - share) + high * share).clip(low, high))
-
-
-def isoparametric_paths(patch: Patch, count: int) -> list[FloatArray]:
-    """Return (m, 3) points along `count` lines of constant u, and as many of constant v, evenly spaced inside Δ."""
-    share = (1 - np.cos(np.linspace(0, np.pi, LINE_SEGMENTS + 1)[1:-1, None])) / 2  # a patch may bend at its boundary
-    paths = []
-    for axis, coordinates in enumerate(patch.domain.vertices.T):
-        for value in np.linspace(coordinates.min(), coordinates.max(), count + 2)[1:-1].tolist():
-            start, end = span(patch, axis, value)
-            paths.append(patch.evaluate(start + share * (end - start)))
-    return paths
 
 
 def is_flat(clouds: Sequence[FloatArray]) -> bool:

@@ -13,7 +13,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import facet_normals, filled_normals
 from gtb_cli.models.model import Model
 from gtb_cli.plots.look import Look, subscript
-from gtb_cli.plots.net_lines import curve_path, edge_path, is_flat, isoparametric_paths, net_of
+from gtb_cli.plots.net_lines import curve_path, edge_path, is_flat, net_of
 from gtb_cli.plots.palette import INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
 from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, View, plain, plane_view, space_views
 from gtb_cli.tessellation.attributes import with_attributes
@@ -46,7 +46,6 @@ def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[s
 
 def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: Look) -> None:
     """Draw surfaces, or the patches of models, shaded by their exact normals, each on axes of its own."""
-    parameter_lines = "#1F3A52"
     surfaces = []
     for ax, shape in zip(axes, shapes, strict=True):
         fine = look.resolution or (16 if len(shape.patches) > 4 else 64)  # segments of each edge
@@ -56,8 +55,6 @@ def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: L
     with_net = look.draws_net(len(shapes[0].patches))
     points = [patch.control_points for shape in shapes for patch in shape.patches] if with_net else []
     for view, shape in zip(space_views(axes, look.camera, surfaces, points), shapes, strict=True):
-        for patch in shape.patches if look.isolines else ():
-            view.lines(isoparametric_paths(patch, look.isolines), colour=parameter_lines, width=0.6)
         shared, free = borders(shape)
         view.lines(shared, width=0.9)
         if isinstance(shape, Model):

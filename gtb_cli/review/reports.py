@@ -1,17 +1,19 @@
-"""Reports on files that were compared: pages and Markdown, which appear together."""
-
-from __future__ import annotations
+"""Reports on what changed: Markdown, or a page, old and new side by side under one camera, coloured by distance."""
 
 import os
 from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
 
 from gtb_cli.files import StagedFiles
-from gtb_cli.review.changes import Review, change, review
+from gtb_cli.pages.page import encoded, page_with
+from gtb_cli.review.changes import MAX_SHOWN_FACES, Change, Review, change, review
 from gtb_cli.review.markdown import markdown
-from gtb_cli.review.review_page import page
+from gtb_cli.review.table import amount, rows
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict
-from gtb_cli.vocabulary import suffix_of
+from gtb_cli.vocabulary import printable, suffix_of
 
 
 def reviewed(names: tuple[str, str], verdicts: Iterable[Verdict], comparing: Comparing) -> Review:
@@ -27,3 +29,69 @@ def write_reports(found: Review, paths: Sequence[str]) -> None:
             name = os.path.basename(pages[0]) if pages else ""
             text = page(found) if path in pages else markdown(found, name)
             files.add(path, [text.encode("utf-8", "backslashreplace")])
+
+
+def page(review: Review) -> str:
+    """Return the text of a page that works offline; no name or message can become a part of its script."""
+    names = [printable(name) for name in review.names]
+    data: dict[str, Any] = {
+        "names": names,
+        "counts": review.counts,
+        "most": MAX_SHOWN_FACES,
+        "changes": [_data(change) for change in review.changes],
+    }
+    return page_with(data, f"{' and '.join(names)}: {len(review.changes)} changed", "gtb_cli.review")
+
+
+def _data(change: Change) -> dict[str, Any]:
+    data: dict[str, Any] = {
+        "name": printable(change.name),
+        "verdict": change.verdict.word,
+        "reasons": [printable(reason) for reason in change.reasons],
+        "amount": amount(change),
+        "tolerance": "" if change.found is None else f"{change.found.tolerance:.3g}",
+        "rows": [(row.label, row.old, row.new) for row in rows(change)],
+        "uncoloured": _why_uncoloured(change),
+        "old": None,
+        "new": None,
+    }
+    if change.frames is None:
+        return data
+    frames = dict(zip(("old", "new"), change.frames, strict=True))
+    data["alone"] = change.frames[0] is not change.frames[1]
+    for key, side in (("old", change.old), ("new", change.new)):
+        if side is None or side.mesh is None:
+            continue
+        vertices, cells = frames[key].inside(side.mesh.vertices), side.mesh.cells
+        full = float(np.abs(vertices).max()) or 1.0 if data["alone"] else 1.0
+        data[key] = {
+            "positions": encoded(vertices / full, "<f4"),
+            "cells": encoded(cells, "<u2" if len(vertices) < 1 << 16 else "<u4"),
+            "wide": len(vertices) >= 1 << 16,
+            "corners": cells.shape[1],
+            "faces": side.faces,
+            "shown": len(cells),
+        }
+        if side.turned is not None:
+            data["coloured"] = {"side": key, "turned": True, "values": encoded(255 * side.turned, "<u1")}
+        elif change.coloured == key and change.found is not None and change.largest is not None:
+            assert side.distances is not None
+            top = change.found.distance  # points between those that were compared may be farther
+            data["coloured"] = {
+                "side": key,
+                "vertices": change.found.method == "vertices",
+                "values": encoded(np.rint((side.distances / top).clip(0, 1) * 255), "<u1"),
+                "top": f"{top:.3g}",
+                "at": (frames[key].inside(np.array(change.largest)) / full).tolist(),
+                "place": " ".join(f"{x:.6g}" for x in change.largest),
+            }
+    return data
+
+
+def _why_uncoloured(change: Change) -> str:
+    """Say why there are no distances to be shown, if there are none."""
+    if change.found is None:
+        return "no distances"
+    if not change.found.same_kind:
+        return "no distances of a curve from a surface"
+    return "nowhere farther apart than the tolerance"

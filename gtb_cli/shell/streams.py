@@ -275,7 +275,7 @@ def format_of(output: str, given: str | None, formats: Collection[str], more: It
     suffix = suffix_of(output)
     if given is not None or suffix in formats:
         return given or suffix
-    if output != STANDARD and not is_folder(output) and not is_device(output):
+    if output not in (STANDARD, "/dev/stdout") and not is_folder(output) and not is_device(output):
         known = ", ".join(f".{name}" for name in (*formats, *more))
         name = output or repr(output)
         raise ExportError(f"cannot tell the format of {name}: it does not end in {known}; give -f FORMAT")

@@ -127,10 +127,11 @@ class _Refinement:
         if not why and (halved.widths < min_edge * self.sizes.take(halved.patch)).any():
             why = "is not reached where parameters are too close to tell apart"
         if why:
-            raise ToleranceError(
-                f"tolerance: {self.asked:g} {why}; with {now} samples are still up to {edges.error.max():.3g} "
-                "from their edges"
+            farthest = float(edges.error.max())  # faces may be farther from the surface than their edges are
+            still = (
+                f"; with {now} samples are still up to {farthest:.3g} from their edges" if farthest > self.asked else ""
             )
+            raise ToleranceError(f"tolerance: {self.asked:g} {why}{still}")
 
     def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
         """Mark the edge that is farthest from the surface in each cell that fails and has no marked edge yet."""

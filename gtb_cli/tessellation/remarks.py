@@ -83,7 +83,7 @@ def thin_wall(solid: Mesh, thickness: float) -> list[str]:
         return []
     near = f"near {point_text(place, solid.bounds)}"
     return [
-        f"the wall is at most {share:.0%} of the thickness {near}, as normals turn within a face: "
+        f"the wall {near} is {share:.0%} of the thickness or less, as normals turn within a face: "
         "more faces make it thicker where the surface is smooth"
     ]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gtb_cli.bezier.isocurve import isocurve, span
+from gtb_cli.bezier.isocurve import isocurve
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 from tests import exact
@@ -46,9 +46,3 @@ def test_they_are_curves_of_the_surface(patch: Patch, axis: int, fraction: float
 def test_the_reason_where_there_are_none(patch: Patch, axis: int, value: float, message: str) -> None:
     with pytest.raises(DomainError, match=message):
         isocurve(patch, axis, value)
-
-
-def test_a_corner_has_no_curve() -> None:
-    triangle = Patch([[0, 0], [1, 0], [0, 1]], np.eye(3))
-    with pytest.raises(DomainError, match="u: at 1 the domain has only a corner"):
-        span(triangle, 0, 1.0)

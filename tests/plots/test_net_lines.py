@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gtb_cli.plots.net_lines import isoparametric_paths, net_of
+from gtb_cli.plots.net_lines import net_of
 from gtb_cli.theory.patch import Patch
 
 SQUARE = np.array([[i, j] for j in range(3) for i in range(4)], dtype=float)
@@ -38,11 +38,3 @@ def test_a_curve_has_its_polygon_and_a_lifting_counts():
     assert net_of(Patch(knots, points)) == [(0, 1), (1, 2), (2, 3)]
     assert net_of(Patch(knots, points, lifting=[0, 0, 1, 0])) == [(0, 2), (2, 3)]
     assert net_of(Patch(knots, points), [0, 1, 0, 0]) == [(0, 1), (1, 3)]
-
-
-def test_isoparametric_lines_keep_one_parameter():
-    patch = Patch(SQUARE, np.pad(SQUARE, ((0, 0), (0, 1))))
-    paths = isoparametric_paths(patch, 3)
-    assert len(paths) == 6
-    first = patch.evaluate(np.column_stack([np.full(95, 0.75), (1 - np.cos(np.linspace(0, np.pi, 97)))[1:-1]]))
-    np.testing.assert_array_equal(paths[0], first)

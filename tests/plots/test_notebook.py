@@ -25,7 +25,6 @@ from tests.specs import load
         ({"camera": (1, float("nan"))}, "camera: expected 2 numbers"),
         ({"resolution": 0}, "resolution: expected a whole number from 1 to 1000, got 0"),
         ({"resolution": True}, "resolution: expected a whole number from 1 to 1000, got True"),
-        ({"isolines": -1}, "isolines: expected a whole number from 0 to 200, got -1"),
         ({"curvature": "most"}, "curvature: expected one of gaussian, mean, got 'most'"),
         ({"colours": "jet"}, "colours: expected one of PuOr, .* got 'jet'"),
         ({"camera": (0, 91)}, "camera: expected 2 numbers, within .* got"),

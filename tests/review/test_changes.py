@@ -19,7 +19,7 @@ from gtb_cli import Mesh, Recipe, diff, load
 from gtb_cli.errors import Fault
 from gtb_cli.meshes.difference import Difference
 from gtb_cli.review.changes import Change, review
-from gtb_cli.review.review_page import page
+from gtb_cli.review.reports import page
 from gtb_cli.review.simplification import simplified
 from gtb_cli.verdicts.verdict import Verdict, Word
 from tests.specs import SPECS
