@@ -3,7 +3,6 @@ VENV   := .venv
 RUN    := $(VENV)/bin/python -m
 BUILD  := build
 OLDEST := $(BUILD)/oldest
-MINUTES ?= 60
 # A worker that has nothing left takes tests from the other one. Bytecode is kept even where the environment forbids it:
 # every worker would compile all tests anew, and every process that a test starts all of gtb_cli.
 PYTEST := -m pytest -n auto --dist worksteal
@@ -13,7 +12,7 @@ SOURCES = gtb_cli tests
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup mesh test test-all test-oldest lint types check specs golden reference gallery browser bench fuzz guided readers clean
+.PHONY: help setup mesh test test-all test-oldest lint types check specs golden reference gallery browser bench fuzz readers clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -67,9 +66,6 @@ bench: $(BUILD)/bench/.installed ## measure times beside floors and peers, as a 
 fuzz: $(VENV)/.development ## 20,000 mutated specs, 2,000 files of each format imported, 5,000 models and command lines, 1,200 kills
 	@$(RUN) tests.tools.fuzz
 
-guided: $(BUILD)/atheris/.installed ## an hour of processor time (MINUTES=60) of inputs that reach new lines of the readers
-	@$(BUILD)/atheris/bin/python -m tests.tools.guided --minutes $(MINUTES) --folder $(BUILD)/guided
-
 readers: $(VENV)/.installed ## let 12 programs and libraries read every kind of mesh file; installs 5 GB below build
 	@$(RUN) tests.tools.readers
 
@@ -105,12 +101,6 @@ $(BUILD)/bench/.installed: pyproject.toml
 	| while read peer; do \
 	$(BUILD)/bench/bin/python -m pip install -qq --disable-pip-version-check --only-binary :all: "$$peer" </dev/null \
 	|| echo "not installed: $$peer"; done
-	@touch $@
-
-# atheris brings its own engine, and is needed for nothing else.
-$(BUILD)/atheris/.installed: pyproject.toml
-	$(PYTHON) -m venv $(BUILD)/atheris
-	$(BUILD)/atheris/bin/python -m pip install -qq --disable-pip-version-check --editable . atheris
 	@touch $@
 
 $(VENV)/.development: $(VENV)/.installed

@@ -1,10 +1,10 @@
-"""A little of what `make fuzz` does at length; and what `make guided` found is found no more."""
+"""A little of what `make fuzz` does at length; and what was found earlier is found no more."""
 
 import pytest
 
 from tests.marks import long, mostly_long
 from tests.tools.fuzz import foreign_files, imports, kill, models, mutate, overwriting
-from tests.tools.guided import CORPUS, READERS, judge, seeds
+from tests.tools.judge import CORPUS, READERS, judge, seeds
 
 
 @pytest.mark.parametrize("count", mostly_long([100, 500]))

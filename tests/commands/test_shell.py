@@ -181,6 +181,12 @@ def test_a_closed_pipe_does_not_change_the_verdict(workplace):
     assert (result.status, result.err) == (1, "")
 
 
+def test_the_systems_name_of_standard_output_is_it(workplace):
+    line = "gtb mesh specs/bezier-triangle.toml -n 1 -q"
+    result = shell(f"{line} -o /dev/stdout > named && {line} | cmp - named", workplace)
+    assert (result.status, result.err) == (0, "")
+
+
 def test_eval_does_not_depend_on_how_a_pipe_is_cut(start, tmp_path):
     text = "".join(f"{i / 5000} {1 - i / 5000}\n" for i in range(5000)).encode()
     whole = process("eval", PENTAGON, stdin=text)

@@ -22,7 +22,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS
 from tests.specs import SECONDS
 from tests.tiny_meshes import curve, encoded, glb_file, model, surface, two_curves
-from tests.tools.guided import judge, seeds
+from tests.tools.judge import judge, seeds
 from tests.tools.mutations import mutated
 
 SINGLE = 2.0**-24  # relative error of rounding to a 32-bit number

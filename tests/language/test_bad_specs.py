@@ -12,7 +12,7 @@ from gtb_cli.language.entries import MAX_EXPRESSIONS
 from gtb_cli.language.loading import load, parse
 from gtb_cli.language.patch_reader import MAX_KNOTS, MAX_PATCHES, MAX_UNITY
 from tests.specs import BAD_SPECS, SECONDS, Case, bad_specs
-from tests.tools.guided import judge
+from tests.tools.judge import judge
 from tests.tools.mutations import mutation
 
 
