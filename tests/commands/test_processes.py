@@ -6,6 +6,7 @@ import time
 import pytest
 
 from gtb_cli.errors import GtbError
+from gtb_cli.process import memory
 from gtb_cli.process.processes import in_processes
 from gtb_cli.shell.workers import Workers
 
@@ -54,3 +55,12 @@ def test_where_memory_is_scarce_this_process_does_the_work(limit, alone, monkeyp
     """A worker that could not allocate what it needs to send its result was waited for."""
     monkeypatch.setattr("gtb_cli.process.memory.limit_of_addresses", lambda: limit)
     assert (set(Workers(2).results(own_number, [0, 1, 2])) == {os.getpid()}) == alone
+
+
+def test_workers_share_the_memory_that_is_allowed(monkeypatch):
+    limits = []
+    monkeypatch.setattr(memory, "_allowed", 8 << 30)
+    monkeypatch.setattr("resource.getrlimit", lambda kind: (8 << 30, 8 << 30))
+    monkeypatch.setattr("resource.setrlimit", lambda kind, limit: limits.append(limit))
+    assert memory.divided_among(3) == 3
+    assert limits == [((8 << 30) // 4, 8 << 30)]

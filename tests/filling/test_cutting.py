@@ -8,9 +8,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 import gtb_cli
+from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.filling.certificate import Filling
-from gtb_cli.filling.cutting import _cuts, _halves
+from gtb_cli.filling.cutting import _cuts, _halves, fill_parts
 from gtb_cli.filling.fill import filled
 from gtb_cli.filling.hole_corners import across_at, corners
 from gtb_cli.filling.one_patch import fill_loop
@@ -192,3 +193,19 @@ def test_the_command_writes_a_model_of_the_parts(tmp_path):
     assert "the hole is cut from its concave corner (1, 1, 0) to (0, 0, 0)" in result.err
     assert "4 + 4 sides" in result.err
     assert [patch.name for patch in gtb_cli.load_model(tmp_path / "lid.toml")] == ["loop-0", "loop-1"]
+
+
+def test_a_dozen_fillings_are_tried_and_no_more():
+    tried = []
+
+    def fill(sides):
+        tried.append(len(sides))
+        raise DomainError("no")
+
+    assert fill_parts(graph_sides(star(10)), fill, False) is None
+    assert len(tried) == 12
+
+
+def test_a_corner_of_190_degrees_is_cut():
+    polygon = np.array([[0.0, 0], [1, 0.1], [2, 0], [2, 1], [0, 1]])[:, :2]
+    assert len(filled(graph_sides(0.4 * polygon), None, None).parts) == 2

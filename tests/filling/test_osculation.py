@@ -7,7 +7,7 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.filling.certificate import Filling, edge_of
+from gtb_cli.filling.certificate import Filling, bend_inside, edge_of
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bernstein, edge_places
@@ -209,3 +209,11 @@ def test_a_corner_between_rational_patches_has_their_curvature() -> None:
     assert max(seam.bend for seam in seams) < RELATIVE
     given = [seam.bend for seam in cube.seams if index in {seam.first[0], seam.second[0]}]
     assert min(given) > 0.1
+
+
+def test_the_curvature_inside_is_that_a_hundredth_of_the_length_from_the_edge():
+    """Of z = x³ over a square: 0 on the edge x = 0, and z″ / 2 = 0.03 at x = 0.01; it is said twice."""
+    grid = [[i, j] for i in range(4) for j in range(2)]
+    cubic = Patch(grid, [[i / 3, j, float(i == 3)] for i, j in grid], coefficients=[1, 1, 3, 3, 3, 3, 1, 1])
+    curve = np.array([[0.0, 1, 0, 1], [0, 0, 0, 1]])
+    assert bend_inside(cubic, 3, curve) == pytest.approx(0.06, rel=1e-2)

@@ -192,3 +192,11 @@ def test_a_browser_that_has_gone_and_an_odd_address_are_no_errors(server, capfd)
             if not reset:
                 assert connection.recv(100).startswith(b"HTTP/1.0 404")
     assert capfd.readouterr().err == ""
+
+
+def test_only_one_request_at_a_time_looks_at_the_files(spec, monkeypatch):
+    watch = watch_of(spec)
+    held, changed = [], watch._files.changed
+    monkeypatch.setattr(watch._files, "changed", lambda: held.append(watch._lock.locked()) or changed())
+    news(watch, 1)
+    assert held == [True]

@@ -28,7 +28,14 @@ def others(one: Path, other: Path) -> float:
     """Part of the pixels that differ between two pictures of one size."""
     there, drawn = pixels(one.read_bytes()), pixels(other.read_bytes())
     assert there.shape == drawn.shape
-    return float((np.abs(there.astype(int) - drawn).max(axis=2) > DIFFERENT).mean())
+    return otherness(there, drawn)
+
+
+def otherness(one: np.ndarray, other: np.ndarray) -> float:
+    """Part of the pixels that differ; or more, if these are more than half of those that are not white in either."""
+    differ = np.abs(one.astype(int) - other).max(axis=2) > DIFFERENT
+    ink = (np.minimum(one, other).min(axis=2) < 255 - DIFFERENT).sum()
+    return float(max(differ.mean(), 2 * FEW * differ.sum() / max(ink, 1)))
 
 
 def test_every_figure_of_the_paper_is_there():
@@ -62,6 +69,12 @@ def test_stripes_are_those_of_fills(tmp_path):
     target = tmp_path / "picture.png"
     stripes.draw(target)
     assert others(STRIPES, target) <= FEW
+
+
+@pytest.mark.parametrize("picture", PICTURES_OF_PAGE, ids=lambda picture: picture.name)
+def test_a_blank_picture_is_seen(picture):
+    there = pixels(picture.path.read_bytes())
+    assert otherness(there, np.full_like(there, 255)) > FEW
 
 
 def test_another_picture_is_seen():

@@ -1,11 +1,13 @@
 """`gtb plot`."""
 
+import io
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
 
 import gtb_cli
 from gtb_cli.plots.palette import OPEN, TWO_SIDED, scale_of
@@ -142,6 +144,14 @@ def test_a_film_is_drawn():
     half = image.shape[1] // 2
     assert orange[:, half:].sum() > 30
     assert not orange[:, :half].any()
+
+
+def test_the_last_frame_of_a_film_is_the_limit_and_stays():
+    with Image.open(io.BytesIO(gtb("plot", SPECS / "example-4.4.toml", "-x5", *SMALL, "-f", "gif").out)) as film:
+        frames = [(film.seek(k), film.info["duration"], np.asarray(film.convert("RGB")))[1:] for k in (0, 1)]
+        assert film.n_frames == 2
+    assert [duration for duration, _ in frames] == [120, 1500]
+    assert (frames[0][1] != frames[1][1]).any()
 
 
 def test_anywhere_and_of_any_size_it_is_the_same_picture(tmp_path):

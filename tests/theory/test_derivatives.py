@@ -196,3 +196,12 @@ def test_other_orders_are_refused():
         named("bicubic").derivatives([[1, 1]], 3)
     with pytest.raises(DomainError, match="parametrization: expected toric or linear, got 'polar'"):
         named("bicubic").derivatives([[1, 1]], 1, "polar")
+
+
+@pytest.mark.parametrize("parametrization", ["toric", "linear"])
+def test_many_places_have_the_derivatives_of_each(parametrization):
+    """They are made in blocks of some thousand numbers."""
+    patch, places = named("pentagon"), np.random.default_rng(1).dirichlet([2, 2, 2], 8000) @ [[0, 0], [2, 0], [0, 2]]
+    found = patch.derivatives(places, 1, parametrization)
+    for k in (0, 1364, 1366, 4000, 7999):
+        np.testing.assert_allclose(found[k], patch.derivatives(places[[k]], 1, parametrization)[0], rtol=1e-12, atol=1e-14)
