@@ -13,8 +13,8 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.quadrature import quadrature
 
 _ORDERS = (8, 12, 16, 24, 32, 48, 64, 96, 128)
-_MOST_PLACES = 150_000  # of the last rules of all patches together
-_MOST_NUMBERS = 500_000  # values of T_i at a time
+_MOST_VALUES = 2_500_000  # of T_i, by the last rules of all patches together
+_MOST_NUMBERS = 500_000  # values of T_i, or coordinates, at a time
 
 
 class Extent(NamedTuple):
@@ -39,9 +39,9 @@ def extents(shape: Patch | Model) -> dict[str, Extent]:
     for index, patch in enumerate(shape.patches):
         alike.setdefault(patch.rational_basis, []).append(index)
     value, error = np.zeros((2, 2))
-    for members in alike.values():
+    for members in (some[k : k + 100] for some in alike.values() for k in range(0, len(some), 100)):
         nets = frame.inside(np.stack([shape.patches[index].control_points for index in members]))
-        sums, errors = _integrals(shape.patches[members[0]], nets, _MOST_PLACES // len(alike))
+        sums, errors = _integrals(shape.patches[members[0]], nets, _MOST_VALUES // len(alike))
         sums[:, 1] *= np.where([joints.flipped[index] for index in members], -1, 1)
         value, error = value + sums.sum(axis=0), error + errors.sum(axis=0)
     error[1] += 4 * value[0] * frame.length(max((joint.distance for joint in joints.shared), default=0.0), -1)  # strips
@@ -50,11 +50,11 @@ def extents(shape: Patch | Model) -> dict[str, Extent]:
     return _in_model_units(frame, {name: (value[k], error[k], k + 2) for k, name in enumerate(names)})
 
 
-def _integrals(patch: Patch, nets: FloatArray, most_places: int) -> tuple[FloatArray, FloatArray]:
+def _integrals(patch: Patch, nets: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
     """(p, 2) areas, and volumes towards the origin, of (p, n, 3) nets of a patch; and their errors."""
     sums, errors, rows = np.zeros((len(_ORDERS), len(nets), 2)), np.zeros((len(nets), 2)), np.arange(len(nets))
     for k, order in enumerate(_ORDERS):
-        if not len(rows) or (k > 2 and 2 * len(patch.domain.vertices) * order**2 > most_places):
+        if not len(rows) or (k > 2 and 2 * len(patch.domain.vertices) * order**2 * len(patch.knots) > most):
             break
         sums[k:, rows] = _integrals_of(patch, nets[rows], order)
         if k > 1:
@@ -71,7 +71,7 @@ def _integrals_of(patch: Patch, nets: FloatArray, order: int) -> FloatArray:
     determinant, as within 1e-14 of an edge, there is no area either.
     """
     basis, rule, knots = patch.rational_basis, quadrature(patch, order), patch.domain.knots
-    count = max(1, _MOST_NUMBERS // len(knots))  # of places at a time
+    count = max(1, _MOST_NUMBERS // max(len(knots), 3 * len(nets)))  # of places at a time
     result = np.zeros((len(nets), 2))
     values = np.moveaxis(nets, 0, 1).reshape(len(knots), -1)
     for begin in range(0, len(rule.weights), count):
