@@ -22,6 +22,12 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.load_profile("quick" if config.option.markexpr == "not long" else "gtb")
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say how many tests of pages did not run."""
+    if without := sum("test_browser" in report.nodeid for report in terminalreporter.stats.get("skipped", ())):
+        terminalreporter.write_line(f"{without} tests of pages did not run, as there is no browser: see make browser")
+
+
 @pytest.fixture(autouse=True)
 def _failures_are_looked_at() -> Iterator[None]:
     """Fail a test in which a command failed and nobody asked for its status."""

@@ -215,5 +215,4 @@ def test_the_curvature_inside_is_that_a_hundredth_of_the_length_from_the_edge():
     """Of z = x³ over a square: 0 on the edge x = 0, and z″ / 2 = 0.03 at x = 0.01; it is said twice."""
     grid = [[i, j] for i in range(4) for j in range(2)]
     cubic = Patch(grid, [[i / 3, j, float(i == 3)] for i, j in grid], coefficients=[1, 1, 3, 3, 3, 3, 1, 1])
-    curve = np.array([[0.0, 1, 0, 1], [0, 0, 0, 1]])
-    assert bend_inside(cubic, 3, curve) == pytest.approx(0.06, rel=1e-2)
+    assert bend_inside(cubic, 3, np.array([[0.0, 1, 0, 1], [0, 0, 0, 1]])) == pytest.approx(0.06, rel=1e-2)

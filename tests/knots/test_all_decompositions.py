@@ -1,10 +1,8 @@
-"""All regular decompositions: known numbers, laws of the secondary fan, brute force, and TOPCOM if installed."""
+"""All regular decompositions: known numbers, laws of the secondary fan, and brute force."""
 
-import shutil
-import subprocess
 from fractions import Fraction
 from itertools import combinations, islice
-from math import comb, cos, pi, sin
+from math import cos, pi, sin
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from gtb_cli.knots.decomposition import regular_decomposition
 from tests.knots.test_decomposition import GRID, brute_force
 from tests.marks import long, mostly_long
 
-TOPCOM = "topcom-points2ntriangs"
 CUBIC = np.array([[x, y] for x in range(4) for y in range(4 - x)])
 TURN = np.array([[cos(0.3), sin(0.3)], [-sin(0.3), cos(0.3)]])
 
@@ -173,17 +170,6 @@ def test_brute_force(n, seed, whole):
     for _ in range(60):
         lifting = [Fraction(int(x)) for x in rng.integers(0, 4, n)]
         assert brute_force(exact, lifting)[0] in cells
-
-
-@pytest.mark.skipif(shutil.which(TOPCOM) is None, reason="TOPCOM is not installed")
-@pytest.mark.parametrize("seed", range(6))
-def test_topcom(seed):
-    knots = np.random.default_rng(seed).permutation(comb(7, 2))[:8]
-    points = [[int(k) // 5, int(k) % 5, 1] for k in knots]
-    text = str(points).replace(" ", "")
-    done = subprocess.run([TOPCOM, "--regular"], input=text, capture_output=True, text=True, check=True)
-    found = regular_decompositions(np.array(points)[:, :2], triangulations=True)
-    assert sum(1 for _ in found) == int(done.stdout.split()[-1])
 
 
 def test_a_walk_can_be_left_at_any_time():

@@ -2,14 +2,9 @@
 
 import ast
 import json
-import shutil
-import subprocess
-import sys
-from importlib.util import find_spec
 
 import matplotlib as mpl
 import numpy as np
-import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -49,7 +44,7 @@ def test_its_cells_run_and_draw(monkeypatch, capsys):
     mpl.use("Agg")
     names = {}
     figures = [shown for shown in (shown_by(code, names) for code in CODE) if isinstance(shown, Figure)]
-    assert len(figures) == 8
+    assert len(figures) == 7
     for figure in figures:
         figure.dpi = 30
         canvas = FigureCanvasAgg(figure)
@@ -58,15 +53,3 @@ def test_its_cells_run_and_draw(monkeypatch, capsys):
     said = capsys.readouterr().out
     assert "317 limits, of which 61 are triangulated" in said
     assert "the patch folds" in said
-
-
-@long
-@pytest.mark.skipif(not (find_spec("nbconvert") and find_spec("ipykernel")), reason="needs nbconvert and ipykernel")
-def test_it_runs_in_a_notebook(tmp_path):
-    for spec in SPECS.glob("*.toml"):
-        shutil.copy(spec, tmp_path)
-    command = [sys.executable, "-m", "nbconvert", "--to", "notebook", "--execute", "--output-dir", tmp_path]
-    subprocess.run([*command, NOTEBOOK], check=True, cwd=tmp_path)
-    cells = json.loads((tmp_path / NOTEBOOK.name).read_text(encoding="utf-8"))["cells"]
-    pictures = [output for cell in cells for output in cell.get("outputs", []) if "image/png" in output.get("data", {})]
-    assert len(pictures) == 8

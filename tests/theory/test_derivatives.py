@@ -202,6 +202,6 @@ def test_other_orders_are_refused():
 def test_many_places_have_the_derivatives_of_each(parametrization):
     """They are made in blocks of some thousand numbers."""
     patch, places = named("pentagon"), np.random.default_rng(1).dirichlet([2, 2, 2], 8000) @ [[0, 0], [2, 0], [0, 2]]
-    found = patch.derivatives(places, 1, parametrization)
-    for k in (0, 1364, 1366, 4000, 7999):
-        np.testing.assert_allclose(found[k], patch.derivatives(places[[k]], 1, parametrization)[0], rtol=1e-12, atol=1e-14)
+    found, some = patch.derivatives(places, 1, parametrization), [0, 1364, 1366, 4000, 7999]
+    one_by_one = [patch.derivatives(places[[k]], 1, parametrization)[0] for k in some]
+    np.testing.assert_allclose(found[some], one_by_one, rtol=1e-12, atol=1e-14)
