@@ -95,8 +95,7 @@ def test_other(mesh_regression):
     gtb("mesh", folder / "lamp.toml", "-n", 1, "-o", folder / "test_lamp" / "input.obj", status=0)
     steps = """
 run()
-for name in "old.obj", "old.obtained.obj", "notes.txt":
-    shutil.copy("test_lamp/input.obj", "test_lamp/" + name)
+[shutil.copy("test_lamp/input.obj", "test_lamp/" + name) for name in ("old.obj", "old.obtained.obj", "notes.txt")]
 run(), run("-k", "lamp"), run("test_lamp.py::test_lamp"), run("-n", "2")
 """
     texts = [text for _, text in runs(folder, test, steps)]

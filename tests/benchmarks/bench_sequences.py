@@ -12,7 +12,6 @@ from tests.benchmarks.bench_evaluate import spec
 
 
 def rows() -> Iterator[Row]:
-    budget = 2.0  # distances take as long as the sequence itself
     steps = sized(20)
     example, sweep = spec("example-4.4"), np.geomspace(1, 1e6, steps).tolist()
     moving = partial(knot_sequence, spec("example-4.2"), {3: 1}, [0.0, 0.4, 0.8])
@@ -26,6 +25,6 @@ def rows() -> Iterator[Row]:
             f"{what}, distances beside none",
             lambda make=make: deque(make(resolution=8), maxlen=0),  # type: ignore[misc]
             lambda make=make: deque(make(resolution=8, distances=False), maxlen=0),  # type: ignore[misc]
-            budget=budget,
+            budget=2.0,  # distances take as long as the sequence itself
             runs=runs,
         )
