@@ -79,7 +79,7 @@ $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	@# Groups of dependencies, below, are known to pip from 25.1 on.
 	$(RUN) pip install -qq --disable-pip-version-check --upgrade 'pip>=25.1'
-	$(RUN) pip install -qq --disable-pip-version-check --editable .
+	$(RUN) pip install -qq --disable-pip-version-check --editable '.[plot]'
 	@$(RUN) compileall -q gtb_cli
 	@touch $@
 
