@@ -126,8 +126,8 @@ NOT_COMPARED: dict[str, Kind] = {"same": False, "errors": [FAULT]}
 FOLDERS: dict[str, Kind] = {
     "same": BOOLEAN,
     "files": [({"name": TEXT} | COMPARED, {"name": TEXT} | COMPARED_BYTES)],
-    "missing": [TEXT],
-    "extra": [TEXT],
+    **_each("missing extra", [TEXT]),
+    "renamed": "object",
     "errors": [{"name": TEXT} | FAULT],
 }
 

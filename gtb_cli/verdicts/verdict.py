@@ -116,12 +116,12 @@ class Verdicts:
         if not self.of_folders:
             return self.each[0].record
         names = {word: [each.name for each in self.each if each.word == word] for word in WORDS}
-        compared = [each for each in self.each if each.word in ("same", "different")]
         return {
             "same": self.status == 0,
-            "files": [{"name": each.name, **each.record} for each in compared],
+            "files": [{"name": each.name, **each.record} for each in self.each if each.word in ("same", "different")],
             "missing": names["missing"],
             "extra": names["extra"],
+            "renamed": {each.name: each.renamed for each in self.each if each.word == "missing" and each.renamed},
             "errors": [{"name": each.name, **error_record(error)} for each in self.each for error in each.errors],
         }
 
