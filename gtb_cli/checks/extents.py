@@ -66,9 +66,8 @@ def _integrals(patch: Patch, nets: FloatArray, most: int) -> tuple[FloatArray, F
 def _integrals_of(patch: Patch, nets: FloatArray, order: int) -> FloatArray:
     """(p, 2) integrals of `_integrals` by a rule with an order.
 
-    In the linear parametrisation ∂S/∂p = Cov(b, a) Cov(a, a)⁻¹, where T_i are the probabilities of knots a_i with
-    control points b_i, as the moment map p = Σ T_i a_i is that of an exponential family. Where rounding leaves no
-    determinant, as within 1e-14 of an edge, there is no area either.
+    In the linear parametrisation ∂S/∂p = Cov(b, a) Cov(a, a)⁻¹, with T_i as probabilities of knots a_i and points b_i:
+    T is an exponential family. Where rounding leaves no determinant, as within 1e-14 of an edge, there is no area.
     """
     basis, rule, knots = patch.rational_basis, quadrature(patch, order), patch.domain.knots
     count = max(1, _MOST_NUMBERS // max(len(knots), 3 * len(nets)))  # of places at a time

@@ -1,4 +1,4 @@
-"""What two meshes with the same cells hold at their corners, compared: normals, texture coordinates and attributes."""
+"""What two meshes with the same cells hold, compared: normals, texture coordinates, attributes and names of groups."""
 
 import math
 
@@ -27,6 +27,10 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
             remarks += _unlike(name, *found, a.mesh.cells.ravel()[one])
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
+    old, new = ([name for name, _, _ in each.mesh.groups] for each in (a, b))
+    if a.format == b.format != "spec" and sorted(old) != sorted(new) and max(len(old), len(new)) > 1:
+        gone, come = (", ".join(sorted({*one} - {*other})) or "none" for one, other in ((old, new), (new, old)))
+        remarks.append(f"groups: {gone} only in the first, {come} only in the second")
     return tuple(remarks)
 
 

@@ -312,11 +312,8 @@ class KnownMesh:
 
 def known_exactly(mesh: Mesh) -> KnownMesh:
     """A mesh that was computed here."""
-
-    def values() -> Values:
-        return {name: (numbers[:, None], mesh.cells) for name, numbers in mesh.attributes.items()}
-
-    return KnownMesh(mesh, rounding(largest_coordinates(mesh.used)), "spec", values=values)
+    held = {name: (numbers[:, None], mesh.cells) for name, numbers in mesh.attributes.items()}
+    return KnownMesh(mesh, rounding(largest_coordinates(mesh.used)), "spec", values=lambda: held)
 
 
 def rounding(largest: FloatArray) -> FloatArray:
