@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 from gtb_cli.errors import Fault
 from gtb_cli.shell.console import error_record
 from gtb_cli.verdicts.telling import difference_record, difference_text
-from gtb_cli.vocabulary import printable
+from gtb_cli.vocabulary import printable, without_commands
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference
@@ -61,7 +61,11 @@ class Verdict:
             return (
                 f"{printable(f'{self.word}: {there} is not in {other[: -len(self.name)].rstrip(os.sep)}{renamed}')}\n"
             )
-        text = difference_text(self.found) if self.found else f"{'equal' if self.same else 'other'} bytes\n"
+        text = (
+            without_commands(difference_text(self.found))
+            if self.found
+            else f"{'equal' if self.same else 'other'} bytes\n"
+        )
         return f"{printable(f'{self.word}: {self.paths[0]} and {self.paths[1]}')}: {text}"
 
     @property
