@@ -61,12 +61,8 @@ class Verdict:
             return (
                 f"{printable(f'{self.word}: {there} is not in {other[: -len(self.name)].rstrip(os.sep)}{renamed}')}\n"
             )
-        text = (
-            without_commands(difference_text(self.found))
-            if self.found
-            else f"{'equal' if self.same else 'other'} bytes\n"
-        )
-        return f"{printable(f'{self.word}: {self.paths[0]} and {self.paths[1]}')}: {text}"
+        text = difference_text(self.found) if self.found else f"{'equal' if self.same else 'other'} bytes\n"
+        return f"{printable(f'{self.word}: {self.paths[0]} and {self.paths[1]}')}: {without_commands(text)}"
 
     @property
     def record(self) -> dict[str, Any]:
