@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from gtb_cli.errors import DomainError, Fault, ToleranceError
+from gtb_cli.errors import DomainError, Fault
 from gtb_cli.shell.console import STANDARD
-from gtb_cli.shell.options import INPUT, WholeNumber, json_option, spec_argument, streams_options
+from gtb_cli.shell.options import INPUT, json_option, spec_argument, streams_options
 from gtb_cli.shell.streams import Streams, number_rows, opened, shown_input, write_blocks, write_json
-from gtb_cli.vocabulary import MAX_FACES, PARAMETRIZATIONS
+from gtb_cli.vocabulary import PARAMETRIZATIONS
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
@@ -38,12 +38,6 @@ BATCH_LINES = 8192  # lines evaluated together, however a pipe delivers them: la
     type=click.Choice(["1", "2"]),
     help="Also print first derivatives of what is printed, or first and second ones; inf without a finite limit.",
 )
-@click.option(
-    "--grid",
-    type=WholeNumber(1, 10**6),  # segments; the cells are counted before the grid is made
-    metavar="N",
-    help="Instead of PARAMS, use the parameters of the vertices of gtb mesh -n N; each line begins with them.",
-)
 @click.option("--header", is_flag=True, help="Print the names of the columns first, and parameters before each line.")
 @click.option(
     "--parametrization",
@@ -61,7 +55,6 @@ def evaluate(
     normals: bool,
     curvature: bool,
     derivatives: str | None,
-    grid: int | None,
     header: bool,
     parametrization: Parametrization,
     as_json: bool,
@@ -79,37 +72,28 @@ def evaluate(
     with null for nan and inf. With --header each line begins with its parameters, below the names of the columns: "u v
     T0 T1 ..." with --basis, and "x_u y_u z_u x_v ..." for derivatives.
 
-    --grid reads nothing: its parameters cover the domain, corners and edges included, and each line is "u v x y z"
-    (for a curve "t x y z"), which plotting programs read.
-
     A parameter within 9e-16 of the size of the domain from an edge (or of its largest coordinate) lies on it. If the
     next knots are near to that edge (0.01, say), T has gone more than half of its way there, and no toric parameter
     stands for the points between: --parametrization linear reaches them.
     """
-    if grid is not None and params != STANDARD:
-        raise click.UsageError(f"--grid makes parameters: {params} cannot be read as well")
     if header and as_json:
         raise click.UsageError("--header is for lines; --json already names its parts")
-    if grid is None and spec == params == STANDARD:
+    if spec == params == STANDARD:
         raise click.UsageError("spec and parameters cannot both be standard input")
     loaded = streams.patch_of(spec)
     if loaded.dimension == 1 and (normals or curvature):
         raise click.UsageError(f"--normals and --curvature are for surfaces: {shown_input(spec)} is a curve")
     parts = _parts(loaded, basis, int(derivatives or 0), normals, curvature, parametrization)
 
-    def values(u: FloatArray) -> list[FloatArray]:
-        return [part.of(u) for part in parts]
-
-    batches = _batches(loaded, params, values) if grid is None else _grid(loaded, grid, values)
+    batches = _batches(loaded, params, parts)
     if as_json:
         found = list(batches)
         data = {part.key: [row for _, arrays in found for row in _plain(arrays[k])] for k, part in enumerate(parts)}
         return write_json(
             streams.output, data | {"parameters": [row for u, _ in found for row in u.tolist()]}, by_row=True
         )
-    with_parameters = header or grid is not None
     first = [" ".join([*_axes(loaded), *(name for part in parts for name in part.columns)]).encode() + b"\n"]
-    rows = (_rows([u, *arrays] if with_parameters else arrays) for u, arrays in batches)
+    rows = (_rows([u, *arrays] if header else arrays) for u, arrays in batches)
     write_blocks(streams.output, chain(first if header else (), rows))
 
 
@@ -150,24 +134,7 @@ def _axes(patch: Patch) -> list[str]:
     return ["t"] if patch.dimension == 1 else ["u", "v"]
 
 
-def _grid(
-    patch: Patch, resolution: int, values: Callable[[FloatArray], list[FloatArray]]
-) -> Iterator[tuple[FloatArray, list[FloatArray]]]:
-    """Yield parameters that cover Δ, and their values."""
-    from gtb_cli.knots.triangulation import cell_count, triangulation
-
-    count = cell_count(patch.domain, resolution)
-    if count > MAX_FACES:
-        raise ToleranceError(f"--grid {resolution} has {count} cells, more than {MAX_FACES}: take fewer")
-    u = triangulation(patch.domain, resolution).parameters
-    for start in range(0, len(u), BATCH_LINES):
-        block = u[start : start + BATCH_LINES]
-        yield block, values(block)
-
-
-def _batches(
-    patch: Patch, params: str, values: Callable[[FloatArray], list[FloatArray]]
-) -> Iterator[tuple[FloatArray, list[FloatArray]]]:
+def _batches(patch: Patch, params: str, parts: list[_Part]) -> Iterator[tuple[FloatArray, list[FloatArray]]]:
     """Yield parameters and values, `BATCH_LINES` lines at a time; on a terminal every line at once."""
     import numpy as np
 
@@ -176,7 +143,7 @@ def _batches(
         while batch := list(islice(rows, 1 if file.isatty() else BATCH_LINES)):
             u = np.array([row for _, row in batch])
             try:
-                yield u, values(u)
+                yield u, [part.of(u) for part in parts]
             except DomainError as error:
                 # The index at the start of the message, which is that of a parameter, becomes the number of its line.
                 match = re.fullmatch(r"parameters\[(\d+)\]: (.*)", str(error), re.DOTALL)

@@ -1,6 +1,6 @@
 """The content of a mesh file, and its accuracy."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,7 +22,7 @@ class FileArrays:
 
     `half_steps` gives the largest rounding of a coordinate along each axis, half a unit in the last digit or bit, at
     (3,) largest coordinates. `space` is what the file says of the unit and the vertical axis, in words. `values` reads
-    what else it holds at the corners of its cells.
+    what else it holds at the corners of its cells; `colours` are those of materials, each up to a cell.
     """
 
     vertices: FloatArray
@@ -31,6 +31,7 @@ class FileArrays:
     groups: tuple[tuple[str, int, int], ...] = ()
     space: str = ""
     values: Callable[[], Values] = dict
+    colours: Sequence[tuple[int, Sequence[float] | None]] = ()
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:

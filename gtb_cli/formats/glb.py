@@ -212,6 +212,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
     groups = []
     others: dict[str, list[_Part]] = {}
+    colours: list[tuple[int, list[float] | None]] = []
     count = rows = used = 0
     for mesh, name, place in placed_meshes(tree):
         before = rows
@@ -241,6 +242,9 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
                     others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
             count += len(positions)
             rows += len(found)
+            material = tree["materials"][primitive["material"]] if "material" in primitive else {}
+            colour = material.get("pbrMetallicRoughness", {}).get("baseColorFactor")
+            colours.append((rows, colour and [float(colour[k]) for k in range(4)]))
         name = name or str(mesh.get("name", ""))
         if name and rows > before:
             groups.append((name, before, rows))
@@ -268,7 +272,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
             for name, parts in others.items()
         }
 
-    return FileArrays(points, corners, single_half_steps, tuple(groups), space, values)
+    return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, colours)
 
 
 _ATTRIBUTES = {"NORMAL": NORMALS, "TEXCOORD_0": TEXTURE}

@@ -13,7 +13,7 @@ import numpy as np
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.files import read_file
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point
-from gtb_cli.meshes.mesh import KnownMesh, Mesh, Values, largest_coordinates, rounding
+from gtb_cli.meshes.mesh import GROUPS, KnownMesh, Mesh, Values, largest_coordinates, rounding
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
 MAX_FILE_BYTES = 1 << 31  # largest size of a file in bytes; larger ones are refused
@@ -72,9 +72,22 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
 
     def values() -> Values:
         try:
-            return {_printable(name): found for name, found in content.values().items()}
+            found = {_printable(name): values for name, values in content.values().items()}
         except GtbError as error:
             raise GtbError(f"{shown}: {_printable(str(error))}") from None
+        numbers = {name: number for number, name in enumerate(sorted({name for name, _, _ in groups}), 1)}
+        if len(numbers) > 1:
+            rows = np.zeros((len(mesh.cells), 1))  # in no group
+            for name, start, stop in groups:
+                rows[start:stop] = numbers[name]
+            found[GROUPS] = rows, np.repeat(np.arange(len(rows))[:, None], mesh.cells.shape[1], axis=1)
+        if any(colour for _, colour in content.colours):
+            ends, colours = zip(*content.colours, strict=True)
+            part = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
+            rows = np.array([[np.nan] * 4 if colour is None else colour for colour in colours])
+            name = "colours in sRGB" if kind == "3mf" else "colours in linear light"
+            found[name] = rows, np.repeat(part[:, None], mesh.cells.shape[1], axis=1)
+        return found
 
     half_steps = content.half_steps(largest) + rounding(largest)
     return KnownMesh(mesh, half_steps, kind, _printable(content.space), values)

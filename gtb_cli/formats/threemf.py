@@ -135,7 +135,7 @@ class _Reader:
             raise GtbError(f"says that its model has more than {LARGEST >> 30} GB, or {ratio} times its packed size")
         self.depth = self.named = 0
         self.meshes: dict[str, _Mesh] = {}
-        self.materials: dict[str | None, list[str]] = {}
+        self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
         self.components: dict[str, list[tuple[str, FloatArray]]] = {}
         self.items: list[tuple[str, FloatArray]] = []
         self.id = self.material = ""
@@ -174,7 +174,8 @@ class _Reader:
             self.material = given["id"]
             self.materials[self.material] = []
         elif name == "base":
-            self.materials[self.material].append(given["name"])
+            colour = bytes.fromhex(given.get("displaycolor", "")[1:].ljust(8, "f"))
+            self.materials[self.material].append((given["name"], colour))
         elif name == "object":
             self.id = given["id"]
             part = given.get("pid"), given.get("pindex")
@@ -194,6 +195,7 @@ class _Reader:
         vertices: list[FloatArray] = []
         cells: list[IntArray] = []
         groups: list[tuple[str, int, int]] = []
+        colours: list[tuple[int, list[float] | None]] = []
         count = rows = used = 0
         stack = [(*item, len(order)) for item in reversed(self.items)]
         while stack:
@@ -212,18 +214,19 @@ class _Reader:
             cells.append((found[:, ::-1] if is_mirrored else found) + count)
             ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
             for (start, part), end in zip(mesh.parts, ends, strict=False):
-                groups.append((self.name_of(part) or mesh.name or key, rows + start, rows + end))
+                name, colour = self.material_of(part) or (mesh.name, b"")
+                groups.append((name or key, rows + start, rows + end))
+                colours.append((rows + end, [part / 255 for part in colour] or None))
             count, rows = count + len(vertices[-1]), rows + len(found)
             inner = reversed(self.components[key])
             stack += [(link, transformation @ place, order[key]) for link, transformation in inner]
-        return FileArrays(
-            stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32), single_half_steps, tuple(groups), self.unit
-        )
+        arrays = stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32)
+        return FileArrays(*arrays, single_half_steps, tuple(groups), self.unit, colours=colours)
 
-    def name_of(self, part: tuple[str | None, str | None]) -> str | None:
-        """The name of a material."""
-        names = self.materials.get(part[0], [])
-        return names[int(part[1] or 0)] if names else None
+    def material_of(self, part: tuple[str | None, str | None]) -> tuple[str, bytes] | None:
+        """The name and the colour of a material."""
+        found = self.materials.get(part[0], [])
+        return found[int(part[1] or 0)] if found else None
 
 
 def _matrix(text: str | None) -> FloatArray:

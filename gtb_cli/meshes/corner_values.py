@@ -1,4 +1,4 @@
-"""What two meshes with the same cells hold, compared: normals, texture coordinates, attributes and names of groups."""
+"""What two meshes with the same cells hold, compared: normals, texture coordinates, attributes and groups."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.meshes.correspondence import Matching
-from gtb_cli.meshes.mesh import FACETS, NORMALS, KnownMesh
+from gtb_cli.meshes.mesh import FACETS, GROUPS, NORMALS, KnownMesh
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers
@@ -18,25 +18,31 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
     What only one of the meshes has is told if both are files of one format: others cannot hold the same.
     """
     here, there = ({name: found for name, found in each.values().items() if name != FACETS} for each in (a, b))
+    old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
     remarks = []
     for name in sorted({*here, *there}):
-        if name in here and name in there:
+        if name == GROUPS and old != new:
+            if a.format == b.format:
+                gone, come = (", ".join(sorted({*one} - {*other})) or "none" for one, other in ((old, new), (new, old)))
+                remarks.append(f"{name}: {gone} only in the first, {come} only in the second")
+        elif name in here and name in there:
             (rows, of), (others, others_of) = here[name], there[name]
             one, other = matched.slots
-            found = rows[of.ravel()[one]], others[others_of.ravel()[other]]
-            remarks += _unlike(name, *found, a.mesh.cells.ravel()[one])
+            step = a.mesh.cells.shape[1] if name == GROUPS else 1  # a group has whole cells
+            found = rows[of.ravel()[one[::step]]], others[others_of.ravel()[other[::step]]]
+            remarks += _unlike(name, *found, a.mesh.cells.ravel()[one[::step]])
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
-    old, new = ([name for name, _, _ in each.mesh.groups] for each in (a, b))
-    if a.format == b.format != "spec" and sorted(old) != sorted(new) and max(len(old), len(new)) > 1:
-        gone, come = (", ".join(sorted({*one} - {*other})) or "none" for one, other in ((old, new), (new, old)))
-        remarks.append(f"groups: {gone} only in the first, {come} only in the second")
     return tuple(remarks)
 
 
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
     if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
+    if name == GROUPS:
+        moved = np.flatnonzero(rows != others)
+        told = f"{len(moved)} {'cell is' if len(moved) == 1 else 'cells are'} in another one, first at vertex"
+        return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
     if name == NORMALS:
         with np.errstate(invalid="ignore", divide="ignore"):
             rows, others = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (rows, others))

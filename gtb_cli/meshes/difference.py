@@ -104,7 +104,9 @@ class Difference:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
         if self.uncompared and self.same:
-            result.append("normals, texture coordinates and attributes are not compared, as the faces are others")
+            result.append(
+                "normals, texture coordinates, attributes and groups are not compared, as the faces are others"
+            )
         if self.asked and self.asked < self.tolerance:
             finest = "the numbers in the files are no finer at this size"
             result.append(f"tolerance {self.tolerance:.3g} instead of {self.asked:.3g}: {finest}")
