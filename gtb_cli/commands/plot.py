@@ -1,4 +1,4 @@
-"""`gtb plot`: specs and sequences → figures."""
+"""`gtb plot`: specs → figures."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import click
 
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.gathering import gathered
-from gtb_cli.shell.limit_options import limit_options, refuse_limit
-from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, reading_option
-from gtb_cli.shell.streams import Streams, about, format_of, refuse_terminal, write_blocks
-from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SEQUENCE_RECORD, SIZE_LIMITS, STRETCH_LIMITS
+from gtb_cli.shell.limit_options import limit_options
+from gtb_cli.shell.options import OUTPUT, WholeNumber, console_option, numbers_of, reading_option, spec_argument
+from gtb_cli.shell.streams import Streams, format_of, refuse_terminal, write_blocks
+from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SIZE_LIMITS, STRETCH_LIMITS
 
 if TYPE_CHECKING:
     from gtb_cli.plots.panels import Approach
@@ -50,7 +50,7 @@ def variation_of(
 
 
 @click.command
-@click.argument("spec", metavar="SPEC|FOLDER", type=INPUT)
+@spec_argument
 @click.option(
     "-o",
     "--output",
@@ -129,7 +129,7 @@ def plot(
     """\b
     Example: gtb plot specs/pentagon.toml -o pentagon.png
 
-    Draw a spec, or a sequence of meshes, as a figure or a film.
+    Draw a spec, or the way to a limit, as a figure or a film.
 
     Figures are PNG, SVG or PDF; films, of sequences only, are GIF.
 
@@ -140,14 +140,12 @@ def plot(
     domain          numbered knots and edges, and weights
     decomposition   cells, λ at the knots, knots in no cell hollow; with --lifted the upper hull
     decompositions  all regular ones, numbered as by gtb decompose --all; of more than 100, the first
-    sequence        panels of a degeneration (-x, --lifting), of a knot limit (--merge, --steps), or of a
-                    FOLDER's sequence.json, which has no net; the limit's net is drawn over each, and
-                    at step 0 the patch's own
+    sequence        panels of a degeneration (-x, --lifting), or of a knot limit (--merge, --steps); the
+                    limit's net is drawn over each, and at step 0 the patch's own
     distance        of such a sequence from its limit, with logarithmic axes
 
     Shading uses the surface's own normals at the vertices of a mesh, interpolated between them, and means of the faces'
-    where it has none; a sequence.json has no normals, so the means are used throughout. In SVG and PDF, lines and
-    labels are vectors and text, and shading is an image.
+    where it has none. In SVG and PDF, lines and labels are vectors and text, and shading is an image.
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
     output = streams.output
@@ -161,34 +159,20 @@ def plot(
         pass
     from gtb_cli.plots.animation import encoded_film
     from gtb_cli.plots.figures import Variation, figure_of, frames_of_picture, picture_of
-    from gtb_cli.plots.look import look_of
-    from gtb_cli.plots.panels import figure_of_frames, film_of_frames, read_frames
+    from gtb_cli.plots.panels import film_of_frames
 
-    is_folder = os.path.isdir(spec) or os.path.basename(spec) == SEQUENCE_RECORD
-    if is_folder:
-        refuse_limit(limit, spec)
-        if what not in (None, "sequence", "distance"):
-            raise click.UsageError(f"{spec} is a sequence, and --what {what} is for a spec")
     film = kind == FILM_FORMAT
     if film and what not in (None, "sequence"):
         raise click.UsageError(f"a film shows a sequence, and this is {what}")
-    if is_folder:
-        look, frames = look_of(looks), read_frames(spec)
-        with about(spec):
-            if not film:
-                figure = figure_of_frames(frames, what or "sequence", look)
-    else:
-        with streams.spec_of(spec) as loaded:
-            variation = Variation(*vary) if vary else None
-            wanted = "sequence" if film else what
-            picture = picture_of(loaded, wanted, {**looks, "vary": variation, **vars(limit)})
-            look = picture.look
-            if film:
-                frames = frames_of_picture(loaded, picture, "film")
-            else:
-                figure = figure_of(loaded, picture)
+    with streams.spec_of(spec) as loaded:
+        variation = Variation(*vary) if vary else None
+        picture = picture_of(loaded, "sequence" if film else what, {**looks, "vary": variation, **vars(limit)})
+        if film:
+            frames = frames_of_picture(loaded, picture, "film")
+        else:
+            figure = figure_of(loaded, picture)
     if film:
-        data = encoded_film(film_of_frames(frames, look))
+        data = encoded_film(film_of_frames(frames, picture.look))
     else:
         with settings():
             data = encoded(figure, kind)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.limit_options import all_decompositions, lifting_of, moves_of, x_of
-from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument
-from gtb_cli.shell.sequence_options import NAME_DIGITS, SequenceOutput, sequence_options
+from gtb_cli.shell.limit_options import lifting_of, moves_of, x_of
+from gtb_cli.shell.options import numbers_of, spec_argument
+from gtb_cli.shell.sequence_options import SequenceOutput, sequence_options
 from gtb_cli.shell.streams import single
 
 if TYPE_CHECKING:
@@ -29,20 +29,6 @@ if TYPE_CHECKING:
     metavar="X",
     help="Write the mesh of the patch with the weights x^λ ω. May be given several times; inf is the limit.",
 )
-@click.option("--from", "first", callback=x_of, metavar="X", help="Sweep: the first x.")
-@click.option(
-    "--to",
-    "last",
-    callback=x_of,
-    metavar="X|N",
-    help="Sweep: the last x. Alone: the number of a regular decomposition in gtb decompose --all, to which it leads.",
-)
-@click.option(
-    "--count",
-    type=WholeNumber(2, 10_000),
-    metavar="N",
-    help="Sweep: the number of x from --from to --to, in equal ratios, rounded to six digits.",
-)
 @click.option(
     "--lifting",
     callback=lifting_of,
@@ -51,13 +37,7 @@ if TYPE_CHECKING:
 )
 @sequence_options("Print the spec with the weights of one -x; -o may then be left out.")
 def degenerate(
-    spec: str,
-    values: tuple[float, ...],
-    first: float | None,
-    last: float | None,
-    count: int | None,
-    lifting: tuple[float, ...] | int | None,
-    out: SequenceOutput,
+    spec: str, values: tuple[float, ...], lifting: tuple[float, ...] | int | None, out: SequenceOutput
 ) -> None:
     """\b
     Example: gtb degenerate specs/example-4.4.toml -x 5 -x 100 -x 600 -o out/
@@ -70,22 +50,16 @@ def degenerate(
 
     gtb view shows them one after the other, with a slider.
     """
-    number = last if first is None and count is None else None
-    if number is not None and (not number.is_integer() or lifting is not None):
-        raise click.UsageError(
-            "--to alone is the number of a decomposition, without --lifting; a sweep needs --from, --to and --count"
-        )
-    xs = (*values, *_sweep(first, last if number is None else None, count))
-    if out.emits_spec and len(set(xs)) != 1:
-        raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
+    if out.emits_spec and len(set(values)) != 1:
+        raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(values))}")
     from gtb_cli.limits.degeneration import heights_of
     from gtb_cli.sequences.sequence import degeneration
 
     with out.streams.spec_of(spec) as loaded:
         patch = single(loaded)
-        heights = heights_of(patch, lifting) if number is None else _heights_to(patch, int(number), out)
-        sequence = out.made(degeneration, patch, xs, heights)
-        text = _spec(patch, xs[0], heights) if out.emits_spec else ""
+        heights = heights_of(patch, lifting)
+        sequence = out.made(degeneration, patch, values, heights)
+        text = _spec(patch, values[0], heights) if out.emits_spec else ""
     # A file that cannot be written is not the spec's fault.
     out.write(sequence, "x", spec, text)
 
@@ -98,34 +72,6 @@ def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
     if 0 < x < math.inf:
         return dump(degenerate(patch, x, heights))
     return dump(regular_control_surface(patch, heights if x else -heights))
-
-
-def _heights_to(patch: Patch, number: int, out: SequenceOutput) -> FloatArray:
-    """Return a lifting that induces a regular decomposition with a number."""
-    cones = all_decompositions(patch, out.streams.console)
-    if number >= len(cones):
-        raise click.UsageError(
-            f"--to {number}: expected a number from 0 to {len(cones) - 1}, one for each decomposition"
-        )
-    return cones[number].lifting
-
-
-def _sweep(first: float | None, last: float | None, count: int | None) -> list[float]:
-    """Return x in equal ratios, rounded so that file names can hold every digit; the two ends are not rounded."""
-    if first is None and last is None and count is None:
-        return []
-    if first is None or last is None or count is None:
-        raise click.UsageError("a sweep needs all of --from, --to and --count")
-    if not (0 < first < math.inf and 0 < last < math.inf):
-        raise click.UsageError("--from and --to must be positive and finite")
-    low, high = math.log(first), math.log(last)
-    inner = [math.exp(low + (high - low) * (k / (count - 1))) for k in range(1, count - 1)]
-    xs = [first, *(float(f"{x:.{NAME_DIGITS}g}") for x in inner), last]
-    if len(set(xs)) < count:
-        raise click.UsageError(
-            f"--from {first:g} and --to {last:g} are too near each other for {count} values of six digits"
-        )
-    return xs
 
 
 @click.command("knot-limit")

@@ -28,7 +28,8 @@ def read_obj(data: bytes, block: int = BLOCK_BYTES) -> FileArrays:
     content = _read_all(data, block)
     if 0 < len(content.vertices) <= content.cells.max(initial=0):
         _read_all(data, block, len(content.vertices))  # finds the line
-    return replace(content, values=partial(_values, data, block))
+    has_values = b"vn" in data or b"vt" in data
+    return replace(content, values=partial(_values, data, block)) if has_values else content
 
 
 def _values(data: bytes, block: int) -> Values:

@@ -1,6 +1,6 @@
 """Which vertices and faces of two meshes belong together, and what differs where all are in the same place."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of, cross, dot, paired
 from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.frame import Frame
-from gtb_cli.meshes.measures import Measures
+from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
 from gtb_cli.meshes.nearest import NearestCells, middles
 from gtb_cli.meshes.topology import are_used, component_count, components_of, sides_of
@@ -37,7 +37,8 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
     if a.mesh.cells.shape != b.mesh.cells.shape:
         return None
     first = None
-    for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance):
+    are_short = not {a.format, b.format} <= {"obj", "spec"}  # numbers of 32 bits
+    for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short):
         found = _matched(a, b, cells, other_cells)
         if found is None:
             continue
@@ -57,35 +58,45 @@ def _may_be_near(a: Mesh, b: Mesh, tolerance: float) -> bool:
     return all(np.abs(np.sort(x) - np.sort(y)).max() <= tolerance for x, y in zip(here.T, there.T, strict=True))
 
 
-def _numberings(a: Mesh, b: Mesh, tolerance: float) -> Iterator[tuple[IntArray, IntArray, bool]]:
+def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator[tuple[IntArray, IntArray, bool]]:
     """Yield the cells of both meshes in common numbers of places, and whether distance is no reason for doubt."""
     if len(a.vertices) == len(b.vertices):
         yield a.cells, b.cells, True
-    for kind in (np.float64, np.float32):  # 32-bit numbers of one file may coincide, those of the other not
+    own = _places(a), _places(b)
+    if np.array_equal(own[0][1], own[1][1]):
+        yield own[0][1], own[1][1], True
+    if are_short:  # 32-bit numbers of one file may coincide, those of the other not
         with np.errstate(over="ignore", under="ignore"):
-            (_, cells), (_, others) = (_places(mesh, kind) for mesh in (a, b))
+            (_, cells), (_, others) = (_places(mesh, np.float32) for mesh in (a, b))
         if np.array_equal(cells, others):
-            yield cells, others, kind is np.float64
-    cells, others, are_all = _by_nearness(a, b, tolerance)
+            yield cells, others, False
+    cells, others, _, are_all = _by_nearness(a, b, tolerance, own)
     if are_all:
         yield cells, others, False
 
 
 def _places(mesh: Mesh, kind: type = np.float64) -> tuple[IntArray, IntArray]:
     """The index of one vertex at each place in use, in the order of cells, and the cells as numbers of these places."""
+    _, place = weld(mesh.vertices.astype(kind).astype(np.float64))
     corners = mesh.cells.ravel()
-    first, labels = weld(mesh.vertices.astype(kind).astype(np.float64)[corners])
-    return corners[first], labels.reshape(mesh.cells.shape)
+    first = np.full(int(place.max(initial=-1)) + 1, len(corners))
+    np.minimum.at(first, place[corners], np.arange(len(corners)))
+    used = np.argsort(first)[: np.count_nonzero(first < len(corners))]
+    labels = np.empty(len(first), dtype=np.int64)
+    labels[used] = np.arange(len(used))
+    return corners[first[used]], labels[place[mesh.cells]]
 
 
-def _by_nearness(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray, bool]:
-    """Cells in numbers of the places of `a`, and further ones for places of `b`; and whether there are no further ones.
+def _by_nearness(
+    a: Mesh, b: Mesh, tolerance: float, own: Sequence[tuple[IntArray, IntArray]] = ()
+) -> tuple[IntArray, IntArray, FloatArray, bool]:
+    """Cells in numbers of places of `a`, and further ones for places of `b`; all places; whether there are no further.
 
     These are those that are near none within the tolerance, or beside which another place is nearer to the same one.
     """
     from scipy.spatial import cKDTree
 
-    (first, cells), (second, others) = _places(a), _places(b)
+    (first, cells), (second, others) = own or (_places(a), _places(b))
     frame = Frame.around(a.vertices[first])
     points, targets = frame.inside(a.vertices[first]), frame.inside(b.vertices[second])
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
@@ -94,7 +105,8 @@ def _by_nearness(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray
     order = order[(np.diff(place[order], prepend=-1) != 0) & (place[order] < len(first))]
     numbers = len(first) + np.arange(len(place))
     numbers[order] = place[order]
-    return cells, numbers[others], len(order) == len(first) == len(second)
+    places = np.concatenate([a.vertices[first], b.vertices[second]])
+    return cells, numbers[others], places, len(order) == len(first) == len(second)
 
 
 @dataclass(frozen=True)
@@ -136,12 +148,21 @@ def _faces(cells: IntArray, others: IntArray) -> _Faces:
     return _Faces(labels[:count], labels[count:], odd[:count], odd[count:], here, there)
 
 
+def _may_be_equal(cells: IntArray, others: IntArray) -> bool:
+    """Tell whether sums of random marks are equal, as they are for equal cells in any order, from any corner on."""
+    marks = np.random.default_rng(0).integers(1 << 62, size=1 + int(max(cells.max(), others.max())))
+    one, other = (reduce(np.add, marks[each.T]) for each in (cells, others))
+    return int((one ^ one >> 29).sum()) == int((other ^ other >> 29).sum())
+
+
 def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> Matching | None:
     """Match the vertices of the same faces, if there are no others."""
     corners, other_corners = a.mesh.cells, b.mesh.cells
     turned = 0
     slots = np.arange(cells.size), np.arange(cells.size)
     if not np.array_equal(cells, others):
+        if not _may_be_equal(cells, others):
+            return None
         faces = _faces(cells, others)
         if not np.array_equal(faces.here, faces.there):
             return None
@@ -203,37 +224,48 @@ class Lone:
 
 def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
     """Find the faces in which two meshes differ if all faces of one are faces of the other, within the tolerance."""
-    if a.is_curve != b.is_curve:
+    if a.is_curve != b.is_curve or len(a.cells) == len(b.cells):
         return None
-    cells, others = a.cells, b.cells
+    cells, others, points = a.cells, b.cells, a.vertices
     if a.vertices.shape != b.vertices.shape or np.abs(a.vertices - b.vertices).max() > tolerance:
-        cells, others, _ = _by_nearness(a, b, tolerance)
-    faces = _faces(cells, others)
-    is_first, has_more = bool((faces.there < faces.here).any()), bool((faces.here < faces.there).any())
-    if is_first == has_more:
+        cells, others, points, _ = _by_nearness(a, b, tolerance)
+    rows, other_rows = _unequal(cells, others, len(points))
+    faces = _faces(cells[rows], others[other_rows])
+    if (faces.there < faces.here).any() and (faces.here < faces.there).any():
         return None
-    rows = (a, cells, faces.face), (b, others, faces.other)
-    (mesh, mine, face), (rest, theirs, other) = rows if is_first else rows[::-1]
-    absent = np.flatnonzero((faces.there if is_first else faces.here)[face] == 0)
-    near = np.arange(len(other))
-    if len(absent) and np.isin(mine[absent], theirs).all():  # then none of their points is farther than a side is long
-        corners, others_corners = mesh.vertices[mesh.cells[absent]], rest.vertices[rest.cells]
+    is_first = len(cells) > len(others)
+    absent = rows[faces.there[faces.face] == 0] if is_first else other_rows[faces.here[faces.other] == 0]
+    doubled = abs(len(cells) - len(others)) - len(absent)
+    more, rest = (cells, others) if is_first else (others, cells)
+    near = np.arange(len(cells)), np.arange(len(others))
+    if len(absent) and are_used(rest, len(points))[more[absent]].all():  # no point is farther than a side is long
+        corners = points[more[absent]]
         (low, high), reach = bounds_of(corners.reshape(-1, 3)), 2 * np.ptp(corners, axis=1).max()
-        apart = (others_corners.max(axis=1) < low - reach) | (others_corners.min(axis=1) > high + reach)
-        near = np.flatnonzero(~apart.any(axis=1))
-    own = np.flatnonzero(np.isin(face, other[near]) | np.isin(np.arange(len(face)), absent))
-    doubled = int(np.abs(faces.here - faces.there).sum()) - len(absent)
-    return Lone(is_first, absent, doubled, (own, near) if is_first else (near, own))
+        beyond = np.packbits(np.concatenate([points < low - reach, points > high + reach], axis=1), axis=1)[:, 0]
+        one, other = (np.flatnonzero(reduce(np.bitwise_and, beyond[each.T]) == 0) for each in (cells, others))
+        near = one, other
+    return Lone(is_first, absent, doubled, near)
 
 
-def unlike(
-    a: KnownMesh, b: KnownMesh, first: Measures, second: Measures, tolerance: float, close: float
-) -> tuple[int, tuple[str, ...]]:
+def _unequal(cells: IntArray, others: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """The cells but equal ones at both ends of the lists, and those which may be there twice, by their corners."""
+    least = min(len(cells), len(others))
+    ends = []
+    for one, other in ((cells, others), (cells[::-1], others[::-1])):
+        unequal = (one[:least] != other[:least]).any(axis=1)
+        ends.append(int(unequal.argmax()) if unequal.any() else least)
+    start, end = ends[0], min(ends[1], least - ends[0])
+    is_in = are_used(np.concatenate([each[start : len(each) - end] for each in (cells, others)]), count)
+    return np.flatnonzero(is_in[cells].all(axis=1)), np.flatnonzero(is_in[others].all(axis=1))
+
+
+def unlike(a: KnownMesh, b: KnownMesh, tolerance: float, close: float) -> tuple[int, tuple[str, ...]]:
     """Tell in what two surfaces, or curves, in the same place differ; common faces have corners that are `close`.
 
     Returns the number of faces of one that look to the other side than those of the other there, and remarks on other
     parts, holes, and faces that are missing, there twice or without area.
     """
+    first, second = measure(a.mesh), measure(b.mesh)
     rows = [("parts", first.components, second.components)]
     rows.append(("for vertices − edges + faces", first.euler_characteristic, second.euler_characteristic))
     if a.has_indices and b.has_indices:
@@ -251,7 +283,7 @@ def unlike(
     if bool(thin.sum()) != bool(others_thin.sum()):
         rows.append(("cells without extent", int(thin.sum()), int(others_thin.sum())))
     told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
-    cells, others, _ = _by_nearness(a.mesh, b.mesh, close)
+    cells, others, *_ = _by_nearness(a.mesh, b.mesh, close)
     faces = _faces(cells, others)
     only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0
     if only.any() != others_only.any():

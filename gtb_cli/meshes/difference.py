@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from operator import itemgetter
 from typing import Literal, TypeAlias
 
@@ -51,8 +51,7 @@ class Difference:
     vertex: int | None = None  # of the first mesh, at the largest distance
     other_vertex: int | None = None
     group: str = ""  # of the first mesh that has the farthest vertex; empty without groups
-    first: Measures | None = None  # None if vertices were compared
-    second: Measures | None = None
+    meshes: tuple[Mesh, Mesh] | None = None  # None if not surfaces of meshes were compared
     same_kind: bool = True  # a curve and a surface are never the same
     spaces: tuple[str, str] | None = None  # units and vertical axes, where two files of one format say others
     turned: int = 0  # faces that look to the other side, where everything is in the same place
@@ -88,6 +87,11 @@ class Difference:
     def sides(self) -> tuple[str, ...]:
         """A remark on faces that are turned over, if there are any."""
         return (f"{_faces_are(self.turned)} turned over",) if self.turned else ()
+
+    @cached_property
+    def measures(self) -> tuple[Measures, ...]:
+        """Of the meshes whose surfaces were compared."""
+        return tuple(map(measure, self.meshes or ()))
 
     @property
     def is_proved(self) -> bool:
@@ -186,19 +190,17 @@ def difference(
         found = _decided(parts[0], parts[1], allowed)
     if found is None or found.distance <= allowed:  # then others, too, may be as far
         found = _decided(a.mesh, b.mesh, allowed)
-    first, second = measure(a.mesh), measure(b.mesh)
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks = 0, tuple[str, ...]()
     if same_kind and found.distance <= allowed:
-        turned, remarks = unlike(a, b, first, second, allowed, min(allowed, max(resolution, 1e-6 * diagonal)))
+        turned, remarks = unlike(a, b, allowed, min(allowed, max(resolution, 1e-6 * diagonal)))
     return made(
         method="surface",
         distance=found.distance,
         bound=found.bound,
         forward=found.forward,
         backward=found.backward,
-        first=first,
-        second=second,
+        meshes=(a.mesh, b.mesh),
         same_kind=same_kind,
         turned=turned,
         remarks=remarks,

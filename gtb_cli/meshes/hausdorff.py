@@ -14,7 +14,7 @@ from gtb_cli.meshes.nearest import NearestCells, spatial_order
 from gtb_cli.meshes.overlay import CellParts
 from gtb_cli.meshes.topology import are_used
 
-RELATIVE_ERROR = 1e-3  # of a distance, at which the search for farther points ends
+RELATIVE_ERROR = 1e-5  # of a distance, at which the search for farther points ends
 
 DISTANCE_ROUNDING = 1e-14  # fraction of the meshes' size below which a distance is rounding
 
@@ -65,7 +65,7 @@ class Distance:
 def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     """Measure the Hausdorff distance between two meshes, as the surfaces or curves that their cells fill.
 
-    The search ends at an error of `accuracy`, in model units, or of a thousandth of the distance, whichever is more, or
+    The search ends at an error of `accuracy`, in model units, or of 1e-5 of the distance, whichever is more, or
     when `MAX_CUTS` pieces are cut in each direction. Raises `DomainError` for a mesh without cells, or with vertices
     that are not finite.
 
@@ -80,8 +80,6 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     by then: the distance itself for meshes of up to some ten thousand cells; only about the length of the cells for two
     meshes of a million cells each that do not match.
     """
-    from multiprocessing.pool import ThreadPool
-
     used, distinct = [], []
     for mesh in (a, b):
         if not len(mesh.cells):
@@ -93,9 +91,12 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     frame = Frame.around(*used)
     first, second, allowed = frame.inside(a.vertices), frame.inside(b.vertices), float(frame.length(accuracy, -1))
     cells, others = distinct
-    with ThreadPool(1) as pool:  # one more thread: numpy and scipy release the interpreter's lock
-        waiting = pool.apply_async(_directed, (second, others, first[cells], allowed))
-        searches = _directed(first, cells, second[others], allowed), waiting.get()
+    # Where vertices are numbered alike, cells of the same vertex are near.
+    likely = [_holders(each, len(first)) if len(first) == len(second) else None for each in distinct]
+    searches = (
+        _directed(first, cells, second[others], allowed, likely[1]),
+        _directed(second, others, first[cells], allowed, likely[0]),
+    )
     forward, backward = (
         Farthest(float(frame.length(found.found)), tuple(frame.outside(found.place).tolist())) for found in searches
     )
@@ -114,29 +115,41 @@ def _distinct(cells: IntArray, used: int) -> IntArray:
     return cells[np.unique(np.sort(cells, axis=1), axis=0, return_index=True)[1]]
 
 
-def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float) -> _FarthestPoint:
-    """Search the given cells for the point farthest from the cells with the corners `other`."""
+def _holders(cells: IntArray, count: int) -> IntArray:
+    """(count,) a cell with each vertex; cell 0 for one without."""
+    result = np.zeros(count, dtype=np.int64)
+    result[cells] = np.arange(len(cells))[:, None]
+    return result
+
+
+def _directed(
+    vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float, likely: IntArray | None
+) -> _FarthestPoint:
+    """Search the given cells for the point farthest from the cells with the corners `other`.
+
+    `likely` are cells that may be near each vertex.
+    """
     cell_batch, cut_batch = 1 << 16, 20_000  # cells bounded together, and pieces cut together: they bound the memory
     cells_per_cut = 4  # that cost as much as a cut; a large mesh leaves less for cuts …
     least_share = 0.16  # … but this part of the effort
-    excess = 10  # pieces for each allowed cut above which little can be proved: only likely ones are cut then, once
-    search = _FarthestPoint(NearestCells(other), accuracy)
+    excess = 10  # pieces for each allowed cut above which little can be proved: only likely ones are kept, and cut once
     used = np.flatnonzero(are_used(cells, len(vertices)))
     used = used[spatial_order(vertices[used])]
+    search = _FarthestPoint(NearestCells(other), accuracy, vertices[used[0]])
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
-    distances[used], nearest[used] = search.look_at(vertices[used])
-    kept = []
+    distances[used], nearest[used] = search.look_at(vertices[used], None if likely is None else likely[used])
+    # Few cells that need many cuts have whole lines as far as the farthest point, where the bound falls slowly.
+    effort = min(MAX_CUTS, 20_000 + 50 * max(len(cells), len(other)))
+    effort = max(effort - len(cells) // cells_per_cut, round(effort * least_share))
+    by_sample, kept = False, list[CellParts]()
     for begin in range(0, len(cells), cell_batch):
         rows = cells[begin : begin + cell_batch]
         block = CellParts.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
+        if sum(len(each.bounds) for each in kept) > excess * effort:
+            kept, by_sample = [search.likeliest(joined(kept), min(cut_batch, effort))], True
     pieces = joined(kept)
-    # Few cells that need many cuts have whole lines as far as the farthest point, where the bound falls slowly.
-    effort = min(MAX_CUTS, 20_000 + 50 * max(len(cells), len(other)))
-    effort = max(effort - len(cells) // cells_per_cut, round(effort * least_share))
-    by_sample = False
-    if len(pieces.bounds) > excess * effort:
-        effort, by_sample = min(cut_batch, effort), True
+    effort = min(cut_batch, effort) if by_sample else effort
     while True:
         search.try_corners(pieces)
         pieces = search.needed(pieces)
@@ -156,12 +169,11 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
 class _FarthestPoint:
     """The farthest point found so far, and a bound for everything left out so far."""
 
-    def __init__(self, tree: NearestCells, accuracy: float) -> None:
+    def __init__(self, tree: NearestCells, accuracy: float, place: FloatArray) -> None:
         self.tree = tree
         self.accuracy = accuracy
-        self.found = -1.0
-        self.place: FloatArray = np.zeros(3)
-        self.bound = 0.0
+        self.place = place
+        self.found = self.bound = 0.0
 
     @property
     def enough(self) -> float:
@@ -171,8 +183,7 @@ class _FarthestPoint:
     @property
     def low(self) -> float:
         """The distance up to which points need not be measured exactly."""
-        ignored_gain = 1e-5  # relative
-        return self.found * (1 + ignored_gain) + DISTANCE_ROUNDING
+        return self.found * (1 + RELATIVE_ERROR) + DISTANCE_ROUNDING
 
     def needed(self, pieces: CellParts) -> CellParts:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
@@ -181,6 +192,12 @@ class _FarthestPoint:
             return pieces
         self.bound = max(self.bound, float(pieces.bounds[low].max(initial=0.0)))
         return rows_of(pieces, ~low)
+
+    def likeliest(self, pieces: CellParts, number: int) -> CellParts:
+        """Leave out all pieces but those whose samples are farthest, and remember the highest of their bounds."""
+        order = np.argpartition(-pieces.samples, number)
+        self.bound = max(self.bound, float(pieces.bounds[order[number:]].max()))
+        return rows_of(pieces, order[:number])
 
     def bounded(self, pieces: CellParts) -> CellParts:
         """Bound pieces by cells near their middles, and keep those that need more; the middles are also samples."""

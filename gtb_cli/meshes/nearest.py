@@ -97,8 +97,9 @@ class NearestCells:
     @cached_property
     def boxes(self) -> list[tuple[FloatArray, FloatArray]]:
         """Lowest and highest corners of the boxes of each level, those of the cells, in this order, first."""
-        sorted_corners = np.moveaxis(self.corners[self.order], 1, 0)
-        levels = [(np.asarray(reduce(np.minimum, sorted_corners)), np.asarray(reduce(np.maximum, sorted_corners)))]
+        order, corners = self.order, np.moveaxis(self.corners, 1, 0)
+        low, high = (reduce(bound, (each[order] for each in corners)) for bound in (np.minimum, np.maximum))
+        levels = [(low, high)]
         while (count := len(levels[-1][0])) > BRANCHES:
             first = np.arange(0, count, BRANCHES)
             levels.append((np.minimum.reduceat(levels[-1][0], first), np.maximum.reduceat(levels[-1][1], first)))

@@ -146,12 +146,22 @@ class DerivativeField:
         def coordinates(terms: FloatArray) -> FloatArray:
             return np.array([(axis * terms).sum(axis=0) for axis in local.axes])
 
-        for _ in range(0 if face.is_corner else 2):  # of Newton's steps, which the solver leaves out near edges
+        # Of coordinates that are not negative, no knot has more than all: these bound Newton's steps, which the solver
+        # leaves out near edges, as exponents may be a thousandfold those of the pivots.
+        shares = [
+            np.where((axis >= 0).all(axis=0) & (axis > 0), axis / all_of, 0.0)
+            for axis, all_of in zip(local.axes, target, strict=True)
+        ]
+        most = -np.log(np.max(shares, axis=0))
+        for _ in range(0 if face.is_corner else 20):
             own = jet_of(local.terms(e, layers), coordinates)
-            change = np.einsum("bam,bm->am", _inverse(own.first), target - own.value)
-            for axis, pivot, step in zip(local.axes, local.pivots, change, strict=True):
-                relative = step * np.exp(-e[pivot, columns])
-                e = e + axis * np.where(np.abs(relative) < 0.5, np.log1p(relative), 0.0)
+            x = np.exp([e[pivot, columns] for pivot in local.pivots])
+            shift = np.nan_to_num(np.einsum("bam,bm->am", _inverse(own.first * x[:, None]), target - own.value))
+            moves = sum(axis * step for axis, step in zip(local.axes, shift, strict=True))
+            room = np.where(moves > 1, np.maximum(most - e, 1) / moves, 1.0).min(axis=0)
+            e = e + moves * np.minimum(room, 1.0)
+            if not (np.abs(moves) > 1e-7).any():  # the error is its square
+                break
         terms = local.terms(e, layers)
         own, jet = jet_of(terms, coordinates), jet_of(terms, self._sums(local.k))
         to_x = _inverse(own.first)

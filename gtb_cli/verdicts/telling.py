@@ -56,7 +56,7 @@ def difference_text(found: Difference) -> str:
     text = f"{words}other faces, {what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
     from gtb_cli.meshes.measures import labelled
 
-    rows = [labelled(measures.record()) for measures in (found.first, found.second) if measures is not None]
+    rows = [labelled(measures.record()) for measures in (() if words else found.measures)]
     for label in dict.fromkeys(label for row in rows for label in row if label not in ("lowest", "highest")):
         text += _row(label, [row.get(label) for row in rows])
     return text

@@ -74,8 +74,8 @@ class Verdict:
             report: dict[str, Any] = {"same": self.same, "distance": 0.0 if self.same else None, "method": "bytes"}
         else:
             report = difference_record(self.found) | {"warnings": [*self.warnings, *self.notes]}
-            for file, measures in zip(files, (self.found.first, self.found.second), strict=True):
-                file |= measures.record() if measures else {}
+            for file, measures in zip(files, self.found.measures, strict=False):
+                file |= measures.record()
         return report | dict(zip("ab", files, strict=True))
 
 

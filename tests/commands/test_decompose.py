@@ -5,7 +5,7 @@ import json
 from tests.shell import gtb
 
 
-def test_a_degeneration_leads_to_a_decomposition_by_its_number(tmp_path):
+def test_a_degeneration_leads_to_a_decomposition_by_its_lifting(tmp_path):
     spec = tmp_path / "hexagon.json"
     corners = [[2, 0], [3, 0], [4, 2], [3, 4], [1, 5], [0, 2]]
     spec.write_text(json.dumps({"knots": corners, "control_points": corners, "weights": [1] * 6}))
@@ -14,5 +14,6 @@ def test_a_degeneration_leads_to_a_decomposition_by_its_number(tmp_path):
     for row in found[::7]:
         lifting = ",".join(map(repr, row["lifting"]))
         assert json.loads(gtb("decompose", spec, "--json", f"--lifting={lifting}").out)["cells"] == row["cells"]
-    limit = gtb("degenerate", spec, "--to", 40, "-x", "inf", "--emit-spec", status=0).text
+    lifting = "--lifting=" + ",".join(map(repr, found[40]["lifting"]))
+    limit = gtb("degenerate", spec, lifting, "-x", "inf", "--emit-spec", status=0).text
     assert limit.count("[[patches]]") == len(found[40]["cells"])

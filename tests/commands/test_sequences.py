@@ -91,20 +91,6 @@ def test_the_spec_of_one_x(tmp_path):
     np.testing.assert_allclose(far.log_weights, patch.log_weights + patch.lifting * np.log(1e200), rtol=1e-14)
 
 
-def test_a_sweep_has_short_numbers(tmp_path):
-    """Rounded to the digits that names have, so that these tell all."""
-    sweep = "--from", "1", "--to", "1e-5", "--count", "20"
-    assert gtb("degenerate", LINE, *sweep, "-n1", "--no-distance", "-o", tmp_path).status == 0
-    record = json.loads((tmp_path / "sequence.json").read_text())
-    values = [entry["x"] for entry in record["meshes"]]
-    assert values[0] == 1
-    assert values[-2:] == [1e-5, 0]
-    ratios = np.array(values[1:-1]) / values[:-2]
-    np.testing.assert_allclose(ratios, 1e-5 ** (1 / 19), rtol=1e-5)
-    named = [float(entry["file"].removeprefix("example-3.4-x")[:-4]) for entry in record["meshes"][:-1]]
-    assert named == values[:-1]
-
-
 # --- knot-limit
 
 

@@ -1,7 +1,6 @@
 """Distances between surfaces: of shapes where they are known, and by dense sampling."""
 
 import math
-import threading
 from functools import cache
 
 import numpy as np
@@ -173,16 +172,3 @@ def test_small_meshes_with_lines_of_farthest_points_take_few_cuts(monkeypatch):
     )
     assert 0.49 < found.distance <= 0.5 <= found.bound
     assert sum(cuts) < 50_000  # a fifth of a second
-
-
-def test_an_error_in_the_other_thread_is_raised(monkeypatch):
-    nearest = hausdorff.NearestCells
-
-    def failing(corners):
-        if threading.current_thread() is not threading.main_thread():
-            raise MemoryError("no room")
-        return nearest(corners)
-
-    monkeypatch.setattr(hausdorff, "NearestCells", failing)
-    with pytest.raises(MemoryError, match="no room"):
-        mesh_distance(surface(3), surface(4))

@@ -126,15 +126,10 @@ def test_variants_have_a_legend_in_the_plane_and_in_space(tmp_path):
 
 @pytest.mark.usefixtures("measured_roughly")
 @long
-def test_a_sequence_has_a_panel_for_each_x(tmp_path):
+def test_a_sequence_has_a_panel_for_each_x():
     spec = SPECS / "example-3.4.toml"
     text = gtb("plot", spec, "-x", "2", "-x", "8", "-f", "svg").text
     assert [title in text for title in (">x = 2<", ">x = 8<", ">limit<")] == [True] * 3
-    assert gtb("degenerate", spec, "-x", "2", "-x", "8", "-n", "8", "-o", tmp_path / "out").status == 0
-    for path in (tmp_path / "out", tmp_path / "out" / "sequence.json"):
-        again = gtb("plot", path, "-f", "svg").text
-        assert [title in again for title in (">x = 2<", ">x = 8<", ">limit<")] == [True] * 3
-    gtb("plot", tmp_path / "out", "--what", "distance", "-f", "svg", status=0)
 
 
 def test_a_film_is_drawn():

@@ -191,6 +191,16 @@ def test_derivatives_follow_units(scale, shift):
             np.testing.assert_allclose(other, one, rtol=1e-7 if shift else 1e-12, atol=1e-8 if shift else 1e-12)
 
 
+def test_steep_weights_nearer_to_an_edge_than_the_solver_is_exact():
+    knots, logs = np.array([[-1.62, 0], [0, 0], [0.3, 2.9], [-0.86, 0.0007]]), np.array([21, 2, 15, -2])
+    patch = Patch(knots, np.eye(4)[:, :3], weights=np.exp(logs))
+    for s in np.stack(np.meshgrid(np.linspace(22, 24, 9), np.linspace(-18.5, -17, 9)), axis=-1).reshape(-1, 2):
+        shares = np.exp(logs + knots @ s - 2) / np.exp(logs + knots @ s - 2).sum()
+        away = knots - shares @ knots
+        expected = np.linalg.solve((away.T * shares) @ away, (away.T * shares) @ patch.control_points).T
+        assert patch.derivatives([shares @ knots], 1, "linear")[0] == pytest.approx(expected, rel=1e-9)
+
+
 def test_other_orders_are_refused():
     with pytest.raises(DomainError, match="order: expected 1 or 2, got 3"):
         named("bicubic").derivatives([[1, 1]], 3)
