@@ -47,8 +47,10 @@ def test_faces_that_look_inwards_are_found(parts, inward, scale, shift):
 
 def test_solids_that_touch_in_a_face_or_overlap_cross():
     assert crossing_remarks(cubes((*BIG, True), (*BESIDE, True), (*INSIDE, False))) == []
-    for other in (([9, 2, 3], 5), ([8, 2, 3], 5), BIG):
+    passes, lies = "the solid passes through itself: ", "the solid lies upon itself, to 1e-09 of its size: "
+    for other, what in ((([9, 2, 3], 5), lies), (([8, 2, 3], 5), passes), (BIG, lies)):
         (line,) = crossing_remarks(cubes((*BIG, True), (*other, True)))
-        assert line.startswith(
-            ("the solid passes through itself: ", "the solid lies upon itself, to 1e-09 of its size: ")
-        )
+        assert line.startswith(what)
+    for height in (2e-9, 5e-10):  # of a tetrahedron
+        thin = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, height]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+        assert [line.startswith(lies) for line in crossing_remarks(thin)] == [True] * (height < 1e-9)
