@@ -113,7 +113,7 @@ class DerivativeField:
 
     def _mark(self, jet: Jet, facet: int, face: Face, k: int) -> None:
         """Write inf where powers of an edge function, 0 here, have no finite derivative."""
-        normal = self.basis.domain.normals[facet]
+        normal = self._normal(facet)
         across = np.outer(normal, normal) != 0
         first, second = (_unlimited(self._exponents[:, facet], order) & ~face.knots for order in (1, 2))
         slopes, bends = (
@@ -128,11 +128,18 @@ class DerivativeField:
             jet.second[mixed] = np.where(moves, np.inf, jet.second[mixed])
         jet.first[normal != 0] = np.where(slopes, np.inf, jet.first[normal != 0])
 
+    def _normal(self, facet: int) -> FloatArray:
+        """The normal of a facet, along an axis where it is so up to the rounding of knots."""
+        shape = self.basis.domain
+        normal, least = shape.normals[facet], knot_tolerance(shape.knots) / shape.size
+        return np.where(np.abs(normal) > least * np.abs(normal).max(), normal, 0.0)
+
     def _linear(self, face: Face, p: FloatArray, local: Local, e: FloatArray, layers: FaceLayers) -> Jet:
         """Derivatives at (m, d) points of Δ, near which `local` are coordinates of the knots."""
         shape = self.basis.domain
         columns = np.arange(len(p))
         steps = np.array([shape.knots[pivot] - shape.knots[local.k] for pivot in local.pivots])
+        knot_step = knot_tolerance(shape.knots) / np.sqrt((steps**2).sum(axis=2))  # rounding of knots, on the axes
         to_local = _inverse(np.moveaxis(steps, 1, 2)).swapaxes(0, 1)  # (d, d, m): row b has ∂ξ_b/∂p
         target = np.einsum("bcm,mc->bm", to_local, p - shape.knots[local.k])
         heights = shape.heights_of_columns(p)
@@ -143,21 +150,20 @@ class DerivativeField:
                 over &= ~shape.incidence[one, edge]
                 target[b] = np.where(over, heights[edge] / shape.heights[one, edge], target[b])
 
+        axes = np.array(local.axes)
+
         def coordinates(terms: FloatArray) -> FloatArray:
-            return np.array([(axis * terms).sum(axis=0) for axis in local.axes])
+            return np.asarray((axes * terms).sum(axis=1))
 
         # Of coordinates that are not negative, no knot has more than all: these bound Newton's steps, which the solver
         # leaves out near edges, as exponents may be a thousandfold those of the pivots.
-        shares = [
-            np.where((axis >= 0).all(axis=0) & (axis > 0), axis / all_of, 0.0)
-            for axis, all_of in zip(local.axes, target, strict=True)
-        ]
-        most = -np.log(np.max(shares, axis=0))
+        shares = np.where((axes >= 0).all(axis=1, keepdims=True) & (axes > 0), axes / target[:, None], 0.0)
+        most = -np.log(shares.max(axis=0))
         for _ in range(0 if face.is_corner else 20):
             own = jet_of(local.terms(e, layers), coordinates)
             x = np.exp([e[pivot, columns] for pivot in local.pivots])
             shift = np.nan_to_num(np.einsum("bam,bm->am", _inverse(own.first * x[:, None]), target - own.value))
-            moves = sum(axis * step for axis, step in zip(local.axes, shift, strict=True))
+            moves = (axes * shift[:, None]).sum(axis=0)
             room = np.where(moves > 1, np.maximum(most - e, 1) / moves, 1.0).min(axis=0)
             e = e + moves * np.minimum(room, 1.0)
             if not (np.abs(moves) > 1e-7).any():  # the error is its square
@@ -173,14 +179,15 @@ class DerivativeField:
 
         def leave_the_plane(knots: BoolArray) -> BoolArray:
             """(k, m) whether values of some knots are not those of the tangent plane."""
-            away = np.array(local.axes)[:, knots] - own.value[:, None]
+            away = axes[:, knots] - own.value[:, None]
             rise = self._values_of(knots, local.k)[:, :, None] - jet.value[:, None]
             planes = slopes[:, :, None] * away[:, None]
             rounding = self._rounding + 64 * EPS * (np.abs(rise) + np.abs(planes).sum(axis=0))
+            rounding += (np.abs(slopes) * knot_step[:, None]).sum(axis=0)[:, None]
             return np.asarray((np.abs(rise - planes.sum(axis=0)) > rounding).any(axis=1))
 
         for facet, knots in layers.against:
-            across = np.outer(shape.normals[facet], shape.normals[facet]) != 0
+            across = np.outer(self._normal(facet), self._normal(facet)) != 0
             second[across] = np.where(leave_the_plane(knots), np.inf, second[across])
         slow = leave_the_plane(layers.slow)
         return Jet(jet.value, np.where(slow, np.inf, first), np.where(slow, np.inf, second))

@@ -61,15 +61,13 @@ def face_layers(shape: Domain, face: Face) -> FaceLayers:
         d = shape.dimension
         return FaceLayers(every, (every,) * d, (every,) * (d * (d + 1) // 2), ~every, ())
     if not face.is_corner or shape.dimension == 1:
-        level = _levels(shape.heights[:, face.index])
+        level = _levels(shape, face.index)
         on, first, second = (level == k for k in (0, 1, 2))
         along = (on,) * (shape.dimension - 1)
         across = (face.index, (level > 1) & (level < 2))
         return FaceLayers(on, (*along, first), (*along, *(first,) * len(along), second), ~every, (across,))
-    heights, incidence, edges = shape.heights, shape.incidence, ((face.index - 1) % len(shape.vertices), face.index)
-    levels = [
-        _levels(heights[:, edge], incidence[:, other]) for edge, other in zip(edges, reversed(edges), strict=True)
-    ]
+    edges = ((face.index - 1) % len(shape.vertices), face.index)
+    levels = [_levels(shape, edge, shape.incidence[:, other]) for edge, other in zip(edges, edges[::-1], strict=True)]
     point, *first = (_at(levels, place) for place in ((0, 0), (1, 0), (0, 1)))
     second = tuple(_at(levels, place) for place in ((2, 0), (1, 1), (0, 2)))
     slow = np.any([(level > 0) & (level < 1) for level in levels], axis=0)
@@ -81,12 +79,14 @@ def _at(levels: Sequence[FloatArray], place: tuple[int, ...]) -> BoolArray:
     return np.asarray(np.all([level == k for level, k in zip(levels, place, strict=True)], axis=0))
 
 
-def _levels(heights: FloatArray, among: BoolArray | None = None) -> FloatArray:
-    """(n,) heights over the lowest positive one (among some knots), rounded to 0, 1 and 2 within `LAYER_TOLERANCE`."""
-    positive = heights > 0 if among is None else (heights > 0) & among
-    level = heights / heights[positive].min()
+def _levels(shape: Domain, edge: int, among: BoolArray | None = None) -> FloatArray:
+    """(n,) heights over the lowest positive one (among some knots), 1 and 2 where they are so to rounding of knots."""
+    heights = shape.heights[:, edge]
+    lowest = heights[(heights > 0) & (True if among is None else among)].min()
+    level = heights / lowest
+    rounding = LAYER_TOLERANCE * heights.max() + 3 * knot_tolerance(shape.knots) * shape.normal_lengths[edge]
     for whole in (1, 2):
-        level[np.abs(level - whole) * heights[positive].min() <= LAYER_TOLERANCE * heights.max()] = whole
+        level[np.abs(level - whole) * lowest <= rounding] = whole
     return np.asarray(level)
 
 

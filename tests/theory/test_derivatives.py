@@ -4,15 +4,20 @@ In the linear parametrisation these follow by the chain rule: a parameter is μ 
 differentiated.
 """
 
+import math
+
 import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.language.loading import load_patch
 from gtb_cli.theory.patch import Patch
 from tests.exact import CONTEXT, Number, basis, numbers
 from tests.laws import parameters
 from tests.marks import mostly_long
 from tests.patches import NAMES, named
+from tests.shell import SPECS
 
 # Fifty roundings of the largest derivative
 DIGITS = 1e-14
@@ -189,6 +194,18 @@ def test_derivatives_follow_units(scale, shift):
             one = patch.replace(edge_scale=1.0).basis_derivatives(u, order, parametrization)
             other = moved.basis_derivatives(scale * u + shift, order, parametrization) * scale**order
             np.testing.assert_allclose(other, one, rtol=1e-7 if shift else 1e-12, atol=1e-8 if shift else 1e-12)
+
+
+@pytest.mark.parametrize(("name", "angle"), [("bicubic", 0.3), ("trapezoid", 0.3), ("nonagon", 0), ("pentagon", 0.3)])
+@pytest.mark.parametrize("parametrization", ["toric", "linear"])
+def test_knots_off_their_edges_by_rounding_count_as_on_them(name, angle, parametrization):
+    patch, (c, s) = load_patch(SPECS / f"{name}.toml"), (math.cos(angle), math.sin(angle))
+    near = patch.replace(knots=patch.knots @ [[c, s], [-s, c]])
+    far = patch.replace(knots=near.knots + 1e7)
+    u, v = (triangulation(each.domain, 6).parameters for each in (near, far))
+    for order in (1, 2):
+        one, other = near.derivatives(u, order, parametrization), far.derivatives(v, order, parametrization)
+        np.testing.assert_allclose(other, one, rtol=1e-5, atol=1e-5 * np.abs(one[np.isfinite(one)]).max())
 
 
 def test_steep_weights_nearer_to_an_edge_than_the_solver_is_exact():
