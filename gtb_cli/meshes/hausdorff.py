@@ -125,7 +125,7 @@ def _holders(cells: IntArray, count: int) -> IntArray:
 def _directed(
     vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float, likely: IntArray | None
 ) -> _FarthestPoint:
-    """Search cells for the point farthest from those with the corners `other`; `likely` ones may be near each vertex."""
+    """Search cells for the point farthest from those with the corners `other`; `likely` may be near each vertex."""
     cell_batch, cut_batch = 1 << 16, 20_000  # cells bounded together, and pieces cut together: they bound the memory
     cells_per_cut = 4  # that cost as much as a cut; a large mesh leaves less for cuts …
     least_share = 0.16  # … but this part of the effort
