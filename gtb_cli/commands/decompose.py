@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.shell.limit_options import all_decompositions
+from gtb_cli.shell.console import Console
 from gtb_cli.shell.options import WholeNumber, json_option, lifting_option, spec_argument, streams_options
 from gtb_cli.shell.streams import Streams, about, single, write_json
 
@@ -53,7 +53,7 @@ def decompose(
         if lifting is not None:
             raise click.UsageError("--all tries every lifting: leave out --lifting")
         with streams.spec_of(spec) as loaded:
-            cones = all_decompositions(single(loaded), streams.console, triangulations=triangulations, most=most)
+            cones = _every_one(single(loaded), triangulations, most, streams.console)
         _write_all(cones, as_json, streams)
         return None
     for option in (name for name, is_given in given.items() if is_given):
@@ -73,6 +73,21 @@ def decompose(
     if as_json:
         return write_json(streams.output, found)
     streams.write("\n".join(map(_text, parts)))
+
+
+def _every_one(patch: Patch, triangulations: bool, most: int | None, console: Console) -> list[LiftingCone]:
+    """Return all regular decompositions of a patch's knots, or as many as are asked for, lexicographic by cells."""
+    from gtb_cli.knots.all_decompositions import regular_decompositions
+
+    found: list[LiftingCone] = []
+    with console.counter(None) as begin:
+        for cone in regular_decompositions(patch.knots, triangulations):
+            if len(found) == most:
+                console.warn(f"there are more than these {most}")
+                break
+            begin("regular decompositions")
+            found.append(cone)
+    return sorted(found, key=lambda cone: cone.cells)
 
 
 def _decomposition(patch: Patch, lifting: tuple[float, ...] | None) -> RegularDecomposition:

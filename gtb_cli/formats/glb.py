@@ -1,7 +1,8 @@
 """GLB (binary glTF 2.0), both ways: surfaces by trimesh's exporter, curves as indexed lines; any scene is read."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -196,11 +197,16 @@ def _check_size(length: int) -> None:
 
 def read_glb(data: bytes) -> FileArrays:
     """Read a GLB file. Its y axis, glTF's vertical one, becomes z, unless the file states another vertical axis."""
-    tree, binary = glb_chunks(data)
+    with _tree_faults():
+        return _content(*glb_chunks(data))
+
+
+@contextmanager
+def _tree_faults() -> Iterator[None]:
+    """Turn what a wrong type raises, as the tree may hold anything anywhere, into a `GtbError`."""
     try:
-        return _content(tree, binary)
+        yield
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        # The tree may hold anything anywhere; a wrong type raises one of these errors.
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
 
@@ -263,6 +269,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     points += 0.0  # not -0
     corners = stacked(cells[width], width, np.int32)
 
+    @_tree_faults()
     def values() -> Values:
         return {
             _ATTRIBUTES.get(name, name.lower().strip("_")): (

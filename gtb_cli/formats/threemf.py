@@ -139,6 +139,7 @@ class _Reader:
         self.components: dict[str, list[tuple[str, FloatArray]]] = {}
         self.items: list[tuple[str, FloatArray]] = []
         self.id = self.material = ""
+        self.kinds: set[str] = set()  # of objects that are no solids
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
@@ -178,6 +179,7 @@ class _Reader:
             self.materials[self.material].append((given["name"], colour))
         elif name == "object":
             self.id = given["id"]
+            self.kinds |= {given.get("type", "model")} - {"model"}
             part = given.get("pid"), given.get("pindex")
             self.meshes[self.id] = _Mesh(array("f"), array("q"), [], part, given.get("name", ""))
             self.components[self.id] = []
@@ -221,7 +223,9 @@ class _Reader:
             inner = reversed(self.components[key])
             stack += [(link, transformation @ place, order[key]) for link, transformation in inner]
         arrays = stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32)
-        return FileArrays(*arrays, single_half_steps, tuple(groups), self.unit, colours=colours)
+        return FileArrays(
+            *arrays, single_half_steps, tuple(groups), ", ".join([self.unit, *sorted(self.kinds)]), colours=colours
+        )
 
     def material_of(self, part: tuple[str | None, str | None]) -> tuple[str, bytes] | None:
         """The name and the colour of a material."""

@@ -153,9 +153,6 @@ def read_frames(path: str) -> Frames:
         entries = json.loads(data if len(data) <= max_record_bytes else b"")["meshes"]
         key = next(key for key in ("x", "step") if key in entries[0])
         values = tuple(float(entry[key]) for entry in entries)
-        measured = [entry["distance_to_limit"] for entry in entries]
-        distances = () if None in measured else tuple(float(value) for value in measured)
-        filmed = [entry.get("distance_to_limit_with_film") for entry in entries]
         names = [os.fspath(entry["file"]) for entry in entries]
     except (ValueError, KeyError, TypeError, IndexError, StopIteration, AttributeError, RecursionError):
         raise SpecError(f"{record}: is not a list of meshes as gtb degenerate and gtb knot-limit write it") from None
@@ -167,8 +164,7 @@ def read_frames(path: str) -> Frames:
     meshes = tuple(read_mesh(os.path.join(folder, name)) for name in names)
     if len({mesh.is_curve for mesh in meshes}) > 1:
         raise SpecError(f"{record}: curves and surfaces are mixed")
-    films = None if None in filmed else tuple(float(value) for value in filmed)
-    return Frames(key, values, meshes, distances, films)
+    return Frames(key, values, meshes)
 
 
 def _refuse_pipe(path: str) -> None:

@@ -13,10 +13,7 @@ from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.options import evaluated, numbers_of
 
 if TYPE_CHECKING:
-    from gtb_cli.knots.all_decompositions import LiftingCone
     from gtb_cli.plots.panels import Approach
-    from gtb_cli.shell.console import Console
-    from gtb_cli.theory.patch import Patch
 
 
 def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...] | None) -> object:
@@ -53,23 +50,6 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
         if moves.setdefault(k, q) != q:
             raise click.BadParameter(f"knot {k} cannot move to both {moves[k]} and {q}", ctx, param)
     return moves
-
-
-def all_decompositions(
-    patch: Patch, console: Console, *, triangulations: bool = False, most: int | None = None
-) -> list[LiftingCone]:
-    """Return all regular decompositions of a patch's knots, or as many as are asked for, lexicographic by cells."""
-    from gtb_cli.knots.all_decompositions import regular_decompositions
-
-    found: list[LiftingCone] = []
-    with console.counter(None) as begin:
-        for cone in regular_decompositions(patch.knots, triangulations):
-            if len(found) == most:
-                console.warn(f"there are more than these {most}")
-                break
-            begin("regular decompositions")
-            found.append(cone)
-    return sorted(found, key=lambda cone: cone.cells)
 
 
 def refuse_limit(limit: Approach, path: str) -> None:
