@@ -124,7 +124,7 @@ def fill(
     if kind is None and (tolerance or angle):
         raise click.UsageError("--tolerance and --angle are for an output that is a CAD file, such as -o filled.step")
     data = read_bytes(loop)
-    found = read_loop(data, source, streams.reading)
+    found, named = read_loop(data, source, streams.reading)
     with about(source):
         if holes:
             rings = holes_of(found)
@@ -134,7 +134,7 @@ def fill(
             else:
                 streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
             return
-        name = None if isinstance(found, Model) else stem_of(loop)
+        name = None if isinstance(found, Model) else named or stem_of(loop)
         filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)
     if kind is not None and not filling.fault:
         from gtb_cli.formats.kinds_of_surfaces import encode_surfaces

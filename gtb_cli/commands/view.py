@@ -96,28 +96,17 @@ def view(
     Make a page that shows specs, meshes, or the FOLDER of a sequence in a browser. It needs no network.
 
     With --thickness or --radius it shows the solid that gtb mesh writes with the same options. Of all that is closed,
-    the page has the volume, the thickness of walls (straight into the solid, to the other side; of up to 200 000
-    triangles) and overhangs as colours, and fills the face of a section. Two points can be measured, which snap to
-    corners, edges and vertices; the patches of a model can be taken apart. Its keys are listed in the page. Its address
-    holds how it looks, so that a link shows the same, such as page.html#mode=zebra&section=x; the PNG that it saves has
-    twice the size.
+    the page has the volume, walls (of up to 200 000 triangles) and overhangs as colours, and fills the face of a
+    section. Its address holds how it looks, so that a link shows the same, such as page.html#mode=zebra&section=x.
 
-    Turn, move and zoom with mouse, keys or fingers. Patch colours, control net, knots, edges, open edges, folds (where
-    a patch turns by more than 90 degrees between two triangles, or by more than 150 at an edge of a mesh) and axes can
-    be switched on and off; shading may be curvature with its scale, zebra stripes or isophotes. Normals and curvature
-    of a spec are those of the surface at the vertices of its mesh, interpolated at each pixel between them; where it
-    has no normal, the mean of the triangles' is shown, and the page says "not all exact"; -n or --tolerance makes the
-    mesh finer. Where patches meet, each has its own normals, and the curvature shown is that of the first. Normals in
-    mesh files are not read: the means of the triangles' normals are used instead, which part at edges sharper than 35
-    degrees. Names appear under the pointer.
+    Control net, knots, open edges, folds, curvature, zebra stripes and isophotes can be switched on; normals are the
+    surface's own at the vertices of a mesh, which -n or --tolerance makes finer. Two points can be measured.
 
-    A sequence has a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge
-    and --steps (a knot limit).
+    A sequence has a slider and plays: a FOLDER's, a degeneration (-x, --lifting) or a knot limit (--merge, --steps).
 
-    With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
-    the last good picture. It has a slider for each number of a spec's let that depends on no other, labelled by the
-    comment on its line; a range in it, such as 10 … 80, is the slider's. The page never writes the file: it shows the
-    --set options, or the lines of the spec, that make what is seen.
+    With --watch the page follows the files: it shows edits within a second, or an error with its line; it has a slider
+    for each number of a spec's let that depends on no other; a range in the comment on its line, such as 10 … 80, is
+    the slider's. The page never writes the file: it shows the --set options, or the lines, that make what is seen.
     """
     if output is not None and (suffix := suffix_of(output)) not in ("", "html", "htm") and not is_device(output):
         other = " (gtb plot draws pictures, and a page saves what it shows as PNG)" if suffix in PICTURES else ""

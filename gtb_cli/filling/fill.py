@@ -65,7 +65,7 @@ def fill(
         others, or one less if the patch folds then, and 4 if edges are not many; with 0, edges stay as they are if an
         exact field is found.
     name : str, optional
-        Name of the patch.
+        Name of the patch; that of the loop's spec by default.
 
     Returns
     -------
@@ -86,7 +86,8 @@ def fill(
         found = loop if loop.dimension == 2 else _sides(loop, ribbons, ribbons2)
     else:
         source = os.fspath(loop)
-        found = read_loop(read_file(source, MAX_BYTES + 1), source)
+        found, named = read_loop(read_file(source, MAX_BYTES + 1), source)
+        name = name or named
     return filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness, raises=raises)
 
 

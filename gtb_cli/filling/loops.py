@@ -21,29 +21,30 @@ SUFFIXES = (".gbp", ".lop")
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
-def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> list[HoleSide] | Model | Part:
-    """Read a `.gbp` or `.lop` file, by its suffix, a CAD part, or a spec: curves are the sides of a loop.
+def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> tuple[list[HoleSide] | Model | Part, str | None]:
+    """Read a `.gbp` or `.lop` file, by its suffix, a CAD part, or a spec: curves are a loop, with its name.
 
     Raises `SpecError`, with file and line: the file is too large, has words that are not numbers, or too few or too
     many numbers; of specs see `gtb_cli.load`; or a ribbon is not valid.
     """
     if reading.spec_format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
-        return loop_from_text(data, source)
+        return loop_from_text(data, source), None
     if reading.spec_format is None and (kind := cad_kind(data, source)) is not None:
         shape = read_shape(data, kind, source)
         with kernel_faults(source):
-            return part_of(shape)
+            return part_of(shape), None
     spec, rows = parse_loop(data, source, reading)
     if isinstance(spec, Patch):
         what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
         raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")
     if spec.dimension == 2:
-        return spec
+        return spec, None
     names = [patch_name(patch, index) for index, patch in enumerate(spec.patches)]
     try:
-        return [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
+        sides = [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
     except DomainError as error:
         raise SpecError(f"{source}: {error}") from None
+    return sides, spec.name
 
 
 def loop_from_text(data: bytes, source: str) -> list[HoleSide]:

@@ -236,8 +236,16 @@ class Recipe:
 
     def leaves_open(self, spec: Patch | Model) -> bool:
         """Tell whether the mesh has a boundary: it is no tube, no solid, and the spec is not a closed model."""
-        if self.radius is not None or self.thickness is not None:
-            return False
+        return self.radius is None and self.thickness is None and self._is_open(spec)
+
+    def direction(self, spec: Patch | Model) -> str:
+        """Say to which side a wall grows."""
+        if self.thickness is None:
+            return ""
+        sides = ("along its normals", "against its normals") if self._is_open(spec) else ("outwards", "inwards")
+        return f", thickened {sides[self.thickness < 0]}"
+
+    def _is_open(self, spec: Patch | Model) -> bool:
         from gtb_cli.models.model import joints_of, with_weld
 
         return not joints_of(with_weld(spec, self.weld)).closed

@@ -114,7 +114,7 @@ def line(name: str, bent: Bending, angle: float, folds: int, seconds: float) -> 
 
 def ribbons(path: str) -> None:
     """Print how three fillings of a `.gbp` file bend: E, MV, degrees from the planes, folds, processor seconds."""
-    found = read_loop(Path(path).read_bytes(), path)
+    found, _ = read_loop(Path(path).read_bytes(), path)
     assert not isinstance(found, Model)
     print(f"{Path(path).name}, {len(found)} sides, E, MV, degrees, folds, seconds", flush=True)
     for name, filling, seconds, text in fillings(found):

@@ -310,7 +310,7 @@ def test_a_reader_that_has_seen_enough_changes_neither_report_nor_status(options
     [
         ("glb", [], ["--unit", "mm"], "no unit, y up against mm, y up"),
         ("glb", [], ["--up", "z"], "no unit, y up against no unit, z up"),
-        ("3mf", [], ["--unit", "in"], "millimeter against inch"),
+        ("3mf", [], ["--unit", "in"], "millimeter, surface against inch, surface"),
     ],
 )
 def test_equal_numbers_that_mean_other_sizes_or_places_are_different(kind, first, second, remark, tmp_path):

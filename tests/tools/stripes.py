@@ -122,7 +122,7 @@ def loops(paths: Sequence[Path], n: int = 256, size: int = 420) -> Image.Image:
     """One row for each file: filled with "g1", with "g2" or a gap, and its generalized Bézier patch."""
     rows = []
     for path in paths:
-        sides = read_loop(path.read_bytes(), str(path))
+        sides, _ = read_loop(path.read_bytes(), str(path))
         assert not isinstance(sides, Model)
         first = of_patches(filled(sides, None, None).patches, n)
         try:
