@@ -42,9 +42,8 @@ def decompose(
     --json prints {"schema": 1, "cells": [[...]], "polygons": [[...]], "absent": [...]}, where a polygon lists the
     corners of a cell counter-clockwise; for a model it prints a list of these as "patches".
 
-    --all prints every decomposition that some lifting induces, numbered from 0 in lexicographic order of the cells. As
-    JSON it is {"schema": 1, "decompositions": [{"cells", "absent", "lifting", "dimension", "used"}, ...]}: a lifting
-    that induces it, the dimension of the cone of all such liftings, and the number of knots that cells use.
+    --all prints every decomposition that some lifting induces, numbered from 0 in lexicographic order of the cells; as
+    JSON with a lifting that induces it, the dimension of the cone of these, and the number of knots that cells use.
     """
     from gtb_cli.models.model import Model
 

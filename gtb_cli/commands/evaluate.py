@@ -72,9 +72,8 @@ def evaluate(
     with null for nan and inf. With --header each line begins with its parameters, below the names of the columns: "u v
     T0 T1 ..." with --basis, and "x_u y_u z_u x_v ..." for derivatives.
 
-    A parameter within 9e-16 of the size of the domain from an edge (or of its largest coordinate) lies on it. If the
-    next knots are near to that edge (0.01, say), T has gone more than half of its way there, and no toric parameter
-    stands for the points between: --parametrization linear reaches them.
+    A parameter within rounding of an edge lies on it. If the next knots are near to that edge (0.01, say), no toric
+    parameter stands for the points between: --parametrization linear reaches them.
     """
     if header and as_json:
         raise click.UsageError("--header is for lines; --json already names its parts")

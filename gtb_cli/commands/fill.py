@@ -93,8 +93,7 @@ def fill(
     LOOP is a spec whose patches are the sides, in any order: rational Bézier curves, each with a "ribbon" if the patch
     is to touch tangent planes along it (the second row of control points, as many as in the first). It may also be a
     .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring, or a STEP, IGES
-    or BREP file (with the extra gtb-cli[cad]), of which a ring of edges with one face each is filled. A B-spline of a
-    .lop file is one side, a Bézier curve within 1e-5 of the loop's size; its distance is said.
+    or BREP file (with the extra gtb-cli[cad]), of which a ring of edges with one face each is filled.
 
     With -o FILE.step (or .iges or .brep) the patch is written as B-splines that keep its tangent planes: sewn to the
     faces of the part, a solid where that is closed, with what was measured of its seams in the file's own surfaces.
@@ -103,15 +102,11 @@ def fill(
     that of a neighbour in a model, of a .gbp file of degree 5 or more, or of the strip of a curve, its "ribbon" and its
     "ribbon2", the third row. Where no polynomial rows have it exactly, the hole is refused.
 
-    A certificate says what was measured: for each side the largest angle between normals and, in a model or with g2,
-    the largest difference between curvatures across; of corners, in closed form, whether there is one plane, and the
-    curvature; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its variation) and the largest curvature to a hundredth and to a
-    thousandth of the way from the edges, with the digits that two quadratures share; folds at corners and elsewhere.
-    With --json it is printed as data in place of the spec, which -o writes. A patch that folds or is turned over is not
-    written, and the exit status is 1.
+    A certificate says what was measured: angles between normals along sides, in a model or with g2 also differences of
+    curvature; planes and curvature of corners; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its variation), and folds. With
+    --json it is data, in place of the spec, which -o writes. A patch that folds or is turned over is not written.
 
-    A hole with concave corners is cut by up to six curves, from these corners to others (of a loop of curves, also to
-    points of sides), into parts with a patch each, whose tangent planes along the cuts are the same.
+    A hole with concave corners is cut by curves into parts with a patch each, whose tangent planes along them agree.
     """
     from gtb_cli.filling.fill import filled, holes_of
     from gtb_cli.filling.holes import ring_texts

@@ -15,13 +15,13 @@ PLANE = 1e-6  # of the size of a rim: its largest distance from its plane, a ten
 STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not along the normals; flat from 3 times it
 
 
-def with_flat_rims(solid: Mesh, thickness: float) -> Mesh:
+def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
     """Move the offset's part of each rim of a solid made by `thicken` into the plane of the surface's part.
 
     Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, it ends in the
     plane: vertices next to the plane move there along edges, and those beyond are projected onto it, as parts of the
     rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers. Where the surface
-    lies in the plane, as around a hole in a floor or at a corner, the rim stays along the normals; it changes smoothly.
+    lies in the plane, as around a hole in a floor or at a corner, the rim changes smoothly to the normals; it is said.
 
     Raises `DomainError` if a rim does not lie in a plane, if the surface leaves this plane to both sides, if the offset
     goes beyond the plane only where the surface does not lie in it, or if the wall reaches another rim.
@@ -37,6 +37,7 @@ def with_flat_rims(solid: Mesh, thickness: float) -> Mesh:
     label = merged(count, sides.directed[sides.alone])
     is_rim = np.zeros(count, dtype=bool)
     is_rim[sides.directed[sides.alone]] = True
+    kept: list[str] = []
     is_mitred = np.linalg.norm(offset - surface, axis=1) > (1 + 1e-6) * abs(thickness)
     for number in distinct(label[is_rim]).tolist():
         rim = label == number
@@ -44,6 +45,8 @@ def with_flat_rims(solid: Mesh, thickness: float) -> Mesh:
         near = f"near {point_text(surface[rim.argmax()], surface)}"
         height = (offset - centre) @ normal
         share, way = _continuation(solid, rim, normal)
+        if not share.all():
+            kept.append(near if not share.any() else f"in part {near}")
         if not share.any():
             continue
         if ((share < 1) & (height[rim] > nearly)).any():
@@ -77,7 +80,10 @@ def with_flat_rims(solid: Mesh, thickness: float) -> Mesh:
         """The facets' in the planes of rims, and the surface's elsewhere."""
         return normals_of_corners(solid.cells, len(vertices), np.concatenate([own, around.vectors]), rows)
 
-    return replace(solid, vertices=vertices, normals=normals, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
+    flat = replace(solid, vertices=vertices, normals=normals, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
+    return flat, [
+        f"the surface lies in the plane of a rim, which is along the normals {' and '.join(kept)}"
+    ] if kept else []
 
 
 def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[FloatArray, FloatArray, float]:

@@ -77,7 +77,8 @@ class WallMaker:
         folds = offset_folds(self.spec, surface, thickness)
         wall = thicken(surface, thickness)
         thin = thin_wall(wall, thickness)
-        return Solid(self._rimmed(wall, thickness), folded_places(surface), folds, thin)
+        mesh, kept = self._rimmed(wall, thickness)
+        return Solid(mesh, folded_places(surface), folds, thin + kept)
 
     def smaller(self, surface: Mesh, thickness: float, held: Held) -> str:
         """Name a smaller thickness whose wall is solid, judged as one that is asked for; or say that none was found.
@@ -89,7 +90,7 @@ class WallMaker:
             if offset_folds(self.spec, surface, thickness):
                 return False
             try:
-                wall = self._rimmed(thicken(surface, thickness), thickness)
+                wall, _ = self._rimmed(thicken(surface, thickness), thickness)
                 stored, coarse = held(wall)
                 require(("solid",), self.spec, wall, surface, crossings_of(wall, stored, coarse), (stored, coarse))
             except (DomainError, RequirementError):
@@ -102,8 +103,8 @@ class WallMaker:
             return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
         return _smaller("thickness", thickness, is_solid, len(surface.cells))
 
-    def _rimmed(self, wall: Mesh, thickness: float) -> Mesh:
-        return wall if self.rim == "normal" else with_flat_rims(wall, thickness)
+    def _rimmed(self, wall: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
+        return (wall, []) if self.rim == "normal" else with_flat_rims(wall, thickness)
 
 
 def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
