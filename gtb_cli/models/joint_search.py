@@ -18,7 +18,7 @@ from gtb_cli.models.near_ends import SORTING_DIRECTION, heights, touching
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, edge_curves
 from gtb_cli.theory.patch import Patch
 
-ALMOST = 1e-2  # of the smaller edge's size: open edges nearer than this are reported
+ALMOST = 2e-2  # of the smaller edge's size: open edges nearer than this are reported
 
 FAR_ROUNDING = 16 * EPS  # of the largest coordinate: far away, points computed in two ways are rounded in each
 
