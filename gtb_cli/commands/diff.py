@@ -89,17 +89,14 @@ def diff(
     Compare two meshes: OBJ, PLY, STL, GLB or 3MF files, or specs, which are meshed with -n and the options below it.
 
     Meshes with the same faces, in any order, are compared vertex by vertex, others as surfaces (or curves): the largest
-    distance of a point of either from the other. Two specs are compared as what they describe, to three digits, by a
-    search that proves nothing. Faces that are turned over, missing, there twice or without area, other holes or parts,
-    and vertices that are shared in another way are differences, too, unless --ignore says otherwise. So are normals
-    that are more than 0.01 degrees apart, texture coordinates and attributes that differ by more than a millionth of
-    the largest, and those that one of two files of a format lacks; names, materials and the normals of STL are none.
-    The first words say what was done, if that explains all: moved, mirrored in y, 25.4 times as large (1 in for 1 mm),
-    1 face is missing.
+    distance of a point of either from the other. Two specs are compared as what they describe, by a search that proves
+    nothing. Faces that are turned over, missing, there twice or without area, other holes or parts, and vertices that
+    are shared in another way are differences, too, unless --ignore says otherwise; so are other normals, texture
+    coordinates, attributes, groups and colours. The first words say what was done, if that explains all: moved,
+    mirrored in y, 25.4 times as large (1 in for 1 mm), 1 face is missing.
 
-    The tolerance is never less than what the numbers in the files can hold; the size is the diagonal of the bounding
-    box of the smaller mesh; vertices that no face uses do not count. The distance of surfaces is found to a tenth of
-    the tolerance; if that takes too long for large meshes, a warning, the report and "proved" in JSON say so.
+    The tolerance is never less than what the numbers in the files can hold; the size is the diagonal of the smaller
+    bounding box. Where a distance of surfaces is not proved within it, a warning, the report and "proved" say so.
 
     In two folders, all files of the same name are compared: those that are not meshes, nor specs of folders without
     meshes, by their bytes. A missing or an extra file is a difference. Hidden files and manifests do not count.
@@ -111,9 +108,8 @@ def diff(
     recipe = Recipe(resolution or RESOLUTION, None, parametrization, max_faces=max_faces)
     for path in (a, b):
         if path != STANDARD and not os.path.exists(path):
-            takes = (
-                f": gtb approve {a} {b} makes it from {b}" if path == a and os.path.isdir(b) and "*" not in a else ""
-            )
+            is_new = path == a and os.path.isdir(b) and "*" not in a
+            takes = f": gtb approve {a} {b} makes it from {b}" if is_new else ""
             raise GtbError(f"{path}: No such file or directory{takes}")
     folders = [path for path in (a, b) if os.path.isdir(path)]
     if len(folders) == 2:

@@ -1,6 +1,7 @@
 """Tubes around curves and walls beside surfaces, what is wrong with them, and which smaller ones are solid."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple, TypeAlias
 
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
@@ -14,6 +15,7 @@ from gtb_cli.solids.tube import folded_segments, tube
 from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.remarks import offset_folds, thin_wall
 from gtb_cli.tessellation.requirements import require
+from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -81,12 +83,9 @@ class WallMaker:
         return Solid(mesh, folded_places(surface), folds, thin + kept)
 
     def smaller(self, surface: Mesh, thickness: float, held: Held) -> str:
-        """Name a smaller thickness whose wall is solid, judged as one that is asked for; or say that none was found.
+        """Name a coarser mesh, or a smaller thickness, whose wall is found to be solid, judged as one that is asked for."""
 
-        A surface that passes through itself is a side of every wall: none is tried.
-        """
-
-        def is_solid(thickness: float) -> bool:
+        def is_solid(thickness: float, surface: Mesh = surface) -> bool:
             if offset_folds(self.spec, surface, thickness):
                 return False
             try:
@@ -101,6 +100,11 @@ class WallMaker:
             return "no thickness is solid, as the surface passes through itself"
         if abs(thickness) <= CROSSING_DEPTH * max(surface.bounds[1] - surface.bounds[0]):
             return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
+        with suppress(ToleranceError):
+            tolerance = float(f"{abs(thickness) / 50:.1g}")
+            coarse = tessellate(self.spec, None, tolerance, normals=True, max_faces=len(surface.cells))
+            if is_solid(thickness, coarse):
+                return f"it is a matter of fineness: `tolerance` {tolerance:g} was tried and is solid"
         return _smaller("thickness", thickness, is_solid, len(surface.cells))
 
     def _rimmed(self, wall: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
