@@ -83,7 +83,7 @@ class WallMaker:
         return Solid(mesh, folded_places(surface), folds, thin + kept)
 
     def smaller(self, surface: Mesh, thickness: float, held: Held) -> str:
-        """Name a coarser mesh, or a smaller thickness, whose wall is found to be solid, judged as one that is asked for."""
+        """Name a coarser mesh, or a smaller thickness, whose wall is found to be solid, judged as the one asked for."""
 
         def is_solid(thickness: float, surface: Mesh = surface) -> bool:
             if offset_folds(self.spec, surface, thickness):
