@@ -67,10 +67,9 @@ def evaluate(
 
     PARAMS is a file, or standard input: one parameter on each line, "t" for a curve and "u v" for a surface, separated
     by blanks, tabs or a comma. Empty lines and what follows a # are skipped. Each parameter gives one line, with the
-    shortest digits that read back exactly. --json prints {"schema": 1, "points": [...], "parameters": [...]}, or
-    "basis", and "derivatives" (a row for each parameter), "second_derivatives" (uu, uv, vv), "normals" and "curvature",
-    with null for nan and inf. With --header each line begins with its parameters, below the names of the columns: "u v
-    T0 T1 ..." with --basis, and "x_u y_u z_u x_v ..." for derivatives.
+    shortest digits that read back exactly. --json prints "points" or "basis", "derivatives" (a row for each parameter),
+    "second_derivatives" (uu, uv, vv), "normals", "curvature" and "parameters", with null for nan and inf. With --header
+    each line begins with its parameters, below the names of the columns.
 
     A parameter within rounding of an edge lies on it. If the next knots are near to that edge (0.01, say), no toric
     parameter stands for the points between: --parametrization linear reaches them.

@@ -12,11 +12,12 @@ from gtb_cli.solids.solidity import folded_pairs
 from gtb_cli.theory.patch import Patch
 
 
-def sharp_turns(patch: Patch) -> int:
-    """Count the triangle sides in a mesh of some thousand at which the image turns by more than a right angle."""
+def sharp_turns(patch: Patch) -> FloatArray:
+    """(k, 3) places of a mesh of some thousand sides at which the image turns by more than a right angle."""
     rings = 16
     part = central_triangulation(patch.domain, rings)
-    return len(folded_pairs(patch.evaluate(part.parameters, "linear"), part.cells))
+    points = patch.evaluate(part.parameters, "linear")
+    return np.asarray(points[part.cells[folded_pairs(points, part.cells)[:, 0]]].mean(axis=1))
 
 
 def folds(patch: Patch) -> int:

@@ -104,7 +104,7 @@ def fill_loop(
         found: list[_Attempt] = []
         for patch in _solved(edges, normals, fields, seconds, inner, fullness):
             turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
-            turns, folds = sharp_turns(patch), count_folds(patch)
+            turns, folds = len(sharp_turns(patch)), count_folds(patch)
             folds += sum(corner_limits(patch, int(k)).folds for k in np.flatnonzero(sound))
             faults = turns + 1000 * (folds + turned)
             found.append(((faults, bool(found)), patch, times, turns, folds))
