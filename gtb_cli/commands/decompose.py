@@ -39,8 +39,7 @@ def decompose(
     Print the regular decomposition that a lifting induces: the cells, and the knots that no cell contains.
 
     Knots are lifted by their lifting values; each upper face of their hull is a cell. Knots are numbered from 0.
-    --json prints {"schema": 1, "cells": [[...]], "polygons": [[...]], "absent": [...]}, where a polygon lists the
-    corners of a cell counter-clockwise; for a model it prints a list of these as "patches".
+    --json prints "cells", "polygons" (corners counter-clockwise) and "absent"; of a model, a list of these, "patches".
 
     --all prints every decomposition that some lifting induces, numbered from 0 in lexicographic order of the cells; as
     JSON with a lifting that induces it, the dimension of the cone of these, and the number of knots that cells use.

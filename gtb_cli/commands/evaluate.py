@@ -65,9 +65,8 @@ def evaluate(
 
     Evaluate points, or the basis, at given parameters, with derivatives, normals and curvature on request.
 
-    PARAMS is a file, or standard input: one parameter on each line, "t" for a curve and "u v" for a surface, separated
-    by blanks, tabs or a comma. Empty lines and what follows a # are skipped. Each parameter gives one line, with the
-    shortest digits that read back exactly. --json prints "points" or "basis", "derivatives" (a row for each parameter),
+    PARAMS is a file, or standard input: one parameter on each line, "t" for a curve and "u v" for a surface. Each gives
+    one line, with the shortest digits that read back exactly. --json prints "points" or "basis", "derivatives",
     "second_derivatives" (uu, uv, vv), "normals", "curvature" and "parameters", with null for nan and inf. With --header
     each line begins with its parameters, below the names of the columns.
 

@@ -168,7 +168,7 @@ def difference(
     if matched is not None:
         place = int(matched.distances.argmax())
         vertex, other = int(matched.vertices[place]), int(matched.others[place])
-        distance = float(matched.distances[place])
+        distance, points = float(matched.distances[place]), a.mesh.vertices[matched.vertices]
         return made(
             method="vertices",
             distance=distance,
@@ -181,7 +181,7 @@ def difference(
             group=_group(a.mesh, vertex),
             turned=matched.turned,
             remarks=matched.remarks,
-            words=told_motion(a.mesh.vertices[matched.vertices], b.mesh.vertices[matched.others], allowed),
+            words=told_motion(points, b.mesh.vertices[matched.others], allowed) if distance > allowed else (),
             values=unlike_values(a, b, matched) if distance <= allowed and "attributes" not in ignore else (),
         )
     lone, found = lone_faces(a.mesh, b.mesh, allowed), None

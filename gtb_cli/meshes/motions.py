@@ -55,11 +55,10 @@ def _words(turn: FloatArray, scale: float, shift: FloatArray) -> tuple[str, ...]
 
 def _axis(turn: FloatArray) -> tuple[str, float]:
     """The axis of a rotation, by its letter if it has one, and the angle in degrees, counter-clockwise."""
-    from scipy.spatial.transform import Rotation
-
-    vector = np.degrees(Rotation.from_matrix(turn).as_rotvec())
-    degrees = float(np.linalg.norm(vector))
-    axis = vector / (degrees or 1.0)
+    axis = np.linalg.eigh(turn + turn.T)[1][:, -1]
+    twice_sine = float(axis @ [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    degrees = math.degrees(math.atan2(abs(twice_sine), np.trace(turn) - 1))
+    axis = axis * math.copysign(1.0, twice_sine)
     if degrees > 180 - 1e-6:  # then both directions are right
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
     for letter, along in zip("xyz", axis, strict=True):

@@ -26,6 +26,8 @@ def faults_about(error: Exception) -> list[Fault]:
             return [Fault(shortage())]
         case ImportError(msg=str() as text) if "failed to map segment" in text:  # of a library too large for the memory
             return [Fault(shortage())]
+        case ImportError(name=str() as name) if not name.startswith("gtb_cli"):
+            return [Fault(f"this needs {name.partition('.')[0].strip('_')}, which is missing here")]
         case OSError(filename=str() | bytes() as name):
             return [Fault(str(error.strerror), os.fsdecode(name))]
         case OSError(errno=number) if number in system_limits:
