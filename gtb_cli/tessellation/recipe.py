@@ -242,8 +242,9 @@ class Recipe:
         """Say to which side a wall grows."""
         if self.thickness is None:
             return ""
-        sides = ("along its normals", "against its normals") if self._is_open(spec) else ("outwards", "inwards")
-        return f", thickened {sides[self.thickness < 0]}"
+        if self._is_open(spec):
+            return f", thickened {'against' if self.thickness < 0 else 'along'} its normals"
+        return f", thickened {'inwards' if self.thickness < 0 else 'outwards'}, hollow"
 
     def _is_open(self, spec: Patch | Model) -> bool:
         from gtb_cli.models.model import joints_of, with_weld
