@@ -90,10 +90,9 @@ def fill(
 
     Print the spec of one patch that fills a hole with three or more sides, or a model if the hole has to be cut.
 
-    LOOP is a spec whose patches are the sides, in any order: rational Bézier curves, each with a "ribbon" if the patch
-    is to touch tangent planes along it (the second row of control points, as many as in the first). It may also be a
-    .gbp or .lop file; or a model of surfaces, which is printed with the patch, or a STEP, IGES or BREP file (with the
-    extra gtb-cli[cad]), of which an open ring of edges is filled.
+    LOOP is a spec whose patches are the sides, in any order: rational Bézier curves, each with a "ribbon", the second
+    row of control points, if the patch is to touch tangent planes along it. It may also be a .gbp or .lop file; or a
+    model of surfaces, or a STEP, IGES or BREP file (extra gtb-cli[cad]), of which an open ring of edges is filled.
 
     With -o FILE.step (or .iges or .brep) the patch is written as B-splines that keep its tangent planes: sewn to the
     faces of the part, a solid where that is closed, with what was measured of its seams in the file's own surfaces.
