@@ -98,10 +98,10 @@ class WallMaker:
 
         if len(crossing_pairs(surface.vertices, surface.faces)[0]):
             return "no thickness is solid, as the surface passes through itself"
-        if abs(thickness) <= CROSSING_DEPTH * max(surface.bounds[1] - surface.bounds[0]):
+        if abs(thickness) <= CROSSING_DEPTH * (size := max(surface.bounds[1] - surface.bounds[0])):
             return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
         with suppress(ToleranceError):
-            tolerance = float(f"{abs(thickness) / 50:.1g}")
+            tolerance = float(f"{min(abs(thickness) / 50, size / 500):.1g}")
             coarse = tessellate(self.spec, None, tolerance, normals=True, max_faces=len(surface.cells))
             if is_solid(thickness, coarse):
                 return f"it is a matter of fineness: `tolerance` {tolerance:g} was tried and is solid"
