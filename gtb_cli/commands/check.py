@@ -30,8 +30,7 @@ def check(request: ReportRequest, console: Console) -> None:
     Each property gets a line: whether it holds, the largest violation and what rounding allows (relative to sizes),
     where the paper states it, and what was measured. A property whose conditions are not met is "not applicable", one
     that rounding hides is "not decided", and a number without a verdict is "measured". In a model, each patch and the
-    joints between patches are checked; what fails is listed, and --json has the rest. Several specs get a line each,
-    unless --long or --json asks for everything. Exit status 1 if a property fails.
+    joints between patches are checked; what fails is listed, and --json has the rest. Exit status 1 if one fails.
     """
     from gtb_cli.checks.report import counts
 

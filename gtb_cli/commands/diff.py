@@ -98,8 +98,8 @@ def diff(
     The tolerance is never less than what the numbers in the files can hold; the size is the diagonal of the smaller
     bounding box. Where a distance of surfaces is not proved within it, a warning, the report and "proved" say so.
 
-    In two folders, all files of the same name are compared: those that are not meshes, nor specs of folders without
-    meshes, by their bytes. A missing or an extra file is a difference. Hidden files and manifests do not count.
+    In two folders, all files of the same name are compared, others than meshes by their bytes. A missing or an extra
+    file is a difference. Hidden files and manifests do not count.
 
     Exit status 0 if everything agrees within the tolerance, 1 if not, 2 if something cannot be read.
     """

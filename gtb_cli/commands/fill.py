@@ -94,8 +94,7 @@ def fill(
     row of control points, if the patch is to touch tangent planes along it. It may also be a .gbp or .lop file; or a
     model of surfaces, or a STEP, IGES or BREP file (extra gtb-cli[cad]), of which an open ring of edges is filled.
 
-    With -o FILE.step (or .iges or .brep) the patch is written as B-splines that keep its tangent planes: sewn to the
-    faces of the part, a solid where that is closed, with what was measured of its seams in the file's own surfaces.
+    With -o FILE.step (or .iges, .brep) the patch is B-splines that keep its tangent planes, sewn to the part's faces.
 
     Along each side with a ribbon the tangent planes are exact up to rounding. With --continuity g2 so is the curvature:
     that of a neighbour in a model, of a .gbp file of degree 5 or more, or of the strip of a curve, its "ribbon" and its

@@ -25,9 +25,8 @@ def fit(points: str, knots: tuple[float, ...] | None, streams: Streams) -> None:
 
     Print the spec of a curve through points, found by progressive iterative approximation.
 
-    POINTS is a file, or standard input, with 2 to 100 points, one on each line: "x y" or "x y z", separated by blanks,
-    tabs or a comma. Empty lines and what follows a # are skipped. The curve begins at the first point, ends at the
-    last, and misses no point by more than 1e-12 of the largest coordinate.
+    POINTS is a file, or standard input, with 2 to 100 points, one on each line: "x y" or "x y z". The curve begins at
+    the first point, ends at the last, and misses no point by more than 1e-12 of the largest coordinate.
     """
     from gtb_cli.fairing.fit import fit as fitted
     from gtb_cli.language.writer import dump

@@ -26,9 +26,8 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
 
     Print a file of another program as a spec: a patch, or a model of several.
 
-    Formats: toric patches (.trp), BezierView (.bv), Bézier nets (.bpt, .bzr), and, by Open CASCADE (the extra
-    gtb-cli[cad]), the untrimmed faces of STEP, IGES and BREP files, exactly, span by span. A message names what a patch
-    cannot hold, such as trimmed faces. Boundaries of holes (.gbp, .lop) are filled as gtb fill does.
+    Formats: .trp (toric patches), .bv (BezierView), .bpt, .bzr (Bézier nets); with gtb-cli[cad] STEP, IGES and BREP,
+    whose untrimmed faces are exact. Boundaries of holes (.gbp, .lop) are filled as gtb fill does.
     """
     from gtb_cli.filling.loops import SUFFIXES, loop_from_text
     from gtb_cli.filling.one_patch import fill_loop

@@ -33,18 +33,13 @@ def info(request: ReportRequest, console: Console) -> None:
 
     Say what specs describe, or what meshes and parts measure.
 
-    Of a spec: the kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any
-    knots), knots and edges numbered from 0, the bounding box of the surface, how far the parametrisation is from
-    linear, and length, area or volume (of closed models), with an estimate of their accuracy. Several specs and meshes,
-    or those in a folder, get a line each, unless --long or --json asks for everything. If one cannot be read, a message
-    says so and the exit status is 2.
+    Of a spec: the kind, knots and edges numbered from 0, the bounding box of the surface, how far the parametrisation
+    is from linear, and length, area or volume (of closed models), with an estimate of their accuracy. Several specs and
+    meshes, or those in a folder, get a line each, unless --long or --json asks for everything.
 
-    Of an OBJ, PLY, STL, GLB or 3MF file: faces (polygons are cut into triangles around their first corners), bounds,
-    parts, area, volume (of a closed surface; negative if it looks inwards), edges that are open, crowded (with more
-    than two faces) or turned (with two that look in opposite directions), collapsed faces, and groups. --json has all
-    digits and groups; the text has those that are the same on all processors, for git diff: git config
-    diff.gtb.textconv "gtb info". A mesh without faces, or with coordinates that are not finite, is said to be so.
-    Of a STEP, IGES or BREP file (gtb-cli[cad]): faces, solids, holes, bounds, area and volume.
+    Of an OBJ, PLY, STL, GLB or 3MF file: faces, bounds, parts, area, volume (negative if it looks inwards), edges that
+    are open, crowded (with more than two faces) or turned, digests and groups, in digits that are the same on all
+    processors: git config diff.gtb.textconv "gtb info". Of a STEP, IGES or BREP file: faces, solids, holes, sizes.
     """
     in_full = request.in_full
     report = partial(_found, in_full=request.as_json or in_full, with_extents=not request.in_lines)

@@ -112,9 +112,8 @@ def mesh(
     For Blender, -o x.glb: one thing that stands upright, with a part, name and colour for each patch, smooth where the
     surface is. Its importer of OBJ files takes y for the vertical axis, which --up y makes of z.
 
-    STEP, IGES and BREP files (extra gtb-cli[cad]) hold surfaces: the exact rational Bézier pieces of each patch that
-    has them, or pieces fitted within --tolerance. They are sewn, and are a solid if closed. VTU files, for ParaView,
-    hold such pieces as curved cells or, without any, quadratic ones.
+    STEP, IGES and BREP files (extra gtb-cli[cad]) hold surfaces: exact rational Bézier pieces, or pieces fitted within
+    --tolerance, sewn. VTU files, for ParaView, hold such pieces as curved cells.
     """
     output, console, reading = streams.output, streams.console, streams.reading
     if (surfaces := surface_format(options.format, output)) is not None:

@@ -129,9 +129,7 @@ def plot(
     """\b
     Example: gtb plot specs/pentagon.toml -o pentagon.png
 
-    Draw a spec, or the way to a limit, as a figure or a film.
-
-    Figures are PNG, SVG or PDF; films, of sequences only, are GIF.
+    Draw a spec, or the way to a limit, as a figure: PNG, SVG or PDF; or a sequence as a film: GIF.
 
     \b
     curve, surface  with control points and the net of the lifting or, without one, of the lattice;
@@ -144,8 +142,6 @@ def plot(
                     limit's net is drawn over each, and at step 0 the patch's own
     distance        of such a sequence from its limit, with logarithmic axes
 
-    Shading uses the surface's own normals at the vertices of a mesh, interpolated between them, and means of the faces'
-    where it has none. In SVG and PDF, lines and labels are vectors and text, and shading is an image.
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
     output = streams.output

@@ -45,8 +45,7 @@ def elevate(spec: Spec, by: int) -> Spec:
 
     Print the spec of the same curve or surface with more knots, weights and control points to work with.
 
-    For Bézier curves, triangles and tensor product patches this is classical degree elevation. A lifting is left out.
-    Each patch of a model is elevated.
+    For Bézier patches this is classical degree elevation. A lifting is left out.
     """
     from gtb_cli.bezier.elevation import elevate as elevated
     from gtb_cli.models.model import Model
@@ -95,8 +94,7 @@ def bezier(spec: str, split: tuple[float, ...] | None, streams: Streams) -> None
     Print the exact rational Bézier pieces as a model: a rectangle for each corner of a surface, two curves for a curve.
 
     Such pieces exist if the distances of the knots from each edge are multiples of a common step, as they are for
-    integers; otherwise the error says why not. The image is the same, all weights are positive, and if two patches
-    share an edge, their pieces share it too.
+    integers; otherwise the error says why not. The image is the same, and all weights are positive.
     """
     from gtb_cli.bezier.pieces import bezier_pieces, split_curve
     from gtb_cli.language.writer import dump
@@ -136,9 +134,8 @@ def coefficients(spec: Spec, at: tuple[float, ...] | None) -> Spec:
 
     Print the spec with coefficients for which the GT-Bernstein basis adds up to 1 at some parameters.
 
-    Such coefficients exist for distinct knots, but they need not be positive. If one is not, there is no such basis,
-    and the error gives the values. For Bézier curves, triangles and tensor product patches they are those of the
-    Bernstein basis, up to a factor, and the sum is 1 everywhere.
+    Such coefficients exist for distinct knots, but they need not be positive: then the error gives the values. For
+    Bézier curves, triangles and rectangles they are those of the Bernstein basis, and the sum is 1 everywhere.
     """
     import numpy as np
 
@@ -173,10 +170,8 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
 
     Print the spec of the same patch, or model, with inner control points that make it fair.
 
-    Knots and weights stay, and edges where patches of a model meet smoothly stay smooth. By default neither bending, ∫
-    κ₁² + κ₂², nor its variation, area · ∫ |∇H|², becomes larger; a patch that no step makes fairer stays as it is.
-    Thin-plate and Dirichlet energy are integrals in the linear parametrization over the domain without its outermost
-    thousandth, where that of a thin plate may be infinite; they are least, and the surface may vary more.
+    Knots and weights stay, and edges where patches of a model meet smoothly stay smooth. By default neither bending nor
+    its variation becomes larger; thin-plate and Dirichlet energy are least, and the surface may vary more.
     """
     from gtb_cli.fairing.fair import fair as made_fair
     from gtb_cli.language.writer import dump

@@ -44,11 +44,8 @@ def degenerate(
 
     Let the weights x^λ ω grow: write a mesh for each x, and the limit, which is the regular control curve or surface.
 
-    All meshes have the same faces, so that they can be compared or morphed vertex by vertex; edges of the cells of the
-    regular decomposition are edges of the meshes. If x falls from 1 to 0, the limit is that of -λ. sequence.json lists
-    the files with their distances from the limit, and how fast these fall.
-
-    gtb view shows them one after the other, with a slider.
+    All meshes have the same faces. If x falls from 1 to 0, the limit is that of -λ. sequence.json lists the files with
+    their distances from the limit, and how fast these fall; gtb view shows them with a slider.
     """
     if out.emits_spec and len(set(values)) != 1:
         raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(values))}")
@@ -100,9 +97,8 @@ def knot_limit(spec: str, moves: dict[int, int], steps: tuple[float, ...], out: 
 
     Move knots to the places of others: write a mesh for each step of the way, and the limit, which is the merged patch.
 
-    Knots are numbered from 0. All meshes have the same faces. sequence.json lists the files with their distances from
-    the limit. If a knot moves to an end, an edge or a corner, the limit holds only inside, and as a set it also
-    includes a film: a message says so, and sequence.json has the distances from both.
+    Knots are numbered from 0. All meshes have the same faces, and sequence.json their distances from the limit. If a
+    knot moves to an end, an edge or a corner, the limit holds only inside, and as a set it also includes a film.
     """
     from gtb_cli.language.writer import dump
     from gtb_cli.limits.knot_limit import knot_limit as limit_of

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, segments, single_half_steps, stacked, triangles
+from gtb_cli.formats.file_arrays import (
+    SINGLE_FLOAT,
+    FileArrays,
+    mark_of,
+    segments,
+    single_half_steps,
+    stacked,
+    triangles,
+)
 from gtb_cli.formats.glb_tree import HEADER_BYTES, accessor_values, glb_chunks, placed_meshes
 from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Mesh, Values
 from gtb_cli.meshes.topology import compacted
@@ -218,7 +226,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
     groups = []
     others: dict[str, list[_Part]] = {}
-    colours: list[tuple[int, list[float] | None]] = []
+    materials: list[tuple[int, list[float] | None]] = []
     count = rows = used = 0
     for mesh, name, place in placed_meshes(tree):
         before = rows
@@ -248,9 +256,8 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
                     others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
             count += len(positions)
             rows += len(found)
-            material = tree["materials"][primitive["material"]] if "material" in primitive else {}
-            colour = material.get("pbrMetallicRoughness", {}).get("baseColorFactor")
-            colours.append((rows, colour and [float(colour[k]) for k in range(4)]))
+            row = _material(tree, tree["materials"][primitive["material"]]) if "material" in primitive else None
+            materials.append((rows, row))
         name = name or str(mesh.get("name", ""))
         if name and rows > before:
             groups.append((name, before, rows))
@@ -279,7 +286,18 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
             for name, parts in others.items()
         }
 
-    return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, colours)
+    return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, materials)
+
+
+def _material(tree: dict[str, Any], material: dict[str, Any]) -> list[float]:
+    """The colour of a material, and a mark of all else that it has, but for its name and the bytes of pictures."""
+    shading = dict(material.get("pbrMetallicRoughness", {}))
+    colour = [float(part) for part in shading.pop("baseColorFactor", (1, 1, 1, 1))]
+    rest = [
+        material | {"pbrMetallicRoughness": shading, "name": ""},
+        *map(tree.get, ("textures", "images", "samplers")),
+    ]
+    return [*colour[:4], mark_of(json.dumps(rest, sort_keys=True))]
 
 
 _ATTRIBUTES = {"NORMAL": NORMALS, "TEXCOORD_0": TEXTURE}

@@ -13,7 +13,7 @@ import numpy as np
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.files import read_file
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point
-from gtb_cli.meshes.mesh import GROUPS, KnownMesh, Mesh, Values, largest_coordinates, rounding
+from gtb_cli.meshes.mesh import GROUPS, MATERIALS, KnownMesh, Mesh, Values, largest_coordinates, rounding
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
 MAX_FILE_BYTES = 1 << 31  # largest size of a file in bytes; larger ones are refused
@@ -81,12 +81,11 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
             for name, start, stop in groups:
                 rows[start:stop] = numbers[name]
             found[GROUPS] = rows, np.repeat(np.arange(len(rows))[:, None], mesh.cells.shape[1], axis=1)
-        if any(colour for _, colour in content.colours):
-            ends, colours = zip(*content.colours, strict=True)
+        if width := max((len(row) for _, row in content.materials if row), default=0):
+            ends, marks = zip(*content.materials, strict=True)
             part = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
-            rows = np.array([[np.nan] * 4 if colour is None else colour for colour in colours])
-            name = "colours in sRGB" if kind == "3mf" else "colours in linear light"
-            found[name] = rows, np.repeat(part[:, None], mesh.cells.shape[1], axis=1)
+            rows = np.array([row or [np.nan] * width for row in marks])
+            found[f"{MATERIALS}{kind.upper()}"] = rows, np.repeat(part[:, None], mesh.cells.shape[1], axis=1)
         return found
 
     half_steps = content.half_steps(largest) + rounding(largest)

@@ -4,13 +4,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
-from gtb_cli.formats.file_arrays import FileArrays, faulty_point, segments, stacked, triangles
+from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, stacked, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
 from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Values
 
@@ -77,7 +78,7 @@ class _ObjLines:
         self.words: list[bytes] = []
         self.cells: dict[bytes, list[IntArray]] = {b"f": [], b"l": []}
         self.cell_count = 0
-        self.names: list[tuple[str, int]] = []
+        self.names: list[tuple[str, bool, int]] = []  # of groups, or of materials
 
     def read(self, lines: list[bytes], number: int) -> None:
         """Read lines, the first of which has this `number`. The first wrong one is found by halving."""
@@ -118,7 +119,7 @@ class _ObjLines:
             corners -= 1
             cells[keyword] = made(corners, counts)
             ends = np.concatenate([[0], np.cumsum(counts - fewer)])
-            through = np.searchsorted(places[keyword], [place for place, _ in names])
+            through = np.searchsorted(places[keyword], [place for place, *_ in names])
             starts = [start + int(ends[row]) for start, row in zip(starts, through, strict=True)]
         wanted = max(0, SAMPLED_VERTICES - len(self.words) // 3)
         self.words += [word for place in places[b"v"][:wanted] for word in lines[place].split()[1:4]]
@@ -127,31 +128,29 @@ class _ObjLines:
         for keyword, part in cells.items():
             self.cells[keyword].append(part)
             self.cell_count += len(part)
-        self.names += zip((name for _, name in names), starts, strict=True)
+        self.names += [(name, is_used, start) for (_, name, is_used), start in zip(names, starts, strict=True)]
 
     def content(self) -> FileArrays:
         """The whole content."""
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
         vertices = stacked(self.vertices, 3, np.float64)
-        starts = [start for _, start in self.names] + [self.cell_count]
-        groups = [
-            (name, start, stop)
-            for (name, start), stop in zip(self.names, starts[1:], strict=True)
-            if name and stop > start
-        ]
+        named, used = ([(n, start) for n, is_used, start in self.names if is_used == kind] for kind in (False, True))
+        groups = [(name, a, b) for (name, a), (_, b) in pairwise([*named, ("", self.cell_count)]) if name and a < b]
+        ends = [*(start for _, start in used), self.cell_count]
+        materials = tuple(zip(ends, [None, *([mark_of(name)] for name, _ in used)], strict=True))
         cells = stacked(self.cells[b"l"], 2, np.int32) if self.cells[b"l"] else stacked(self.cells[b"f"], 3, np.int32)
-        return FileArrays(vertices, cells, partial(half_step, self.words), tuple(groups))
+        return FileArrays(vertices, cells, partial(half_step, self.words), tuple(groups), materials=materials)
 
 
-def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, str]]]:
-    """Return the places of lines with vertices and cells by keyword, and the names of groups with their places.
+def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, str, bool]]]:
+    """Return the places of lines with vertices and cells by keyword; and those of names, and if these are materials'.
 
     A keyword followed by another separator is changed to have a blank after it.
     """
     # Keywords of single points, and of anything but geometry
     ignored_keywords = set(
-        b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split()
+        b"vn vt p s mg mtllib maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split()
     )
     # Keywords of free-form curves and surfaces
     free_form_keywords = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
@@ -167,8 +166,8 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
         if keyword in MIN_NUMBERS:
             known[keyword + b" "].append(place)
             lines[place] = keyword + b" " + rest
-        elif keyword in (b"g", b"o"):
-            names.append((place, b" ".join(rest.split()).decode("utf-8", "replace")))
+        elif keyword in (b"g", b"o", b"usemtl"):
+            names.append((place, b" ".join(rest.split()).decode("utf-8", "replace"), keyword == b"usemtl"))
         elif keyword in free_form_keywords:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
         elif keyword and not keyword.startswith(b"#") and keyword not in ignored_keywords:

@@ -197,7 +197,7 @@ class _Reader:
         vertices: list[FloatArray] = []
         cells: list[IntArray] = []
         groups: list[tuple[str, int, int]] = []
-        colours: list[tuple[int, list[float] | None]] = []
+        materials: list[tuple[int, list[float] | None]] = []
         count = rows = used = 0
         stack = [(*item, len(order)) for item in reversed(self.items)]
         while stack:
@@ -218,13 +218,13 @@ class _Reader:
             for (start, part), end in zip(mesh.parts, ends, strict=False):
                 name, colour = self.material_of(part) or (mesh.name, b"")
                 groups.append((name or key, rows + start, rows + end))
-                colours.append((rows + end, [part / 255 for part in colour] or None))
+                materials.append((rows + end, [part / 255 for part in colour] or None))
             count, rows = count + len(vertices[-1]), rows + len(found)
             inner = reversed(self.components[key])
             stack += [(link, transformation @ place, order[key]) for link, transformation in inner]
         arrays = stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32)
         return FileArrays(
-            *arrays, single_half_steps, tuple(groups), ", ".join([self.unit, *sorted(self.kinds)]), colours=colours
+            *arrays, single_half_steps, tuple(groups), ", ".join([self.unit, *sorted(self.kinds)]), materials=materials
         )
 
     def material_of(self, part: tuple[str | None, str | None]) -> tuple[str, bytes] | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.meshes.correspondence import Matching
-from gtb_cli.meshes.mesh import FACETS, GROUPS, NORMALS, KnownMesh
+from gtb_cli.meshes.mesh import FACETS, GROUPS, MATERIALS, NORMALS, KnownMesh
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers
@@ -28,7 +28,7 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
         elif name in here and name in there:
             (rows, of), (others, others_of) = here[name], there[name]
             one, other = matched.slots
-            step = a.mesh.cells.shape[1] if name == GROUPS else 1  # a group has whole cells
+            step = a.mesh.cells.shape[1] if name.startswith((GROUPS, MATERIALS)) else 1  # these have whole cells
             found = rows[of.ravel()[one[::step]]], others[others_of.ravel()[other[::step]]]
             remarks += _unlike(name, *found, a.mesh.cells.ravel()[one[::step]])
         elif a.format == b.format:
@@ -39,9 +39,9 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
     if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
-    if name == GROUPS:
-        moved = np.flatnonzero(rows != others)
-        told = f"{len(moved)} {'cell is' if len(moved) == 1 else 'cells are'} in another one, first at vertex"
+    if name.startswith((GROUPS, MATERIALS)):
+        moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
+        told = f"{len(moved)} {'cell has' if len(moved) == 1 else 'cells have'} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
     if name == NORMALS:
         with np.errstate(invalid="ignore", divide="ignore"):

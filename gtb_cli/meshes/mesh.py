@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 # By name: (r, w) numbers, and the (k, c) rows of them that the corners of cells have
 Values: TypeAlias = dict[str, tuple[FloatArray, IntArray]]
 # Names of values that are not attributes; the normals of an STL file's facets follow from their corners
-NORMALS, TEXTURE, FACETS, GROUPS = "normals", "texture coordinates", "facet normals", "groups"
+NORMALS, TEXTURE, FACETS = "normals", "texture coordinates", "facet normals"
+GROUPS, MATERIALS = "groups", "materials in "  # these with the format: no other has the same
 
 
 @by_value

@@ -48,6 +48,7 @@ def in_options(message: str) -> str:
         "ascii": "--ascii",
         'continuity="g0"': "--continuity g0",
         "distances=False": "--no-distance",
+        "fill": "gtb fill",
         "fit": "gtb fit",
         "hole": "--hole EDGE",
         "let": "--set",
