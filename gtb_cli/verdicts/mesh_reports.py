@@ -53,7 +53,7 @@ def _report(known: KnownMesh) -> dict[str, Any]:
         report["turned_edges"] = measures.turned_edges
     centroid, spread = moments(mesh)
     report |= {"centroid": centroid, "second_moments": spread}
-    held = {name: _digest(rows, of) for name, (rows, of) in sorted(known.values().items())}
+    held = {name: _digest(rows[of]) for name, (rows, of) in sorted(known.values().items())}
     digests = {"digests": {"positions": _digest(mesh.vertices), cells: _digest(mesh.cells), **held}}
     return {**report, f"collapsed_{cells}": measures.collapsed, **digests, "groups": groups}
 
