@@ -28,7 +28,7 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
         elif name in here and name in there:
             (rows, of), (others, others_of) = here[name], there[name]
             one, other = matched.slots
-            step = a.mesh.cells.shape[1] if name.startswith((GROUPS, MATERIALS)) else 1  # these have whole cells
+            step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
             found = rows[of.ravel()[one[::step]]], others[others_of.ravel()[other[::step]]]
             remarks += _unlike(name, *found, a.mesh.cells.ravel()[one[::step]])
         elif a.format == b.format:
@@ -39,7 +39,7 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
     if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
-    if name.startswith((GROUPS, MATERIALS)):
+    if name == GROUPS or name.startswith(MATERIALS):
         moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
         told = f"{len(moved)} {'cell has' if len(moved) == 1 else 'cells have'} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
