@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.meshes.correspondence import Matching
-from gtb_cli.meshes.mesh import FACETS, GROUPS, MATERIALS, NORMALS, KnownMesh
+from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.correspondence import Matching, Slots
+from gtb_cli.meshes.mesh import FACETS, GROUPS, MATERIALS, NORMALS, KnownMesh, Values
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers
@@ -18,6 +19,11 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
     What only one of the meshes has is told if both are files of one format: others cannot hold the same.
     """
     here, there = ({name: found for name, found in each.values().items() if name != FACETS} for each in (a, b))
+    remarks = _remarks(a, b, here, there, matched.slots)
+    return remarks and _remarks(a, b, here, there, _paired_by_values(a.mesh.cells, here, there, matched.slots))
+
+
+def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
     remarks = []
     for name in sorted({*here, *there}):
@@ -27,13 +33,31 @@ def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, .
                 remarks.append(f"{name}: {gone} only in the first, {come} only in the second")
         elif name in here and name in there:
             (rows, of), (others, others_of) = here[name], there[name]
-            one, other = matched.slots
             step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
-            found = rows[of.ravel()[one[::step]]], others[others_of.ravel()[other[::step]]]
-            remarks += _unlike(name, *found, a.mesh.cells.ravel()[one[::step]])
+            one, other = (each[::step] for each in slots)
+            remarks += _unlike(name, rows[of.ravel()[one]], others[others_of.ravel()[other]], a.mesh.cells.ravel()[one])
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
+
+
+def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots) -> Slots:
+    """Pair faces with the same vertices that look to the same side by all that they hold, not by their order."""
+    one, other = (each.reshape(cells.shape).copy() for each in slots)
+    _, face = weld(np.sort(cells.ravel()[one], axis=1).astype(np.float64))
+    again = np.flatnonzero(np.bincount(face)[face] > 1)
+    if not len(again):
+        return slots
+    turn = np.argsort(cells.ravel()[one[again]], axis=1, kind="stable")
+    names = [name for name in sorted({*here} & {*there}) if here[name][0].shape[1:] == there[name][0].shape[1:]]
+    orders = []
+    for values, slot in ((here, one), (there, other)):
+        slot[again] = corners = np.take_along_axis(slot[again], turn, axis=1)
+        held = [rows[of.ravel()[corners]].reshape(len(again), -1) for rows, of in (values[name] for name in names)]
+        keys = np.column_stack([face[again], (corners[:, 1] - corners[:, 0]) % cells.shape[1] == 1, *held])
+        orders.append(again[np.lexsort(keys.T[::-1])])
+    other[orders[0]] = other[orders[1]]
+    return one.ravel(), other.ravel()
 
 
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from gtb_cli.meshes.mesh import KnownMesh, Mesh
 from gtb_cli.meshes.nearest import NearestCells, middles
 from gtb_cli.meshes.topology import are_used, component_count, components_of, sides_of
 
+Slots: TypeAlias = tuple[IntArray, IntArray]
+
 
 @dataclass(frozen=True)
 class Matching:
@@ -24,7 +27,7 @@ class Matching:
     distances: FloatArray
     turned: int  # faces that are turned over
     remarks: tuple[str, ...]  # how else the cells differ: in the vertices that they share
-    slots: tuple[IntArray, IntArray]  # corners, counted through all cells, that belong together
+    slots: Slots  # corners, counted through all cells, that belong together
 
 
 def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
@@ -205,7 +208,7 @@ def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
     sums = [np.bincount(part, marks[face, 0]), np.bincount(part, marks[face, 1] * odd)]
     rank = np.empty(len(sums[0]), dtype=np.int64)
     rank[np.lexsort(sums[::-1])] = np.arange(len(rank))
-    return np.lexsort((rank[part], face))
+    return np.lexsort((odd, rank[part], face))
 
 
 def _used_count(mesh: Mesh) -> int:

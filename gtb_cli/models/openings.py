@@ -103,7 +103,7 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
                 seen[other] = True
         names = [edge_name(patches, refs[row]) for row in ring[:MAX_SHOWN]]
         rest = f" and {len(ring) - MAX_SHOWN} more" if len(ring) > MAX_SHOWN else ""
-        rest += "; `fill` with `hole` fills it" if len(patches) > 1 and len(ring) > 2 else ""
+        rest += "; `fill` with `hole` can fill it" if len(patches) > 1 and len(ring) > 2 else ""
         lines.append(f"{names[0]} is open" + (f", in a ring with {', '.join(names[1:])}{rest}" if names[1:] else ""))
     if len(lines) > max_rings:
         lines[max_rings:] = [f"{len(lines) - max_rings} more rings of edges are open"]

@@ -307,3 +307,22 @@ def test_coinciding_bodies_are_the_same_in_any_order():
     cells = double.cells.copy()
     cells[0, 0] += count  # a face of one hangs on a corner of the other
     assert not difference(known_exactly(double), known_exactly(Mesh(double.vertices, cells))).same
+
+
+def test_faces_that_are_there_twice_have_no_order():
+    """Two faces on the same vertices: each looks to one of two sides, with one of two textures, and is in a group."""
+    kinds = list(itertools.product(("1/1 2/1 3/1", "3/1 2/1 1/1", "2/1 3/1 1/2"), "ab"))
+    rest = (("2/1 4/1 3/1", "a"), ("1/1 2/1 4/1", "b"))
+    read = {
+        pair: decode_mesh(
+            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\n"
+            + "".join(
+                f"g {group}\nf {' '.join(np.roll(corners.split(), turn))}\n"
+                for turn, (corners, group) in enumerate((*pair, *rest))
+            ).encode(),
+            "twice.obj",
+        )
+        for pair in itertools.product(kinds, repeat=2)
+    }
+    for one, other in itertools.product(itertools.combinations_with_replacement(kinds, 2), read):
+        assert difference(read[one], read[other]).same == (sorted(one) == sorted(other)), (one, other)
