@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Generator
+from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _TESTS = pytest.StashKey[dict[str, str]]()  # that have golden files of their names, by these
 _ASKED = pytest.StashKey[set[str]]()  # paths of golden files and of meshes that tests compared
+_PARTLY = pytest.StashKey[bool]()  # whether tests were left out
 _WRITTEN = pytest.StashKey[list[str]]()  # messages about the golden files that a test wrote
 
 
@@ -41,27 +42,38 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     """Fail a test that wrote golden files, at its end, so that one run writes those of all its checks."""
     result = yield
     if written := item.stash.get(_WRITTEN, None):
-        pytest.fail("\n".join(written), pytrace=False)
+        told = "\n".join(written)
+        written.clear()
+        pytest.fail(told, pytrace=False)
     return result
+
+
+def pytest_deselected(items: Sequence[pytest.Item]) -> None:
+    """Note that not all tests run."""
+    for item in items:
+        item.config.stash[_PARTLY] = True
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Tell the process that started this worker of pytest-xdist which golden files were asked for."""
     if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["gtb"] = sorted(session.config.stash.get(_ASKED, ()))
+        stash = session.config.stash
+        session.config.workeroutput["gtb"] = sorted(stash.get(_ASKED, ())), stash.get(_PARTLY, False)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any) -> None:
     """Gather what a worker has told."""
-    node.config.stash.setdefault(_ASKED, set()).update(getattr(node, "workeroutput", {}).get("gtb", ()))
+    asked, partly = getattr(node, "workeroutput", {}).get("gtb", ((), True))
+    node.config.stash.setdefault(_ASKED, set()).update(asked)
+    node.config.stash[_PARTLY] = partly or node.config.stash.get(_PARTLY, False)
 
 
 def pytest_terminal_summary(terminalreporter: Any, exitstatus: int, config: pytest.Config) -> None:
     """Name golden files in the folders of test modules that no test asked for, if all their tests ran and passed."""
     asked = config.stash.get(_ASKED, set())
-    partly = any(getattr(config.option, name, None) for name in ("keyword", "markexpr", "deselect", "lf"))
-    if exitstatus or partly or "::" in "".join(config.args) or {"skipped", "xfailed"} & terminalreporter.stats.keys():
+    partly = config.stash.get(_PARTLY, False) or "::" in "".join(config.args)
+    if exitstatus or partly or {"skipped", "xfailed", "xpassed"} & terminalreporter.stats.keys():
         return
     for folder in sorted({path.parent for path in map(Path, asked) if os.path.exists(f"{path.parent}.py")}):
         for path in sorted(folder.iterdir()):
@@ -70,12 +82,14 @@ def pytest_terminal_summary(terminalreporter: Any, exitstatus: int, config: pyte
 
 
 @pytest.fixture
-def mesh_regression(request: pytest.FixtureRequest) -> MeshRegression:
+def mesh_regression(request: pytest.FixtureRequest) -> Iterator[MeshRegression]:
     """Compare meshes with golden files beside the test: ``mesh_regression.check("lamp.toml", tolerance="1e-6", n=8)``.
 
     A golden file that is missing is written, and the test fails once; --force-regen renews those that differ likewise.
     """
-    return MeshRegression(request)
+    yield MeshRegression(request)
+    if written := request.node.stash[_WRITTEN]:  # by other fixtures, after the test
+        pytest.fail("\n".join(written), pytrace=False)
 
 
 class MeshRegression:

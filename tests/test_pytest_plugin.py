@@ -96,7 +96,7 @@ def test_other(mesh_regression):
     steps = """
 run()
 [shutil.copy("test_lamp/input.obj", "test_lamp/" + name) for name in ("old.obj", "old.obtained.obj", "notes.txt")]
-run(), run("-k", "lamp"), run("test_lamp.py::test_lamp"), run("-n", "2")
+run(), run("-k", "other"), run("test_lamp.py::test_lamp"), run("-n", "2")
 """
     texts = [text for _, text in runs(folder, test, steps)]
     line = f"no test asked for the golden file {folder / 'test_lamp' / 'old.obj'}"

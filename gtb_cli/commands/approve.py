@@ -71,7 +71,8 @@ def approve(
     left = len(verdicts) - len(taken) - (len(gone) if prune else 0)
     console.note(f"{golden}: {len(taken)} taken over, {left} left as they are")
     if gone and not prune:
-        console.warn(f"{golden}: {len(gone)} files are not in {out}; --prune removes them")
+        are, them = ("file is", "it") if len(gone) == 1 else ("files are", "them")
+        console.warn(f"{golden}: {len(gone)} {are} not in {out}; --prune removes {them}")
 
 
 def _refuse_folders(golden: str, out: str) -> None:
@@ -107,6 +108,8 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
     """
     chosen, unknown = dict[str, None](), list[str]()
     for name in names:
+        if not name:
+            raise click.UsageError("a name of a file is empty")
         here = [name, os.path.normpath(name), *(os.path.relpath(name, folder) for folder in (golden, out))]
         found = [each for each in here if each in verdicts][:1]
         found = found or [key for key in verdicts if any(fnmatchcase(key, each) for each in here)]

@@ -39,7 +39,8 @@ def info(request: ReportRequest, console: Console) -> None:
 
     Of an OBJ, PLY, STL, GLB or 3MF file: faces, bounds, parts, area, volume (negative if it looks inwards), edges that
     are open, crowded (with more than two faces) or turned, digests and groups, in digits that are the same on all
-    processors: git config diff.gtb.textconv "gtb info". Of a STEP, IGES or BREP file: faces, solids, holes, sizes.
+    processors: the page of commands has the lines by which git diff shows them. Of a STEP, IGES or BREP file: faces,
+    solids, holes, sizes.
     """
     in_full = request.in_full
     report = partial(_found, in_full=request.as_json or in_full, with_extents=not request.in_lines)

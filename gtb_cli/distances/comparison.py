@@ -165,6 +165,7 @@ def compared(
         forward=found.forward,
         backward=found.backward,
         same_kind=a.spec.patches[0].dimension == b.spec.patches[0].dimension,
+        is_curve=a.spec.patches[0].dimension == b.spec.patches[0].dimension == 1,
     )
 
 

@@ -1,14 +1,15 @@
 """The content of a mesh file, and its accuracy."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import field
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices
-from gtb_cli.meshes.mesh import Values
+from gtb_cli.meshes.mesh import COLOURS, FACETS, GROUPS, MATERIALS, NORMALS, OBJECTS, OTHER, TEXTURE, Values
 from gtb_cli.values import frozen
 
 STL_HEADER_BYTES = 84  # bytes before the facets of a binary STL file; the last four are the number of facets
@@ -23,7 +24,7 @@ class FileArrays:
 
     `half_steps` gives the largest rounding of a coordinate along each axis, half a unit in the last digit or bit, at
     (3,) largest coordinates. `space` is what the file says of the unit and the vertical axis, in words. `values` reads
-    what else it holds at the corners of its cells; `materials` are rows of numbers, each up to a cell.
+    what else it holds at the corners of its cells; `ranges` are rows of numbers for cells, each from one to another.
     """
 
     vertices: FloatArray
@@ -32,7 +33,14 @@ class FileArrays:
     groups: tuple[tuple[str, int, int], ...] = ()
     space: str = ""
     values: Callable[[], Values] = dict
-    materials: Sequence[tuple[int, Sequence[float] | None]] = ()
+    ranges: Mapping[str, Sequence[tuple[Sequence[float], int, int]]] = field(default_factory=dict)
+
+
+def unreserved(name: str, taken: Container[str]) -> str:
+    """Return the name under which values with a name of their own are known: no other values have it."""
+    reserved = (NORMALS, TEXTURE, FACETS, GROUPS, COLOURS)
+    is_free = name not in reserved and name not in taken and not name.startswith((OBJECTS, MATERIALS, OTHER))
+    return name if is_free else unreserved(f"attribute {name}", taken)
 
 
 def mark_of(text: str) -> float:

@@ -18,9 +18,10 @@ from gtb_cli.formats.file_arrays import (
     single_half_steps,
     stacked,
     triangles,
+    unreserved,
 )
-from gtb_cli.formats.glb_tree import HEADER_BYTES, accessor_values, glb_chunks, placed_meshes
-from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Mesh, Values
+from gtb_cli.formats.glb_tree import HEADER_BYTES, accessor_values, further_description, glb_chunks, placed_meshes
+from gtb_cli.meshes.mesh import MATERIALS, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up
 
@@ -226,7 +227,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
     groups = []
     others: dict[str, list[_Part]] = {}
-    materials: list[tuple[int, list[float] | None]] = []
+    materials: list[tuple[list[float], int, int]] = []
     count = rows = used = 0
     for mesh, name, place in placed_meshes(tree):
         before = rows
@@ -256,8 +257,8 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
                     others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
             count += len(positions)
             rows += len(found)
-            row = _material(tree, tree["materials"][primitive["material"]]) if "material" in primitive else None
-            materials.append((rows, row))
+            row = _material(tree, tree["materials"][primitive["material"]]) if "material" in primitive else []
+            materials.append((row, rows - len(found), rows))
         name = name or str(mesh.get("name", ""))
         if name and rows > before:
             groups.append((name, before, rows))
@@ -278,26 +279,38 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
 
     @_tree_faults()
     def values() -> Values:
-        return {
-            _ATTRIBUTES.get(name, name.lower().strip("_")): (
-                _values(tree, binary, name, parts, count, is_z_up),
-                corners,
-            )
-            for name, parts in others.items()
-        }
+        found: Values = {}
+        for name, parts in others.items():
+            label = _ATTRIBUTES.get(name) or unreserved(name.lower().strip("_"), found)
+            found[label] = _values(tree, binary, name, parts, count, is_z_up), corners
+        if rest := further_description(tree, binary):
+            mark = np.array([[mark_of(json.dumps(rest, sort_keys=True))]])
+            found[f"{OTHER}description"] = mark, np.zeros(corners.shape, dtype=np.int64)
+        return found
 
-    return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, materials)
+    return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, {f"{MATERIALS}GLB": materials})
 
 
 def _material(tree: dict[str, Any], material: dict[str, Any]) -> list[float]:
     """The colour of a material, and a mark of all else that it has, but for its name and the bytes of pictures."""
+    defaults = {"metallicFactor": 1, "roughnessFactor": 1, "alphaMode": "OPAQUE", "alphaCutoff": 0.5}
+    defaults |= {"doubleSided": False, "emissiveFactor": [0, 0, 0]}
+    tables = {"source": "images", "sampler": "samplers"}
     shading = dict(material.get("pbrMetallicRoughness", {}))
     colour = [float(part) for part in shading.pop("baseColorFactor", (1, 1, 1, 1))]
-    rest = [
-        material | {"pbrMetallicRoughness": shading, "name": ""},
-        *map(tree.get, ("textures", "images", "samplers")),
-    ]
-    return [*colour[:4], mark_of(json.dumps(rest, sort_keys=True))]
+    if len(colour) != 4:
+        raise GtbError(f"baseColorFactor: expected 4 numbers, got {len(colour)}")
+
+    def told(value: Any, key: str = "") -> Any:
+        if key == "index" or key in tables:  # numbers of textures, and of what these use
+            value = tree[tables.get(key, "textures")][value]
+        if isinstance(value, dict):
+            kept = {name: inner for name, inner in value.items() if name != "bufferView"}
+            return {name: told(inner, name) for name, inner in kept.items() if inner != defaults.get(name)}
+        return [told(inner) for inner in value] if isinstance(value, list) else value
+
+    rest = told(material | {"pbrMetallicRoughness": shading, "name": None})
+    return [*colour, mark_of(json.dumps(rest, sort_keys=True))]
 
 
 _ATTRIBUTES = {"NORMAL": NORMALS, "TEXCOORD_0": TEXTURE}
@@ -305,7 +318,11 @@ _ATTRIBUTES = {"NORMAL": NORMALS, "TEXCOORD_0": TEXTURE}
 
 def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], count: int, is_z: bool) -> FloatArray:
     """(count, w) numbers of an attribute at the vertices of all parts, which is NaN in those without it."""
-    found = [accessor_values(tree, binary, number).astype(np.float64) for _, _, number, _ in parts]
+    found = []
+    for _, _, number, _ in parts:
+        rows = accessor_values(tree, binary, number)
+        largest = float(np.iinfo(rows.dtype).max) if tree["accessors"][number].get("normalized") else 1.0
+        found.append(np.maximum(rows.astype(np.float64) / largest, -np.inf if largest == 1 else -1.0))
     result = np.full((count, max(rows.shape[1] for rows in found)), np.nan)
     for rows, (start, length, _, turn) in zip(found, parts, strict=True):
         if len(rows) != length:

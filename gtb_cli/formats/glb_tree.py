@@ -76,7 +76,7 @@ def placed_meshes(tree: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, F
 def accessor_values(tree: dict[str, Any], binary: bytes, number: object) -> NDArray[Any]:
     """Return the (count, width) numbers of an accessor."""
     component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-    element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+    element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
     accessor = tree["accessors"][_index(number)]
     if "sparse" in accessor or "bufferView" not in accessor:
         raise GtbError("sparse accessors are not known here")
@@ -94,6 +94,40 @@ def accessor_values(tree: dict[str, Any], binary: bytes, number: object) -> NDAr
     if start + (count - 1) * stride + width * kind.itemsize > min(end, len(binary)):
         raise GtbError("is cut off: an accessor is longer than the data")
     return np.ndarray((count, width), dtype=kind, buffer=binary, offset=start, strides=(stride, kind.itemsize))
+
+
+def further_description(tree: dict[str, Any], binary: bytes) -> list[Any]:
+    """Return what is said beside meshes, their places and materials, such as skins, with the numbers of accessors."""
+    placing = {"mesh", "matrix", "translation", "rotation", "scale", "children", "name"}
+    drawing = {"attributes", "indices", "material", "mode"}
+
+    def told(value: Any, key: str = "", above: str = "") -> Any:
+        if key == "extras":
+            return value
+        if isinstance(value, dict):
+            found = {name: told(inner, name, key) for name, inner in value.items()}
+            return {name: inner for name, inner in found.items() if inner not in ({}, [], None)}
+        if isinstance(value, list):
+            return [inner for each in value if (inner := told(each, key, above)) not in ({}, [], None)]
+        if key in ("input", "output", "inverseBindMatrices") or {key, above} & {"targets", "attributes"}:
+            return accessor_values(tree, binary, value).tobytes().hex()
+        return value
+
+    def without(table: dict[str, Any], names: set[str]) -> dict[str, Any]:
+        return {name: value for name, value in table.items() if name not in names}
+
+    names = [node.get("name") for node in tree.get("nodes", ()) if "mesh" not in node]
+    scenes = tree.get("scenes", ())
+    parts = [tree.get(name) for name in ("skins", "animations", "cameras", "extensions")]
+    parts += [names if len(names) > 1 else None, scenes if len(scenes) > 1 else None]
+    is_plain = len(scenes) < 2 and not tree.get("skins")  # no node has a place beside those of the meshes
+    parts += [[without(node, placing) if is_plain else node for node in tree.get("nodes", ())]]
+    for mesh in tree.get("meshes", ()):
+        points = [primitive for primitive in mesh["primitives"] if primitive.get("mode") == 0]
+        rest = [without(primitive, drawing) for primitive in mesh["primitives"]]
+        parts += [without(mesh, {"primitives", "name"}), rest, points]
+    found: list[Any] = told(parts)
+    return found
 
 
 def _index(value: object) -> int:

@@ -12,8 +12,8 @@ import numpy as np
 
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.files import read_file
-from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point
-from gtb_cli.meshes.mesh import GROUPS, MATERIALS, KnownMesh, Mesh, Values, largest_coordinates, rounding
+from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, mark_of
+from gtb_cli.meshes.mesh import GROUPS, KnownMesh, Mesh, Values, largest_coordinates, rounding
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
 MAX_FILE_BYTES = 1 << 31  # largest size of a file in bytes; larger ones are refused
@@ -75,17 +75,19 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
             found = {_printable(name): values for name, values in content.values().items()}
         except GtbError as error:
             raise GtbError(f"{shown}: {_printable(str(error))}") from None
-        numbers = {name: number for number, name in enumerate(sorted({name for name, _, _ in groups}), 1)}
-        if len(numbers) > 1:
-            rows = np.zeros((len(mesh.cells), 1))  # in no group
-            for name, start, stop in groups:
-                rows[start:stop] = numbers[name]
-            found[GROUPS] = rows, np.repeat(np.arange(len(rows))[:, None], mesh.cells.shape[1], axis=1)
-        if width := max((len(row) for _, row in content.materials if row), default=0):
-            ends, marks = zip(*content.materials, strict=True)
-            part = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
-            rows = np.array([row or [np.nan] * width for row in marks])
-            found[f"{MATERIALS}{kind.upper()}"] = rows, np.repeat(part[:, None], mesh.cells.shape[1], axis=1)
+        ranges = dict(content.ranges)
+        names, held = {name for name, *_ in content.groups}, sum(stop - start for _, start, stop in groups)
+        if len(names) > 1 or 0 < held < len(mesh.cells):  # not the name of the whole mesh
+            ranges[GROUPS] = [([mark_of(name)], start, stop) for name, start, stop in content.groups]
+        for label, parts in ranges.items():
+            if width := max((len(row) for row, *_ in parts), default=0):
+                part = np.zeros(len(mesh.cells), dtype=np.int64)  # in none
+                for number, (_, start, stop) in enumerate(parts, 1):
+                    part[start:stop] = number
+                rows = np.full((len(parts) + 1, width), np.nan)
+                for number, (row, *_) in enumerate(parts, 1):
+                    rows[number, : len(row)] = row
+                found[label] = rows, np.repeat(part[:, None], mesh.cells.shape[1], axis=1)
         return found
 
     half_steps = content.half_steps(largest) + rounding(largest)

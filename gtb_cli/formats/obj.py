@@ -13,7 +13,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, stacked, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Values
+from gtb_cli.meshes.mesh import COLOURS, MATERIALS, NORMALS, OBJECTS, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
@@ -29,22 +29,26 @@ def read_obj(data: bytes, block: int = BLOCK_BYTES) -> FileArrays:
     content = _read_all(data, block)
     if 0 < len(content.vertices) <= content.cells.max(initial=0):
         _read_all(data, block, len(content.vertices))  # finds the line
-    has_values = b"vn" in data or b"vt" in data
-    return replace(content, values=partial(_values, data, block)) if has_values else content
+    if b"vn" not in data and b"vt" not in data:
+        return content
+    return replace(content, values=lambda: {**content.values(), **_values(data, block)})
 
 
 def _values(data: bytes, block: int) -> Values:
     """Read the normals and the texture coordinates at the corners of faces; those without have NaN."""
     found: Values = {}
     for keyword, label, width, field in ((b"vt", TEXTURE, 2, 1), (b"vn", NORMALS, 3, 2)):
-        rows, corners, so_far = [np.empty((0, width))], [np.empty((0, 3), dtype=np.int64)], 0
+        rows, corners, so_far = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
         for _, lines in lines_of(data, size=block) if keyword in data else ():
             places, _ = _sorted(lines)
             if places[keyword]:
                 numbers, counts = number_rows(b"\n".join([lines[k][2:] for k in places[keyword]]), np.float64)
-                if counts.min() < width:
-                    raise GtbError(f"{shown(keyword)} has at least {width} numbers, got {counts.min()}")
-                rows.append(numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(width)])
+                if counts.min() < (least := 1 if keyword == b"vt" else 3):
+                    raise GtbError(f"{shown(keyword)} has at least {least} numbers, got {counts.min()}")
+                is_there = np.arange(3) < counts[:, None]
+                row = np.zeros((len(counts), 3))
+                row[is_there] = numbers[np.arange(len(numbers)) - np.repeat(np.cumsum(counts) - counts, counts) < 3]
+                rows.append(row)
             if places[b"f"]:
                 words = [lines[k][2:].split() for k in places[b"f"]]
                 counts = np.array([len(line) for line in words])
@@ -57,7 +61,9 @@ def _values(data: bytes, block: int) -> Values:
         if of.max(initial=-1) >= so_far or of.min(initial=0) < -1:
             raise GtbError(f"{label}: a face refers to one that is not there")
         if len(of) and of.max() >= 0:
-            found[label] = np.concatenate([*rows, np.full((1, width), np.nan)]), np.where(of < 0, so_far, of)
+            numbers = np.concatenate([*rows, np.full((1, 3), np.nan)])
+            wide = 3 if np.nan_to_num(numbers[:, width:]).any() else width
+            found[label] = numbers[:, :wide], np.where(of < 0, so_far, of)
     return found
 
 
@@ -74,11 +80,12 @@ class _ObjLines:
     def __init__(self, limit: int | None) -> None:
         self.limit = limit
         self.vertices: list[FloatArray] = []
+        self.further: list[FloatArray] = []  # numbers after the coordinates, which are mostly colours
         self.count = 0
         self.words: list[bytes] = []
         self.cells: dict[bytes, list[IntArray]] = {b"f": [], b"l": []}
         self.cell_count = 0
-        self.names: list[tuple[str, bool, int]] = []  # of groups, or of materials
+        self.names: list[tuple[bytes, str, int]] = []  # by keyword, and at how many cells
 
     def read(self, lines: list[bytes], number: int) -> None:
         """Read lines, the first of which has this `number`. The first wrong one is found by halving."""
@@ -95,9 +102,13 @@ class _ObjLines:
         """Read the lines of each keyword together; nothing is changed if one of them is wrong."""
         places, names = _sorted(lines)
         points, starts = np.empty((0, 3)), [self.cell_count] * len(names)
+        further = points[:, 3:]
         if places[b"v"]:
             numbers, counts = _numbers(b"v", lines, places[b"v"], np.float64)
             points = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]
+            is_there = np.arange(3, counts.max()) < counts[:, None]
+            further = np.full(is_there.shape, np.nan)
+            further[is_there] = numbers[np.arange(len(numbers)) - np.repeat(np.cumsum(counts) - counts, counts) > 2]
             fault = faulty_point(points)
             if fault is not None:
                 raise MeshError(f"a vertex {fault[1]}")
@@ -124,27 +135,36 @@ class _ObjLines:
         wanted = max(0, SAMPLED_VERTICES - len(self.words) // 3)
         self.words += [word for place in places[b"v"][:wanted] for word in lines[place].split()[1:4]]
         self.vertices.append(points)
+        self.further.append(further)
         self.count += len(points)
         for keyword, part in cells.items():
             self.cells[keyword].append(part)
             self.cell_count += len(part)
-        self.names += [(name, is_used, start) for (_, name, is_used), start in zip(names, starts, strict=True)]
+        self.names += [(keyword, name, start) for (_, keyword, name), start in zip(names, starts, strict=True)]
 
     def content(self) -> FileArrays:
         """The whole content."""
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
         vertices = stacked(self.vertices, 3, np.float64)
-        named, used = ([(n, start) for n, is_used, start in self.names if is_used == kind] for kind in (False, True))
-        groups = [(name, a, b) for (name, a), (_, b) in pairwise([*named, ("", self.cell_count)]) if name and a < b]
-        ends = [*(start for _, start in used), self.cell_count]
-        materials = tuple(zip(ends, [None, *([mark_of(name)] for name, _ in used)], strict=True))
+        groups, objects, materials = (
+            [(name, a, b) for (_, name, a), (*_, b) in pairwise([*found, (b"", "", self.cell_count)]) if name and a < b]
+            for found in ([each for each in self.names if each[0] in kinds] for kinds in (b"go", b"o", (b"usemtl",)))
+        )
+        ranges = {OBJECTS: objects if len({name for name, *_ in objects}) > 1 else [], f"{MATERIALS}OBJ": materials}
+        marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
         cells = stacked(self.cells[b"l"], 2, np.int32) if self.cells[b"l"] else stacked(self.cells[b"f"], 3, np.int32)
-        return FileArrays(vertices, cells, partial(half_step, self.words), tuple(groups), materials=materials)
+        width = max((part.shape[1] for part in self.further), default=0)
+        further = [np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan) for part in self.further]
+
+        def values() -> Values:
+            return {COLOURS: (np.concatenate(further), cells)} if width else {}
+
+        return FileArrays(vertices, cells, partial(half_step, self.words), tuple(groups), values=values, ranges=marks)
 
 
-def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, str, bool]]]:
-    """Return the places of lines with vertices and cells by keyword; and those of names, and if these are materials'.
+def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, bytes, str]]]:
+    """Return the places of lines with vertices and cells by keyword; and those of names, with their keywords.
 
     A keyword followed by another separator is changed to have a blank after it.
     """
@@ -167,7 +187,7 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
             known[keyword + b" "].append(place)
             lines[place] = keyword + b" " + rest
         elif keyword in (b"g", b"o", b"usemtl"):
-            names.append((place, b" ".join(rest.split()).decode("utf-8", "replace"), keyword == b"usemtl"))
+            names.append((place, keyword, b" ".join(rest.split()).decode("utf-8", "backslashreplace")))
         elif keyword in free_form_keywords:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
         elif keyword and not keyword.startswith(b"#") and keyword not in ignored_keywords:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, single_half_steps, triangles
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, triangles, unreserved
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Mesh, Values
+from gtb_cli.meshes.mesh import NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 
 
@@ -124,23 +124,39 @@ def read_ply(data: bytes) -> FileArrays:
 
 
 def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: IntArray) -> Values:
-    """The columns of vertices other than their positions, and of faces other than their corners."""
+    """All columns but the positions of vertices and the corners of cells; what is neither's, by a mark of it."""
     known: dict[tuple[str, ...], str] = {("nx", "ny", "nz"): NORMALS}
     known |= dict.fromkeys([("s", "t"), ("u", "v"), ("texture_u", "texture_v")], TEXTURE)
     columns = {name: numbers for name, (numbers, _) in tables["vertex"].items() if name not in ("x", "y", "z")}
-    columns = {name: found for name, found in columns.items() if not elements["vertex"].properties[name].count_kind}
+    plain = {name: not item.count_kind for name, item in elements["vertex"].properties.items()}
+    columns = {name: found for name, found in columns.items() if plain[name]}
     values: Values = {}
     for names, label in known.items():
         if columns.keys() >= {*names}:
             values[label] = np.stack([columns.pop(name) for name in names], axis=1).astype(np.float64), cells
-    values |= {name: (numbers[:, None].astype(np.float64), cells) for name, numbers in columns.items()}
-    if "face" in elements and cells.shape[1] == 3:
-        lists = {name: counts for name, (_, counts) in tables["face"].items() if name.startswith("vertex_ind")}
-        face = np.repeat(np.arange(elements["face"].rows), next(iter(lists.values())) - 2)
-        rows = np.broadcast_to(face[:, None], cells.shape)
-        for name, (numbers, counts) in tables["face"].items():
-            if name not in lists and (counts == 1).all():
-                values[f"{name} of faces"] = numbers[:, None].astype(np.float64), rows
+    for name, numbers in columns.items():
+        values[unreserved(name, values)] = numbers[:, None].astype(np.float64), cells
+    is_curve = cells.shape[1] == 2
+    rest = {f"{name} of vertices": found for name, found in tables["vertex"].items() if not plain[name]}
+    lists = {name: counts for name, (_, counts) in tables.get("face", {}).items() if name.startswith("vertex_ind")}
+    corners = np.full(len(cells), 3) if is_curve or not lists else next(iter(lists.values()))
+    rows = np.broadcast_to(np.repeat(np.arange(len(corners)), corners - 2)[:, None], cells.shape)
+    for name, (numbers, counts) in tables.get("edge" if is_curve else "face", {}).items():
+        label = f"{name} of {'edges' if is_curve else 'faces'}"
+        if name in lists or (is_curve and name in ("vertex1", "vertex2")):
+            continue
+        if (counts == 1).all():
+            values[label] = numbers[:, None].astype(np.float64), rows
+        elif name == "texcoord" and (counts == 2 * corners).all():
+            of = triangles(np.arange(corners.sum()), corners)
+            values[TEXTURE if TEXTURE not in values else label] = numbers.reshape(-1, 2).astype(np.float64), of
+        else:
+            rest[label] = numbers, counts
+    for name in tables.keys() - {"vertex", "edge" if is_curve else "face"}:
+        rest |= {f"{column} of {name}": found for column, found in tables[name].items()}
+    for label, found in rest.items():
+        mark = mark_of(repr([column.astype(np.float64).tobytes() for column in found]))
+        values[f"{OTHER}{label}"] = np.array([[mark]]), np.zeros(cells.shape, dtype=np.int64)
     return values
 
 

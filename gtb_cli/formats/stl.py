@@ -1,8 +1,9 @@
 """STL, both ways, binary and text: facets; corners at exactly the same place become one vertex."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,8 @@ def read_stl(data: bytes) -> FileArrays:
     if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * facet.itemsize:
         facets = np.frombuffer(data, dtype=facet, offset=STL_HEADER_BYTES)
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
-        return _content(corners, single_half_steps, {FACETS: facets["normal"], "attribute": facets["attribute"]})
+        attribute = {"attribute": facets["attribute"]} if facets["attribute"].any() else {}  # which text has not
+        return _content(corners, single_half_steps, {FACETS: facets["normal"], **attribute})
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)
     if len(data) < STL_HEADER_BYTES:
@@ -61,7 +63,12 @@ def read_stl(data: bytes) -> FileArrays:
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 
-def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray], facets: dict[str, Any]) -> FileArrays:
+def _content(
+    corners: FloatArray,
+    half_steps: Callable[[FloatArray], FloatArray],
+    facets: dict[str, Any],
+    solids: Sequence[tuple[str, int, int]] = (),
+) -> FileArrays:
     fault = faulty_point(corners)
     if fault is not None:
         raise MeshError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
@@ -72,7 +79,7 @@ def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray]
         rows = np.broadcast_to(np.arange(len(cells))[:, None], cells.shape)
         return {name: (found.reshape(len(cells), -1).astype(np.float64), rows) for name, found in facets.items()}
 
-    return FileArrays(corners[first], cells, half_steps, values=values)
+    return FileArrays(corners[first], cells, half_steps, tuple(solids), values=values)
 
 
 def _read_text(data: bytes) -> FileArrays:
@@ -85,8 +92,10 @@ def _read_text(data: bytes) -> FileArrays:
     solid, endsolid = (re.compile(rb"\s*" + word + rb"\b[^\r\n]*", re.IGNORECASE) for word in (b"solid", b"end *solid"))
     corners, words, sample = [np.empty(0)], list[bytes](), list[bytes]()
     count = place = 0
+    solids: list[tuple[str, int]] = []
     while found := solid.match(data, place):
         place = found.end()
+        solids.append((b" ".join(found[0].split()[1:]).decode("utf-8", "backslashreplace"), count))
         while found := facet.match(data, place):
             words += found.groups()
             place = found.end()
@@ -105,7 +114,9 @@ def _read_text(data: bytes) -> FileArrays:
     sample = sample or words[: 3 * SAMPLED_VERTICES]
     normal = re.compile(rb"facet\s+normal" + 3 * number, re.IGNORECASE)
     normals = numbers([word for words in normal.findall(data) for word in words], np.float64)
-    return _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample), {FACETS: normals})
+    parts = [(name, a, b) for (name, a), (_, b) in pairwise([*solids, ("", count)]) if name and a < b]
+    points = np.concatenate(corners).reshape(-1, 3)
+    return _content(points, partial(half_step, sample), {FACETS: normals}, parts if len(solids) > 1 else ())
 
 
 def _fault(data: bytes, place: int, number: int) -> GtbError:

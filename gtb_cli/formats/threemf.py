@@ -3,13 +3,16 @@
 trimesh's exporter needs lxml and networkx, and writes random identifiers.
 """
 
+import hashlib
+import math
+import re
 import zipfile
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from io import BytesIO
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 from xml.parsers import expat
 
 import numpy as np
@@ -17,8 +20,9 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, single_half_steps, stacked
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, stacked
 from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.mesh import MATERIALS, OBJECTS, OTHER
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.vocabulary import PATCH_COLOURS
 
@@ -110,14 +114,21 @@ def read_threemf(data: bytes) -> FileArrays:
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
 
+_Part: TypeAlias = tuple[str | None, str | None, str]
+
+
 class _Mesh(NamedTuple):
-    """The mesh of an object: its numbers, where runs of triangles with one material begin, and its own material."""
+    """The mesh of an object: its numbers, where runs of triangles with one material begin, and its own material.
+
+    A material is the number of a group, that of a member, and what else is said of triangles with it.
+    """
 
     vertices: "array[float]"
     corners: "array[int]"
-    parts: list[tuple[int, tuple[str | None, str | None]]]
-    part: tuple[str | None, str | None]
+    parts: list[tuple[int, _Part]]
+    part: _Part
     name: str
+    kind: str
 
 
 class _Reader:
@@ -136,10 +147,11 @@ class _Reader:
         self.depth = self.named = 0
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
-        self.components: dict[str, list[tuple[str, FloatArray]]] = {}
-        self.items: list[tuple[str, FloatArray]] = []
+        self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}
+        self.items: list[tuple[str, FloatArray, str]] = []
         self.id = self.material = ""
         self.kinds: set[str] = set()  # of objects that are no solids
+        self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
@@ -158,36 +170,54 @@ class _Reader:
         deepest, most = 32, 100_000  # elements within elements, and objects, materials and their uses
         name = name.rpartition(":")[2]
         self.depth += 1
-        self.named += name in ("object", "base", "basematerials", "component", "item")
+        self.named += name in ("object", "component", "item", "basematerials", "base", "colorgroup", "color")
         if self.depth > deepest or self.named > most:
             raise GtbError(f"has elements more than {deepest} deep, or more than {most} objects, materials and uses")
         if name == "vertex":
             self.meshes[self.id].vertices.extend((float(given["x"]), float(given["y"]), float(given["z"])))
         elif name == "triangle":
             mesh = self.meshes[self.id]
-            part = given.get("pid", mesh.part[0]), given.get("p1", mesh.part[1])
+            group, member = given.get("pid", mesh.part[0]), given.get("p1", mesh.part[1])
+            rest = [key for key in given if key not in ("v1", "v2", "v3", "pid", "p1") and given[key] != member]
+            part = group, member, "".join(f"{key} {given[key]}\n" for key in sorted(rest))
             if not mesh.parts or mesh.parts[-1][1] != part:
                 mesh.parts.append((len(mesh.corners) // 3, part))
             mesh.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
         elif name == "model":
             self.unit = given.get("unit", self.unit)
-        elif name == "basematerials":
+        elif name in ("basematerials", "colorgroup"):
             self.material = given["id"]
             self.materials[self.material] = []
-        elif name == "base":
-            colour = bytes.fromhex(given.get("displaycolor", "")[1:].ljust(8, "f"))
-            self.materials[self.material].append((given["name"], colour))
+        elif name in ("base", "color"):
+            said = given.get("displaycolor" if name == "base" else "color", "#ffffff")
+            if re.fullmatch("#([0-9a-fA-F]{2}){3,4}", said) is None:
+                raise GtbError(f"expected a colour such as #D97706, got {said:.40}")
+            colour = bytes.fromhex(said[1:].ljust(8, "f"))
+            self.materials[self.material].append((given["name"] if name == "base" else "", colour))
         elif name == "object":
             self.id = given["id"]
             self.kinds |= {given.get("type", "model")} - {"model"}
-            part = given.get("pid"), given.get("pindex")
-            self.meshes[self.id] = _Mesh(array("f"), array("q"), [], part, given.get("name", ""))
+            part = given.get("pid"), given.get("pindex"), ""
+            kind = given.get("type", "model").removeprefix("model")
+            self.meshes[self.id] = _Mesh(array("f"), array("q"), [], part, given.get("name", ""), kind)
             self.components[self.id] = []
         elif name in ("component", "item"):
             if any(key.endswith(":path") for key in given):
                 raise GtbError("has an object in another part of the archive, where it is not looked for")
-            link = given["objectid"], _matrix(given.get("transform"))
+            is_printed = given.get("printable", "1") in ("1", "true")
+            link = given["objectid"], _matrix(given.get("transform")), "" if is_printed else "not printed\n"
             (self.items if name == "item" else self.components[self.id]).append(link)
+        elif name not in (
+            "resources",
+            "build",
+            "mesh",
+            "vertices",
+            "triangles",
+            "components",
+            "metadata",
+            "metadatagroup",
+        ):
+            self.extensions.update(repr((name, sorted(given.items()))).encode())
 
     def content(self) -> FileArrays:
         """Place the objects, each after those that it refers to: an object names only earlier ones."""
@@ -197,11 +227,13 @@ class _Reader:
         vertices: list[FloatArray] = []
         cells: list[IntArray] = []
         groups: list[tuple[str, int, int]] = []
-        materials: list[tuple[int, list[float] | None]] = []
+        materials: list[tuple[list[float], int, int]] = []
+        special: list[tuple[list[float], int, int]] = []
+        is_mixed = len({mesh.kind for mesh in self.meshes.values()}) > 1  # a kind of all stands in what the file says
         count = rows = used = 0
         stack = [(*item, len(order)) for item in reversed(self.items)]
         while stack:
-            key, place, above = stack.pop()
+            key, place, said, above = stack.pop()
             if order[key] >= above:
                 raise GtbError(f"object {key!r:.40} is not before the object that refers to it")
             mesh = self.meshes[key]
@@ -217,17 +249,24 @@ class _Reader:
             ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
             for (start, part), end in zip(mesh.parts, ends, strict=False):
                 name, colour = self.material_of(part) or (mesh.name, b"")
-                groups.append((name or key, rows + start, rows + end))
-                materials.append((rows + end, [part / 255 for part in colour] or None))
+                groups.append((name or f"{order[key] + 1}", rows + start, rows + end))
+                row = [share / 255 for share in colour]
+                if rest := part[2] + (f"{part[0]} {part[1]}" if part[0] and not self.materials.get(part[0]) else ""):
+                    row += [*[math.nan] * (4 - len(row)), mark_of(rest)]
+                materials.append((row, rows + start, rows + end))
+            if said := said + mesh.kind * is_mixed:
+                special.append(([mark_of(said)], rows, rows + len(found)))
             count, rows = count + len(vertices[-1]), rows + len(found)
             inner = reversed(self.components[key])
-            stack += [(link, transformation @ place, order[key]) for link, transformation in inner]
+            stack += [(link, motion @ place, said + more, order[key]) for link, motion, more in inner]
         arrays = stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32)
-        return FileArrays(
-            *arrays, single_half_steps, tuple(groups), ", ".join([self.unit, *sorted(self.kinds)]), materials=materials
-        )
+        space = ", ".join([self.unit, *sorted(self.kinds)])
+        ranges = {f"{MATERIALS}3MF": materials, f"{OBJECTS} that are not printed, or support": special}
+        if self.extensions.digest() != hashlib.sha256().digest():
+            ranges[f"{OTHER}extensions"] = [([mark_of(self.extensions.hexdigest())], 0, rows)]
+        return FileArrays(*arrays, single_half_steps, tuple(groups), space, ranges=ranges)
 
-    def material_of(self, part: tuple[str | None, str | None]) -> tuple[str, bytes] | None:
+    def material_of(self, part: _Part) -> tuple[str, bytes] | None:
         """The name and the colour of a material."""
         found = self.materials.get(part[0], [])
         return found[int(part[1] or 0)] if found else None

@@ -1,37 +1,45 @@
 """What two meshes with the same cells hold, compared: normals, texture coordinates, attributes and groups."""
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.meshes.coincident import weld
-from gtb_cli.meshes.correspondence import Matching, Slots
-from gtb_cli.meshes.mesh import FACETS, GROUPS, MATERIALS, NORMALS, KnownMesh, Values
+from gtb_cli.meshes.correspondence import Slots
+from gtb_cli.meshes.mesh import FACETS, GROUPS, MATERIALS, NORMALS, OBJECTS, OTHER, KnownMesh, Values
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
-VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers
+VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; whole numbers have none
 
 
-def unlike_values(a: KnownMesh, b: KnownMesh, matched: Matching) -> tuple[str, ...]:
-    """Tell which values differ at the corners of matched cells, and where most; normals of facets do not count.
+def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | None, left_out: Collection[str] = ()) -> tuple[str, ...]:
+    """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same.
     """
-    here, there = ({name: found for name, found in each.values().items() if name != FACETS} for each in (a, b))
-    remarks = _remarks(a, b, here, there, matched.slots)
-    return remarks and _remarks(a, b, here, there, _paired_by_values(a.mesh.cells, here, there, matched.slots))
+    here, there = (
+        {name: found for name, found in each.values().items() if name not in (FACETS, *left_out)} for each in (a, b)
+    )
+    remarks = _remarks(a, b, here, there, slots)
+    if not remarks or slots is None:
+        return remarks
+    cells = weld(a.mesh.vertices)[1][a.mesh.cells]  # by places: faces that are there twice may share no vertices
+    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots))
 
 
-def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots) -> tuple[str, ...]:
+def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | None) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
     remarks = []
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
             if a.format == b.format:
-                gone, come = (", ".join(sorted({*one} - {*other})) or "none" for one, other in ((old, new), (new, old)))
+                gone, come = (_listed(sorted({*one} - {*other})) for one, other in ((old, new), (new, old)))
                 remarks.append(f"{name}: {gone} only in the first, {come} only in the second")
         elif name in here and name in there:
+            if slots is None:
+                continue
             (rows, of), (others, others_of) = here[name], there[name]
             step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
             one, other = (each[::step] for each in slots)
@@ -41,10 +49,16 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
     return tuple(remarks)
 
 
+def _listed(names: list[str]) -> str:
+    most = 5
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest or "none"
+
+
 def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots) -> Slots:
-    """Pair faces with the same vertices that look to the same side by all that they hold, not by their order."""
+    """Pair faces in the same places that look to the same side by all that they hold, not by their order."""
     one, other = (each.reshape(cells.shape).copy() for each in slots)
-    _, face = weld(np.sort(cells.ravel()[one], axis=1).astype(np.float64))
+    _, face = weld(np.sort(cells.ravel()[one], axis=1)[:, [0, 1, -1]].astype(np.float64))
     again = np.flatnonzero(np.bincount(face)[face] > 1)
     if not len(again):
         return slots
@@ -61,9 +75,17 @@ def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots
 
 
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
-    if rows.shape != others.shape:
+    is_of_cells = name == GROUPS or name.startswith((OBJECTS, MATERIALS))
+    if rows.shape != others.shape and not is_of_cells:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
-    if name == GROUPS or name.startswith(MATERIALS):
+    if name.startswith(OTHER):
+        return [f"{name}: not the same"] if (rows[:1] != others[:1]).any() else []
+    if is_of_cells:
+        widths = [max(rows.shape[1], others.shape[1]) - each.shape[1] for each in (rows, others)]
+        rows, others = (
+            np.pad(each, ((0, 0), (0, width)), constant_values=np.nan)
+            for each, width in zip((rows, others), widths, strict=True)
+        )
         moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
         told = f"{len(moved)} {'cell has' if len(moved) == 1 else 'cells have'} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
@@ -81,8 +103,15 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -
         angle = math.degrees(2 * math.asin(min(chords[most] / 2, 1.0)))
         told = f"up to {angle:.3g} degrees apart (tolerance {NORMALS_TOLERANCE:g})"
         return [f"{name}: {told}, most at vertex {vertex[most]}"] if angle > NORMALS_TOLERANCE else []
-    finite = [np.abs(each[np.isfinite(each)]).max(initial=0.0) for each in (rows, others)]
-    most = int(np.nan_to_num(apart, nan=np.inf).max(axis=1).argmax())
-    farthest, allowed = float(np.nan_to_num(apart[most], nan=np.inf).max()), VALUES_TOLERANCE * max(finite)
-    told = f"up to {farthest:.3g} apart (tolerance {allowed:.3g})"
-    return [f"{name}: {told}, most at vertex {vertex[most]}"] if farthest > allowed else []
+    size = np.maximum(np.abs(rows), np.abs(others))
+    largest, further = [*np.unique(size[np.isfinite(size)])[:-3:-1], 0.0, 0.0][:2]
+    far = 100  # times as large as all others, a value stands for none, as -9999 does
+    allowed = VALUES_TOLERANCE * (further if 0 < far * further < largest else largest)
+    if all((each == np.rint(each)).all() for each in (rows, others)):
+        allowed = 0.0
+    with np.errstate(invalid="ignore"):
+        beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
+    beyond = np.where(np.isnan(beyond), np.inf, beyond).max(axis=1)
+    most = int(beyond.argmax())
+    told = f"up to {apart[most].max():.3g} apart (tolerance {allowed:.3g})"
+    return [f"{name}: {told}, most at vertex {vertex[most]}"] if beyond[most] > 0 else []

@@ -39,18 +39,21 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
     """
     if a.mesh.cells.shape != b.mesh.cells.shape:
         return None
-    first = None
+    first = turned = None
+    may_be_near = _may_be_near(a.mesh, b.mesh, tolerance)
     are_short = not {a.format, b.format} <= {"obj", "spec"}  # numbers of 32 bits
-    for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short):
+    for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short, may_be_near):
         found = _matched(a, b, cells, other_cells)
         if found is None:
             continue
-        if found.distances.max() <= tolerance:
+        if found.distances.max() <= tolerance and not found.turned:
             return found
+        if found.distances.max() <= tolerance:  # faces that are there twice may look to both sides
+            turned = turned or found
         first = first or (found if is_certain else None)
-        if is_certain and not _may_be_near(a.mesh, b.mesh, tolerance):
+        if is_certain and not may_be_near:
             break
-    return first
+    return turned or first
 
 
 def _may_be_near(a: Mesh, b: Mesh, tolerance: float) -> bool:
@@ -61,13 +64,18 @@ def _may_be_near(a: Mesh, b: Mesh, tolerance: float) -> bool:
     return all(np.abs(np.sort(x) - np.sort(y)).max() <= tolerance for x, y in zip(here.T, there.T, strict=True))
 
 
-def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator[tuple[IntArray, IntArray, bool]]:
-    """Yield the cells of both meshes in common numbers of places, and whether distance is no reason for doubt."""
+def _numberings(
+    a: Mesh, b: Mesh, tolerance: float, are_short: bool, may_be_near: bool
+) -> Iterator[tuple[IntArray, IntArray, bool]]:
+    """Yield the cells of both meshes in common numbers of places, and whether distance is no reason for doubt.
+
+    If each place has one of the other mesh nearby, cells that use them in the same order have not moved: they differ.
+    """
     if len(a.vertices) == len(b.vertices):
         yield a.cells, b.cells, True
     own = _places(a), _places(b)
     if np.array_equal(own[0][1], own[1][1]):
-        yield own[0][1], own[1][1], True
+        yield own[0][1], own[1][1], not may_be_near
     if are_short:  # 32-bit numbers of one file may coincide, those of the other not
         with np.errstate(over="ignore", under="ignore"):
             (_, cells), (_, others) = (_places(mesh, np.float32) for mesh in (a, b))
@@ -221,7 +229,8 @@ class Lone:
 
     is_first: bool  # whether the first mesh has them
     absent: IntArray  # numbers of cells that the other one has not
-    doubled: int  # how many more there are of others
+    doubled: int  # how many others are there twice in it, and once in the other one
+    repeated: int  # how many more there are of the rest
     near: tuple[IntArray, IntArray]  # cells of both meshes by which alone the absent ones are told how far they are
 
 
@@ -238,7 +247,9 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
         return None
     is_first = len(cells) > len(others)
     absent = rows[faces.there[faces.face] == 0] if is_first else other_rows[faces.here[faces.other] == 0]
-    doubled = abs(len(cells) - len(others)) - len(absent)
+    extra = np.abs(faces.here - faces.there)
+    doubled = int(((np.minimum(faces.here, faces.there) == 1) & (extra == 1)).sum())
+    repeated = int(extra.sum()) - len(absent) - doubled
     more, rest = (cells, others) if is_first else (others, cells)
     near = np.arange(len(cells)), np.arange(len(others))
     if len(absent) and are_used(rest, len(points))[more[absent]].all():  # no point is farther than a side is long
@@ -247,7 +258,7 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
         beyond = np.packbits(np.concatenate([points < low - reach, points > high + reach], axis=1), axis=1)[:, 0]
         one, other = (np.flatnonzero(reduce(np.bitwise_and, beyond[each.T]) == 0) for each in (cells, others))
         near = one, other
-    return Lone(is_first, absent, doubled, near)
+    return Lone(is_first, absent, doubled, repeated, near)
 
 
 def _unequal(cells: IntArray, others: IntArray, count: int) -> tuple[IntArray, IntArray]:
@@ -262,8 +273,12 @@ def _unequal(cells: IntArray, others: IntArray, count: int) -> tuple[IntArray, I
     return np.flatnonzero(is_in[cells].all(axis=1)), np.flatnonzero(is_in[others].all(axis=1))
 
 
-def unlike(a: KnownMesh, b: KnownMesh, tolerance: float, close: float) -> tuple[int, tuple[str, ...]]:
+def unlike(
+    a: KnownMesh, b: KnownMesh, tolerance: float, close: float, have_others: bool = True
+) -> tuple[int, tuple[str, ...]]:
     """Tell in what two surfaces, or curves, in the same place differ; common faces have corners that are `close`.
+
+    If both have others, these, too, look to a side.
 
     Returns the number of faces of one that look to the other side than those of the other there, and remarks on other
     parts, holes, and faces that are missing, there twice or without area.
@@ -277,6 +292,7 @@ def unlike(a: KnownMesh, b: KnownMesh, tolerance: float, close: float) -> tuple[
         one, other = (_used_count(each.mesh) - len(_places(each.mesh)[0]) for each in (a, b))
         if bool(one) != bool(other):
             rows.append(("further vertices at the places of others", one, other))
+    cell, side = ("segment", "end") if first.is_curve else ("face", "edge")
     what = ("ends", "segments at a vertex") if first.is_curve else ("edges with one face", "faces at an edge")
     if first.is_closed != second.is_closed:
         rows.append((f"open {what[0]}", first.open_edges, second.open_edges))
@@ -290,14 +306,15 @@ def unlike(a: KnownMesh, b: KnownMesh, tolerance: float, close: float) -> tuple[
     faces = _faces(cells, others)
     only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0
     if only.any() != others_only.any():
-        told.append(f"{int(only.sum())} against {int(others_only.sum())} faces that the other has not")
+        told.append(f"{int(only.sum())} against {int(others_only.sum())} {cell}s that the other has not")
     sides = sides_of(np.concatenate([cells, others])).edge
     here, there = (np.bincount(part.ravel(), minlength=int(sides.max()) + 1) for part in np.split(sides, [len(cells)]))
     other = int((here != there)[np.unique(sides[: len(cells)][~only])].sum())
     if other:
-        told.append(f"{other} edges of common faces have further faces in one of them only")
+        s, have = ("", "has") if other == 1 else ("s", "have")
+        told.append(f"{other} {side}{s} of common {cell}s {have} further {cell}s in one of them only")
     turned, rest, others_rest = faces.turned, ~thin & only, ~others_thin & others_only
-    if not first.is_curve:
+    if have_others and not first.is_curve:
         away = _looking_away(a.mesh, rest, b.mesh, ~others_thin, tolerance)
         turned += max(away, _looking_away(b.mesh, others_rest, a.mesh, ~thin, tolerance))
     return turned, (f"in the same place, but {', '.join(told)}",) if told else ()

@@ -16,7 +16,7 @@ from gtb_cli.meshes.corner_values import unlike_values
 from gtb_cli.meshes.correspondence import Lone, lone_faces, matching, unlike
 from gtb_cli.meshes.hausdorff import Distance, Farthest, mesh_distance
 from gtb_cli.meshes.measures import Measures, measure
-from gtb_cli.meshes.mesh import FACETS, KnownMesh, Mesh
+from gtb_cli.meshes.mesh import FACETS, NORMALS, KnownMesh, Mesh
 from gtb_cli.meshes.motions import told_motion
 from gtb_cli.vocabulary import percentage
 
@@ -59,6 +59,8 @@ class Difference:
     ignored: tuple[Aspect, ...] = ()  # which of these are not differences
     words: tuple[str, ...] = ()  # what was done to the first mesh, if that explains the difference
     values: tuple[str, ...] = ()  # how normals, texture coordinates and attributes differ
+    is_curve: bool = False  # whether both are curves
+    kind: Kind = "auto"  # as what they were to be compared
     uncompared: bool = False  # whether there are such values, and other faces
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
@@ -86,7 +88,7 @@ class Difference:
     @property
     def sides(self) -> tuple[str, ...]:
         """A remark on faces that are turned over, if there are any."""
-        return (f"{_faces_are(self.turned)} turned over",) if self.turned else ()
+        return (f"{self.turned} {'face is' if self.turned == 1 else 'faces are'} turned over",) if self.turned else ()
 
     @cached_property
     def measures(self) -> tuple[Measures, ...]:
@@ -107,13 +109,15 @@ class Difference:
     def limits(self) -> tuple[str, ...]:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
-        if self.uncompared and self.same:
-            result.append(
-                "normals, texture coordinates, attributes and groups are not compared, as the faces are others"
-            )
+        if self.uncompared:
+            why = "surfaces were asked for" if self.kind == "surface" else "the faces are others"
+            result.append(f"normals, texture coordinates, attributes and groups are not compared, as {why}")
         if self.asked and self.asked < self.tolerance:
             finest = "the numbers in the files are no finer at this size"
             result.append(f"tolerance {self.tolerance:.3g} instead of {self.asked:.3g}: {finest}")
+        if self.same and self.asked is None and self.tolerance > 1e-6 * self.diagonal:
+            finest = "the numbers in the files are no finer"
+            result.append(f"tolerance {self.tolerance:.3g}, as {finest}: smaller differences are not seen")
         if self.stray is not None:
             size = f"the size is {self.stray:.3g} instead of {self.diagonal:.3g}"
             makes = f"which makes the tolerance {self.tolerance:.3g}"
@@ -161,6 +165,8 @@ def difference(
         asked=asked,
         resolution=resolution,
         diagonal=diagonal,
+        is_curve=a.mesh.is_curve and b.mesh.is_curve,
+        kind=kind,
         ignored=tuple(sorted(ignore)),
         spaces=(a.space, b.space) if a.format == b.format and a.space != b.space else None,
         stray=None if isinstance(tolerance, float | int) and tolerance >= resolution else _stray(smaller, diagonal),
@@ -169,6 +175,17 @@ def difference(
         place = int(matched.distances.argmax())
         vertex, other = int(matched.vertices[place]), int(matched.others[place])
         distance, points = float(matched.distances[place]), a.mesh.vertices[matched.vertices]
+        steps, finest = a.half_steps + b.half_steps, allowed_for(tolerance, diagonal, 0.0)[1]
+        most = np.abs(points - b.mesh.vertices[matched.others]).max(axis=0)
+        axes = [
+            f"{axis}: up to {apart:.3g} apart, and numbers in the files are right to {step:.2g}"
+            for axis, apart, step in zip("xyz", most.tolist(), steps.tolist(), strict=True)
+            if distance <= allowed and apart > max(step, finest)
+        ]
+        left_out = set() if distance <= allowed else {NORMALS}  # which turn with what is turned
+        values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)
+        words = told_motion(points, b.mesh.vertices[matched.others], allowed) if distance > allowed else ()
+        is_mirrored = words[:1] and words[0].startswith("mirrored")
         return made(
             method="vertices",
             distance=distance,
@@ -179,10 +196,10 @@ def difference(
             vertex=vertex,
             other_vertex=other,
             group=_group(a.mesh, vertex),
-            turned=matched.turned,
+            turned=len(a.mesh.cells) - matched.turned if is_mirrored and not a.mesh.is_curve else matched.turned,
             remarks=matched.remarks,
-            words=told_motion(points, b.mesh.vertices[matched.others], allowed) if distance > allowed else (),
-            values=unlike_values(a, b, matched) if distance <= allowed and "attributes" not in ignore else (),
+            words=words,
+            values=(*axes, *values),
         )
     lone, found = lone_faces(a.mesh, b.mesh, allowed), None
     if lone is not None and len(lone.absent):
@@ -193,7 +210,7 @@ def difference(
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks = 0, tuple[str, ...]()
     if same_kind and found.distance <= allowed:
-        turned, remarks = unlike(a, b, allowed, min(allowed, max(resolution, 1e-6 * diagonal)))
+        turned, remarks = unlike(a, b, allowed, min(allowed, max(resolution, 1e-6 * diagonal)), lone is None)
     return made(
         method="surface",
         distance=found.distance,
@@ -205,8 +222,9 @@ def difference(
         turned=turned,
         remarks=remarks,
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
+        values=() if "attributes" in ignore else unlike_values(a, b, None),
         uncompared="attributes" not in ignore
-        and found.distance <= allowed
+        and (found.distance <= allowed or lone is not None)
         and any(each.values().keys() - {FACETS} for each in (a, b)),
     )
 
@@ -224,17 +242,20 @@ def _decided(a: Mesh, b: Mesh, allowed: float) -> Distance:
 
 def _told(lone: Lone, mesh: Mesh) -> tuple[str, ...]:
     words, count = [], len(lone.absent)
+    cell = "segment" if mesh.is_curve else "face"
+
+    def are(count: int) -> str:
+        return f"{count} {cell} is" if count == 1 else f"{count} {cell}s are"
+
     if count:
         middle = mesh.vertices[mesh.cells[lone.absent[0]]].mean(axis=0)
         near = f"near ({' '.join(f'{x:.9g}' for x in middle)})"
-        words.append(f"{_faces_are(count)} {'missing' if lone.is_first else 'new'}, {near}")
+        words.append(f"{are(count)} {'missing' if lone.is_first else 'new'}, {near}")
     if lone.doubled:
-        words.append(f"{_faces_are(lone.doubled)} {'no longer ' if lone.is_first else ''}there twice")
+        words.append(f"{are(lone.doubled)} {'no longer ' if lone.is_first else ''}there twice")
+    if lone.repeated:
+        words.append(f"{are(lone.repeated)} there {'less' if lone.is_first else 'more'} often")
     return tuple(words)
-
-
-def _faces_are(count: int) -> str:
-    return f"{count} {'face is' if count == 1 else 'faces are'}"
 
 
 def allowed_for(tolerance: float | str | None, diagonal: float, resolution: float) -> tuple[float | None, float]:

@@ -140,7 +140,8 @@ def moments(mesh: Mesh) -> tuple[list[float] | None, list[float] | None]:
     frame = Frame.around(mesh.bounds)
     corners = frame.inside(mesh.vertices)[mesh.cells]
     sides = corners[:, 1:] - corners[:, :1]
-    weights = np.sqrt(np.linalg.det(sides @ sides.transpose(0, 2, 1)).clip(0))
+    spans = sides[:, 0] if mesh.is_curve else cross(sides[:, 0], sides[:, 1])
+    weights = np.linalg.norm(spans, axis=1)
     if not weights.sum() > 0:
         return None, None
     weights /= weights.sum()

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 Values: TypeAlias = dict[str, tuple[FloatArray, IntArray]]
 # Names of values that are not attributes; the normals of an STL file's facets follow from their corners
 NORMALS, TEXTURE, FACETS = "normals", "texture coordinates", "facet normals"
-GROUPS, MATERIALS = "groups", "materials in "  # these with the format: no other has the same
+GROUPS, OBJECTS, MATERIALS = "groups", "objects", "materials in "  # these with the format: no other has the same
+COLOURS = "colours of vertices"
+OTHER = "other data: "  # what a file holds that belongs to neither vertices nor cells: compared as a whole
 
 
 @by_value

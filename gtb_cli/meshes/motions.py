@@ -18,7 +18,10 @@ def told_motion(points: FloatArray, others: FloatArray, tolerance: float) -> tup
     size = float(np.abs(points - middle).max(initial=0.0))
     if not 0 < size < math.inf:
         return ()
-    here, there = (points - middle) / size, (others - other_middle) / size
+    with np.errstate(over="ignore"):
+        here, there = (points - middle) / size, (others - other_middle) / size
+    if not np.isfinite(there).all():
+        return ()
     left, _, right = np.linalg.svd(there.T @ here)
     proper = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
     flips = [np.diag([-1.0 if axis == flipped else 1.0 for axis in range(3)]) for flipped in range(3)]
@@ -29,11 +32,11 @@ def told_motion(points: FloatArray, others: FloatArray, tolerance: float) -> tup
             shift = other_middle - scale * turn @ middle
             is_moved_only = scale == 1 and np.array_equal(turn, np.eye(3))
             lever = 1.0 if is_moved_only else 1.0 + float(np.abs(middle).max()) / size  # by which a turn's error grows
-            return _words(turn, scale, np.where(np.abs(shift) > tolerance * lever, shift, 0.0))
+            return _words(turn, scale, np.where(np.abs(shift) > tolerance * lever, shift, 0.0), tolerance / size)
     return ()
 
 
-def _words(turn: FloatArray, scale: float, shift: FloatArray) -> tuple[str, ...]:
+def _words(turn: FloatArray, scale: float, shift: FloatArray, least: float) -> tuple[str, ...]:
     words = []
     is_mirrored = np.linalg.det(turn) < 0
     axis, degrees = _axis(-turn if is_mirrored else turn)
@@ -45,8 +48,8 @@ def _words(turn: FloatArray, scale: float, shift: FloatArray) -> tuple[str, ...]
     if scale != 1:
         exchanged = [(u, v) for u, v in permutations(UNITS, 2) if abs(UNITS[u] / UNITS[v] / scale - 1) < 1e-6]
         units = "".join(f" (1 {u} for 1 {v})" for u, v in exchanged[:1])
-        words.append(f"{scale:.6g} times as large{units}")
-    if abs(degrees) > 1e-6:
+        words.append(f"{next(t for d in (6, 9, 12, 17) if (t := f'{scale:.{d}g}') != '1')} times as large{units}")
+    if abs(math.radians(degrees)) > least:
         words.append(f"turned by {degrees:.6g}° about {axis}")
     if shift.any():
         words.append(f"moved by ({', '.join(f'{x:.6g}' for x in shift)})")
@@ -56,11 +59,13 @@ def _words(turn: FloatArray, scale: float, shift: FloatArray) -> tuple[str, ...]
 def _axis(turn: FloatArray) -> tuple[str, float]:
     """The axis of a rotation, by its letter if it has one, and the angle in degrees, counter-clockwise."""
     axis = np.linalg.eigh(turn + turn.T)[1][:, -1]
-    twice_sine = float(axis @ [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    degrees = math.degrees(math.atan2(abs(twice_sine), np.trace(turn) - 1))
-    axis = axis * math.copysign(1.0, twice_sine)
+    around = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    twice_sine = float(np.linalg.norm(around))
+    degrees = math.degrees(math.atan2(twice_sine, np.trace(turn) - 1))
+    axis = around / twice_sine if 0 < degrees < 90 else axis * math.copysign(1.0, axis @ around)
     if degrees > 180 - 1e-6:  # then both directions are right
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
+    axis = np.where(np.abs(axis) < 1e-12, 0.0, axis)
     for letter, along in zip("xyz", axis, strict=True):
         if abs(along) > 1 - 1e-12:
             return letter, degrees if along > 0 else -degrees

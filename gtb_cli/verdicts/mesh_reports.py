@@ -122,7 +122,7 @@ def mesh_text(report: dict[str, Any]) -> str:
         shown["bounds"] = corners(box)
         if shown.get("centroid") is not None:
             shown["centroid"] = row(_rounded(shown["centroid"], size))
-            shown["second_moments"] = row(_rounded(shown["second_moments"], size * size))
+            shown["second_moments"] = row(_rounded(shown["second_moments"], size, 2))
         if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
     lines = [*labelled(shown).items(), *(("hole", text) for text in holes)]
@@ -144,9 +144,9 @@ def corners(box: list[list[float]]) -> list[str]:
     return [row(_rounded(corner, size)) for corner in box]
 
 
-def _rounded(values: list[float], size: float) -> list[float]:
-    """Round numbers to eight digits of a size."""
-    digits = 8 - math.ceil(math.log10(size or 1.0))
+def _rounded(values: list[float], size: float, power: int = 1) -> list[float]:
+    """Round numbers to eight digits of a power of a size."""
+    digits = 8 - math.ceil(power * math.log10(size or 1.0))
     return [round(x, digits) + 0.0 for x in values]
 
 

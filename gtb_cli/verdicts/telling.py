@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -33,12 +34,14 @@ def difference_record(found: Difference) -> dict[str, Any]:
 
 def difference_text(found: Difference) -> str:
     """Return what follows the names of two meshes: how far they are apart, and what else differs, in a table."""
-    what = "surfaces" if found.same_kind else "a curve and a surface,"
+    what = ("curves" if found.is_curve else "surfaces") if found.same_kind else "a curve and a surface,"
+    cells = "segments" if found.is_curve else "faces"
     tolerance = f"tolerance {found.tolerance:.3g}\n"
     words = "".join(f"{word}; " for word in found.words)
     faults = "".join(f"  {fault}\n" for fault in found.faults)
     if found.method == "vertices":
-        text = f"{words}the same faces, vertices up to {found.distance:.3g} apart (mean {found.mean:.3g}), {tolerance}"
+        apart = f"vertices up to {found.distance:.3g} apart (mean {found.mean:.3g})"
+        text = f"{words}the same {cells}, {apart}, {tolerance}"
         if found.distance <= found.tolerance:
             return text + faults
         where = f" of {found.group}" if found.group else ""
@@ -50,10 +53,12 @@ def difference_text(found: Difference) -> str:
         proof = f"not proved{f': at most {found.bound:.3g}' if found.is_loose else ''}"
         text = f"{what} {apart}, themselves (by a search, {proof}), {tolerance}{faults}"
         return text if found.same else text + _farthest(found)
-    at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
+    is_known = found.bound <= max(found.distance * 1.01, found.tolerance * 1e-3)
+    at_most = "" if is_known else f" (at most {found.bound:.3g})"
     if not found.is_proved:
         at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
-    text = f"{words}other faces, {what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
+    others = "" if found.kind == "surface" else f"other {cells}, "
+    text = f"{words}{others}{what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
     from gtb_cli.meshes.measures import labelled
 
     rows = [labelled(measures.record()) for measures in (() if words else found.measures)]
@@ -71,7 +76,8 @@ def _row(label: str, values: list[float | int | None]) -> str:
     """Return a line of a table; if its two numbers differ, it has a star and enough digits to show that."""
     digits = 9  # unless two different numbers would look the same
     first, second = (_number(value, digits) for value in values)
-    if values[0] == values[1]:
+    is_rounding = None not in values and math.isclose(values[0] or 0, values[1] or 0, rel_tol=1e-12)
+    if is_rounding or values[0] == values[1]:
         return f"  {label:24}{first:>16}{second:>16}\n"
     if first == second:
         first, second = (_number(value, 17) for value in values)

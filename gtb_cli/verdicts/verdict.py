@@ -44,6 +44,8 @@ class Verdict:
         """Why the files are not the same, beside their distance, in sentences."""
         told = (*self.found.words, *self.found.faults) if self.found else ()
         reasons = [*map(str, self.errors), *told, *self.warnings, *self.notes]
+        if self.renamed:
+            reasons.append(f"is called {self.renamed} in the other folder")
         if self.word == "different" and self.found is None:
             reasons.append("other bytes")
         if self.found is not None and not self.found.same_kind:

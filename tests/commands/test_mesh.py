@@ -39,7 +39,7 @@ def test_y_is_up_in_glb_and_meshes_that_are_read_stand_as_in_the_spec(name, tmp_
         np.testing.assert_allclose(trimesh.load_scene(file).bounds, bounds, atol=1e-5)
         np.testing.assert_allclose(read_mesh(file).bounds, [low, high], atol=1e-5)
         same = gtb("diff", file, spec, "-n", 2)
-        assert (same.status, "the same faces" in same.text) == (0, True)
+        assert (same.status, ": the same " in same.text) == (0, True)
     turned = gtb("diff", path, lying)
     assert (turned.status, "no unit, y up against no unit, z up" in turned.text) == (1, True)
 
