@@ -44,7 +44,7 @@ def curvature(patch: Blend, u: ArrayLike, parametrization: Parametrization = "to
 def curvatures_at(patches: Sequence[Blend], where: Iterable[Location], count: int) -> Curvature:
     """(q, count) curvatures of q patches that share one rational basis: what does not depend on points is made once."""
     field = _CurvatureField(patches)
-    gaussian, mean = np.empty((len(patches), count)), np.empty((len(patches), count))
+    gaussian, mean = np.empty((2, len(patches), count))
     for location in where:
         gaussian[:, location.rows], mean[:, location.rows] = field.at(location)
     return Curvature(gaussian, mean)
@@ -67,20 +67,17 @@ class _CurvatureField:
 
     def at(self, location: Location) -> Curvature:
         """(q, m) curvatures at the m parameters of a location."""
-        count = location.s.shape[1]
+        gaussian, mean = np.empty((2, len(self.points), location.s.shape[1]))
         if location.face.is_corner and face_layers(self.domain, location.face).slow.any():
-            return self._at_corner(location.face.index, count)
-        gaussian, mean = np.empty((len(self.points), count)), np.empty((len(self.points), count))
-        for here, local, e, layers in neighbourhoods(self.domain, self.log_weights, location, 12):
-            gaussian[:, here], mean[:, here] = self._about(local, local.terms(e, layers), layers)
+            # Other knots than the next ones on the edges count.
+            for row, points in enumerate(self.points):
+                limits = limits_at(self.domain, self.log_weights, points, location.face.index)
+                gaussian[row], mean[row] = limits.gaussian, limits.mean
+        else:
+            for here, local, e, layers in neighbourhoods(self.domain, self.log_weights, location, 12):
+                gaussian[:, here], mean[:, here] = self._about(local, local.terms(e, layers), layers)
         with np.errstate(over="ignore"):  # of a surface smaller than the smallest square
             return Curvature(gaussian / self.extent / self.extent, mean / self.extent)
-
-    def _at_corner(self, corner: int, count: int) -> Curvature:
-        """(q, m) limits at a corner near which other knots than the next ones on its edges count."""
-        limits = [limits_at(self.domain, self.log_weights, points, corner) for points in self.points]
-        table = np.array([[(each.gaussian, each.mean)] * count for each in limits])
-        return Curvature(table[:, :, 0] / self.extent / self.extent, table[:, :, 1] / self.extent)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # from points without a normal or a finite limit
     def _about(self, local: Local, terms: Terms, layers: FaceLayers) -> Curvature:

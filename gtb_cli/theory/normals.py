@@ -6,13 +6,19 @@ unless the coordinates are exactly 0 for those knots; therefore the coordinates 
 """
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, cross_of_columns, groups
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.about_a_knot import PARALLEL_SINE, Differences, cleared, coordinate_rounding
+from gtb_cli.knots.about_a_knot import (
+    PARALLEL_SINE,
+    Differences,
+    cleared,
+    coordinate_rounding,
+    offsets_from,
+    unit_columns,
+)
 from gtb_cli.knots.domain import Domain, layers
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
@@ -91,25 +97,12 @@ class NormalField:
         leader = e.argmax(axis=0)
         result = np.empty((e.shape[1], 3))
         for k, here in groups(leader):
-            about, deltas, part = Differences(self.domain, k), self._deltas(k), e[:, here]
+            about, deltas, part = Differences(self.domain, k), offsets_from(self.control_points, k), e[:, here]
             mean = deltas.T @ shares(part)
             second = np.where(about.lengths[:, None] > 0, part, -np.inf).argmax(axis=0)
             axes = about.along(second), about.across(second)
             result[here], _ = _unit_cross(*(covariance(part, axis, deltas, mean) for axis in axes))
         return result
-
-    def _deltas(self, k: int) -> FloatArray:
-        return self._cleared(self.control_points - self.control_points[k])
-
-    def _cleared(self, differences: FloatArray) -> FloatArray:
-        return cleared(differences, self._rounding)
-
-    @cached_property
-    def _rounding(self) -> float:
-        return coordinate_rounding(self.control_points)
-
-    def _is_point(self, knots: IntArray) -> bool:
-        return not self._deltas(int(knots[0]))[knots].any()
 
     def _about_point(self, edge: int, s: FloatArray) -> FloatArray:
         """(m, 3) limits of normals at (m,) torus coordinates on a collapsed edge.
@@ -147,7 +140,7 @@ class NormalField:
         """
         nearest = 1024  # to the collapsed edge: half a million pairs of knots take 60 MB
         near = np.sort(np.argsort(distance, kind="stable")[:nearest])
-        deltas = self._deltas(int(at_point[0]))
+        deltas = offsets_from(self.control_points, int(at_point[0]))
         near = near[deltas[near].any(axis=1)]
         j, k = near[np.array(np.triu_indices(len(near), 1))]
         lengths = np.sqrt((deltas**2).sum(axis=1))
@@ -163,14 +156,15 @@ class NormalField:
         """
         shape, before, after = self.domain, face.index - 1, face.index
         at_corner = np.flatnonzero(face.knots)
-        deltas = self._deltas(int(at_corner[0]))
+        deltas = offsets_from(self.control_points, int(at_corner[0]))
         if not face_layers(shape, face).slow.any():
             ends = [
                 next(layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0)))
                 for edge, other in ((after, before), (before, after))
             ]
             middle, *ways = (deltas[knots].T @ shares(self.log_weights[knots, None]) for knots in (at_corner, *ends))
-            normal = _unit_cross(*(self._cleared(np.asarray(way - middle)) for way in ways))[0][0]
+            rounding = coordinate_rounding(self.control_points)
+            normal = _unit_cross(*(cleared(way - middle, rounding) for way in ways))[0][0]
             if np.isfinite(normal[0]):
                 return np.asarray(normal)
         return limits_at(shape, self.log_weights, self.control_points, face.index).normal
@@ -182,7 +176,7 @@ def on_edge(fields: Sequence[NormalField], edge: int, s: FloatArray) -> FloatArr
     members = np.flatnonzero(shape.incidence[:, edge])
     along = shape.along(edge, shape.knots)
     log_weights = np.array([field.log_weights for field in fields])
-    rounding = np.array([field._rounding for field in fields])[:, None, None]
+    rounding = np.array([coordinate_rounding(field.control_points) for field in fields])[:, None, None]
     points = np.array([field.control_points for field in fields])
 
     def logarithms(knots: IntArray, columns: IntArray) -> FloatArray:
@@ -212,7 +206,7 @@ def on_edge(fields: Sequence[NormalField], edge: int, s: FloatArray) -> FloatArr
             rows, tangent, position = rows[todo], tangent[:, :, todo], position[:, :, todo]
     for field, normals, coordinates in zip(fields, result, s, strict=True):
         lost = np.flatnonzero(np.isnan(normals[:, 0]))
-        if len(lost) and field._is_point(members):
+        if len(lost) and not offsets_from(field.control_points, int(members[0]))[members].any():
             normals[lost] = field._about_point(edge, coordinates[lost])
     return result
 
@@ -227,15 +221,9 @@ def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(…, m, 3) unit cross products of (…, 3, m) vectors, NaN if parallel or zero; and the sines of their angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = (_unit(v) for v in (first, second))
+        first, second = (unit_columns(v) for v in (first, second))
         normal = np.empty_like(first)
         cross_of_columns(*(v.swapaxes(0, -2) for v in (first, second, normal)))
         sine = np.sqrt((normal**2).sum(axis=-2))
         across = sine[..., None, :]
         return np.where(across > PARALLEL_SINE, normal / across, np.nan).swapaxes(-1, -2), sine
-
-
-def _unit(v: FloatArray) -> FloatArray:
-    """The columns, of length 1; scaled to a largest entry of 1 first, so that squares do not underflow."""
-    v = v / np.abs(v).max(axis=-2, keepdims=True)
-    return np.asarray(v / np.sqrt((v**2).sum(axis=-2, keepdims=True)))
