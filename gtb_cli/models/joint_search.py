@@ -42,7 +42,7 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     near = edges.near if is_surface else {}
     followers = edges.followers(near)
     shared = tuple(
-        Joint(refs[i], refs[j], turned, *_distance_and_match(match))
+        Joint(refs[i], refs[j], turned, 0.0 if match.proved else match.distance, None if match.even else match)
         for i, others in followers.items()
         for j, turned, match in others
     )
@@ -68,19 +68,12 @@ def _curve_tolerance(patches: Sequence[Patch]) -> float:
     return max(CURVE_TOLERANCE * size, FAR_ROUNDING * float(np.abs(points).max()))
 
 
-def _distance_and_match(match: Match | None) -> tuple[float, Match | None]:
-    """Return what a joint says of two curves: 0 if they are equal, None if equal fractions correspond."""
-    if match is None:
-        return 0.0, None
-    return 0.0 if match.proved else match.distance, None if match.even else match
-
-
 class _Follower(NamedTuple):
     """An edge that carries the curve of an earlier one, in the opposite direction if `turned`."""
 
     edge: int
     turned: bool
-    match: Match | None  # None where the data are equal
+    match: Match
 
 
 class _EdgeCurves:
@@ -145,7 +138,7 @@ class _EdgeCurves:
                 group.update(dict.fromkeys(other, one))
         found: dict[int, list[_Follower]] = {}
         for first in (i for i in self.same if i == min(group[i])):
-            found[first] = [_Follower(j, turned, None) for j, turned in self.same[first]]
+            found[first] = [_Follower(j, turned, Match(0.0, True, True)) for j, turned in self.same[first]]
             for k in sorted(group[first])[1:]:
                 match = self.compared(first, k)
                 edges = ((k, False), *self.same[k])

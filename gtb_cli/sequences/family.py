@@ -11,7 +11,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.hull import knot_tolerance
+from gtb_cli.knots.hull import border_of, knot_tolerance
 from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
 from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
@@ -144,7 +144,7 @@ def _sides(polygon: tuple[int, ...]) -> list[tuple[int, ...]]:
     """Return the knots at the ends of each edge of a polygon, or the two ends of a segment one by one."""
     if len(polygon) == 2:
         return [(polygon[0],), (polygon[1],)]
-    return list(zip(polygon, (*polygon[1:], polygon[0]), strict=True))
+    return [*border_of(polygon)]
 
 
 def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Sequence[Patch]) -> Joints:

@@ -44,7 +44,7 @@ class RationalBasis:
         `DomainError` is raised if a parameter lies outside Δ or the parametrisation is unknown, `ToleranceError` if a
         linear one was not found to `RESIDUAL`, or to `within`, a fraction of Δ's size.
         """
-        columns = self.domain.columns(u)
+        columns = self.domain.grid(u)[0]
         if parametrization == "toric":
             return toric_locations(self.domain, columns, faces)
         if parametrization == "linear":
