@@ -15,16 +15,7 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, read_only
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
-from gtb_cli.knots.polyhedral_cones import (
-    Bits,
-    Vector,
-    extreme_rays,
-    faces_below,
-    maximal,
-    members,
-    product_of,
-    without_divisor,
-)
+from gtb_cli.knots.polyhedral_cones import Bits, Vector, extreme_rays, maximal, members, product_of, without_divisor
 from gtb_cli.knots.upper_faces import Simplex, lifted_knots
 from gtb_cli.values import by_value, frozen
 
@@ -118,7 +109,7 @@ def regular_decompositions(knots: ArrayLike, triangulations: bool = False) -> It
         for face, dimension in faces:
             sum_of_signs += (-1) ** (walk.n - dimension)
             yield chamber.cone(face, dimension)
-            for smaller in faces_below(face, chamber.facets) if not triangulations else ():
+            for smaller in maximal({face & facet for facet in chamber.facets} - {face}) if not triangulations else ():
                 name = frozenset(chamber.names[ray] for ray in members(smaller))
                 if name not in seen:
                     seen.add(name)
@@ -238,7 +229,6 @@ class _Chamber:
         """Return the cells of liftings inside a face."""
         group = list(range(len(self._cells)))
         more: list[tuple[int, int]] = []
-
         for row, joints in enumerate(self._joints):
             if any(self._drops[ray][row] for ray in members(face)):
                 continue

@@ -107,16 +107,10 @@ def seams_of(patches: Sequence[Patch], joints: Joints) -> tuple[Seam, ...]:
     sines = np.linalg.norm(cross(ours.reshape(-1, 3), theirs.reshape(-1, 3)), axis=1).reshape(ours.shape[:2])
     angles = np.degrees(np.arctan2(sines, (ours * theirs).sum(axis=2)))
     worst = np.where(np.isfinite(angles), angles, -1.0).argmax(axis=1)
+    smooth = (angles <= MAX_CREASE_DEGREES) & is_away
     return tuple(
-        Seam(
-            joint.first,
-            joint.second,
-            float(row[k]),
-            int(k),
-            (row <= MAX_CREASE_DEGREES) & is_away,
-            (rims[2 * i], rims[2 * i + 1]),
-        )
-        for i, (joint, row, k) in enumerate(zip(joints.shared, angles, worst, strict=True))
+        Seam(joint.first, joint.second, float(angles[i, k]), k, smooth[i], (rims[2 * i], rims[2 * i + 1]))
+        for i, (joint, k) in enumerate(zip(joints.shared, worst.tolist(), strict=True))
     )
 
 

@@ -219,10 +219,10 @@ def degeneration(
     cells = sum(cell_count(len(polygon), n) for polygon in decomposition.polygons)
     _refuse_too_many(cells, len(values) + 1, max_faces)
     family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
-    values.append(INF if upward else 0.0)
     mosaic = _mosaic(family, resolution, tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
-    return MeshSequence(patch.name or "patch", "x", tuple(values), family, mosaic, fineness, normals, decomposition)
+    xs = (*values, INF if upward else 0.0)
+    return MeshSequence(patch.name or "patch", "x", xs, family, mosaic, fineness, normals, decomposition)
 
 
 @of_patch
@@ -250,10 +250,9 @@ def knot_sequence(
     limit = knot_limit(patch, moves)
     values = sorted({float(step) for step in steps} - {1.0})
     family = approaching(limit, values)
-    values.append(1.0)
     mosaic = _mosaic(family, resolution, tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
-    return MeshSequence(patch.name or "patch", "step", tuple(values), family, mosaic, fineness, normals)
+    return MeshSequence(patch.name or "patch", "step", (*values, 1.0), family, mosaic, fineness, normals)
 
 
 def _mosaic(family: Family, resolution: int, tolerance: float | None, max_faces: int) -> Complex:
