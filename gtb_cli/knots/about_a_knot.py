@@ -9,8 +9,7 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.values import frozen
 
-# Sine of the angle, a few thousand roundings, below which two unit vectors do not define a normal
-PARALLEL_SINE = 1e-12
+PARALLEL_SINE = 1e-12  # of the angle, a few thousand roundings, below which two vectors do not define a normal
 
 
 @frozen
@@ -52,8 +51,7 @@ class Differences:
 
 def coordinate_rounding(points: FloatArray) -> float:
     """Return the distance within which points count as equal."""
-    # Units in the last place of the largest coordinate by which control points meant to be equal may differ
-    coincident_ulps = 8
+    coincident_ulps = 8  # of the largest coordinate: control points meant to be equal may differ by as much
     return coincident_ulps * EPS * float(np.abs(points).max())
 
 

@@ -189,8 +189,7 @@ class Domain:
     @cached_property
     def _near(self) -> FloatArray:
         """Edge functions, (r,), below which the products of a slanted edge may cancel, or rounding decides."""
-        # Fraction of the hull's size below which the distance to an edge is computed again without cancellation
-        cancelling_distance = 2.0**-10
+        cancelling_distance = 2.0**-10  # of the hull's size: nearer to an edge, distances are computed again
         slanted = (self.normals != 0).all(axis=1) if self.dimension == 2 else np.zeros(2, dtype=bool)
         return np.asarray(np.where(slanted, cancelling_distance * self.size, self.tolerance) * self.normal_lengths)
 

@@ -12,9 +12,7 @@ from gtb_cli.errors import DomainError
 # (sums, square roots, 17-digit decimals), and far below any distance a person would type
 KNOT_TOLERANCE = 1e-12
 
-# Units in the last place of the largest coordinate by which knots meant to be collinear may be off; this tolerance
-# decides for knots far from the origin
-KNOT_ULPS = 8
+KNOT_ULPS = 8  # of the largest coordinate: knots meant to be collinear may be off by as much, far from the origin
 
 
 def knot_tolerance(points: FloatArray) -> float:

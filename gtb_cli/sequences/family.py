@@ -98,14 +98,9 @@ def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
     """Patches at some steps of a knot limit, and the merged one."""
     members = tuple(move_knots(limit.patch, limit.moves, step) for step in steps)
     thickness = (*map(limit.nearness, steps), 0.0) if limit.films else ()
-    return Family(
-        tuple(Sampler((patch,)) for patch in (*members, limit.merged)),
-        members,
-        (False,) * len(members),
-        unjoined(limit.merged),
-        thickness=thickness,
-        knot_limit=limit,
-    )
+    samplers = tuple(Sampler((patch,)) for patch in (*members, limit.merged))
+    joints, is_limit = unjoined(limit.merged), (False,) * len(members)
+    return Family(samplers, members, is_limit, joints, thickness=thickness, knot_limit=limit)
 
 
 def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
@@ -165,14 +160,9 @@ def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Se
             if first != (index, edge):
                 shared.append(Joint(first, (index, edge), opposite=decomposition.dimension == 2))
     inner = {joint.first for joint in shared}
+    alone = tuple(ref for ref in seen.values() if ref not in inner)
     return Joints(
-        shared=tuple(shared),
-        open=tuple(ref for ref in seen.values() if ref not in inner),
-        collapsed=(),
-        crowded=(),
-        almost=(),
-        flipped=(False,) * len(cells),
-        one_sided=(),
+        tuple(shared), alone, collapsed=(), crowded=(), almost=(), flipped=(False,) * len(cells), one_sided=()
     )
 
 
@@ -243,12 +233,12 @@ def _in_order(mosaic: Complex) -> Complex:
     cells = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
     vertices = np.append(mosaic.cells[cells, 0], mosaic.cells[cells[-1], 1])
     steps = np.arange(len(cells))
-    return Complex(
+    return replace(
+        mosaic,
         patch=mosaic.patch[vertices],
         parameters=mosaic.parameters[vertices],
         face=mosaic.face[vertices],
         cells=np.stack([steps, steps + 1], axis=1),
         cell_patch=mosaic.cell_patch[cells],
         own_corners=mosaic.corners[cells],
-        collapsed=mosaic.collapsed,
     )
