@@ -14,7 +14,7 @@ from gtb_cli.arrays import EPS
 from gtb_cli.errors import DomainError
 from gtb_cli.models.curve_equality import Match, beside, equal
 from gtb_cli.models.joints import Joint, Joints
-from gtb_cli.models.near_ends import SORTING_DIRECTION, heights, touching
+from gtb_cli.models.near_ends import touching
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, edge_curves
 from gtb_cli.theory.patch import Patch
 
@@ -89,19 +89,19 @@ class _EdgeCurves:
     def same(self) -> dict[int, list[tuple[int, bool]]]:
         """For each edge with data of its own: the later edges with the same data, and whether each runs backwards."""
         found: dict[int, list[tuple[int, bool]]] = {}
-        places = heights(self.curves) / (2 * self.tolerance * SORTING_DIRECTION.sum())
-        bins: dict[int, list[int]] = {}
-        for i in sorted(set(range(len(self.curves))).difference(self.collapsed)):
-            middle = int(np.floor(places[i]))
-            near = sorted(first for k in (middle - 1, middle, middle + 1) for first in bins.get(k, ()))
-            for turned, curve in ((False, self.curves[i]), (True, self.curves[i].reversed())) if near else ():
-                first = next((first for first in near if curve.same_as(self.curves[first], self.tolerance)), None)
-                if first is not None:
+        extended = sorted(set(range(len(self.curves))).difference(self.collapsed))
+        near: dict[int, list[int]] = {i: [] for i in extended}
+        pairs, _ = touching([self.curves[i] for i in extended], np.full(len(extended), self.tolerance))
+        for one, other in pairs.tolist():
+            near[extended[other]].append(extended[one])
+        for i, earlier in near.items():
+            for turned, curve in ((False, self.curves[i]), (True, self.curves[i].reversed())) if earlier else ():
+                firsts = (k for k in earlier if k in found and curve.same_as(self.curves[k], self.tolerance))
+                if (first := next(firsts, None)) is not None:
                     found[first].append((i, turned))
                     break
             else:
                 found[i] = []
-                bins.setdefault(middle, []).append(i)
         return found
 
     @cached_property

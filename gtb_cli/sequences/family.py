@@ -12,7 +12,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import border_of, knot_tolerance
-from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
+from gtb_cli.knots.triangulation import central_triangulation, triangulation
 from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
@@ -57,10 +57,6 @@ class Family:
         """A mesh of what it is more."""
         return film_mesh(self.knot_limit) if self.knot_limit is not None and self.has_film else None
 
-    def cell_count(self, resolution: int) -> int:
-        """Number of cells of `uniform`, without making it."""
-        return sum(cell_count(patch.domain, resolution) for patch in self.limit.patches)
-
     def uniform(self, resolution: int) -> Complex:
         """Return the complex with `resolution` cells along each edge of each patch of the limit."""
         return joined_complex(self.limit.patches, self.joints, resolution)
@@ -84,8 +80,12 @@ class Family:
             own_corners=mosaic.corners,
         )
 
-    def refined(self, tolerance: float, max_cells: int) -> Complex:
-        """Refine the coarsest complex until it is within a tolerance of every member; `ToleranceError` if too large."""
+    def refined(self, tolerance: float, max_faces: int) -> Complex:
+        """Refine the coarsest complex until it is within a tolerance of every member.
+
+        `ToleranceError` is raised if all meshes together would have more faces than `max_faces`.
+        """
+        max_cells = max_faces // len(self.samplers)
         mosaic, count = next(coarse_complexes(self.limit.patches, self.joints)), 0
         while len(mosaic.cells) > count:
             count = len(mosaic.cells)

@@ -315,9 +315,9 @@ class Patch:
 
     def normals_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """Return unit normals at locations found by any parametrisation, (count, 3); see `normals`."""
-        from gtb_cli.theory.normals import NormalField  # most meshes do not need them
+        from gtb_cli.theory.normals import normals_at  # most meshes do not need them
 
-        return NormalField(self.domain, self.log_products, self.control_points).at(locations, count)
+        return normals_at(self, locations, count)
 
     def curvature(self, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
         """Gaussian and mean curvature of a surface; see `gtb_cli.Curvature`.
