@@ -151,10 +151,6 @@ class _Walk:
             if all(len(cell) == self.d + 1 for cell in cells):
                 return cells
 
-    def quotient(self, a: float, b: float) -> Fraction | float:
-        """Divide numbers of rows, exactly where these are exact."""
-        return Fraction(a) / Fraction(b) if self.is_exact else a / b
-
     def _volume(self, knots: Simplex) -> float:
         """Return the determinant of d + 1 knots: 0 if they are collinear, or equal, within the tolerance."""
         if self.d == 1:
@@ -248,8 +244,9 @@ class _Chamber:
     def cone(self, face: Bits, dimension: int) -> LiftingCone:
         """Return the cone of a face; its lifting adds up the rays, each so long that its largest drop is 1."""
         walk, rays = self._walk, list(members(face))
-        units = [circuit.unit for circuit in self._circuits]
-        largest = [max(map(walk.quotient, self._drops[ray], units)) for ray in rays]
+        number = Fraction if walk.is_exact else float
+        units = [number(circuit.unit) for circuit in self._circuits]
+        largest = [max(number(drop) / unit for drop, unit in zip(self._drops[ray], units, strict=True)) for ray in rays]
         scale = math.lcm(*(drop.numerator for drop in largest if isinstance(drop, Fraction)))
         lengths = [int(scale / drop) if walk.is_exact else float(1 / drop) for drop in largest]
         inner = [

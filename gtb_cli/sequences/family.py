@@ -109,7 +109,9 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     Raises `DomainError` if the decomposition has a corner that is straight to rounding.
     """
     least_exponent = 40.0  # by which knots outside a cell are below it on a member that is the limit to rounding
-    order = _left_to_right(decomposition)
+    order = list(range(len(decomposition.cells)))
+    if decomposition.dimension == 1:  # along the curve
+        order.sort(key=lambda k: float(decomposition.knots[decomposition.polygons[k][0], 0]))
     limit = cells_of(patch, decomposition).patches
     cells = [limit[k] for k in order]
     joints = _joints(decomposition, order, cells)
@@ -125,14 +127,6 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     is_limit = tuple(not logarithm * least_gap < least_exponent for logarithm in logarithms)
     samplers.append(Sampler(cells))
     return Family(tuple(samplers), tuple(members), is_limit, joints, faces)
-
-
-def _left_to_right(decomposition: RegularDecomposition) -> list[int]:
-    """Return the cells in the order of meshing: unchanged for a surface, along the curve for a curve."""
-    cells = range(len(decomposition.cells))
-    if decomposition.dimension == 2:
-        return list(cells)
-    return sorted(cells, key=lambda k: float(decomposition.knots[decomposition.polygons[k][0], 0]))
 
 
 def _sides(polygon: tuple[int, ...]) -> list[tuple[int, ...]]:

@@ -235,12 +235,9 @@ def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions:
 
 def _unlimited(powers: FloatArray, order: int) -> BoolArray:
     """(n,) whether powers of x, or their products, have no finite derivative of an order at x = 0."""
-
-    def unlimited(exponents: FloatArray) -> BoolArray:
-        whole = np.abs(exponents - np.rint(exponents)) <= 64 * EPS
-        return np.asarray((exponents > 0) & (exponents < order) & ~whole)
-
-    return unlimited(powers) | unlimited(powers[:, None] + powers).any(axis=1)
+    every = np.column_stack([powers, powers[:, None] + powers])
+    whole = np.abs(every - np.rint(every)) <= 64 * EPS
+    return np.asarray(((every > 0) & (every < order) & ~whole).any(axis=1))
 
 
 def _inverse(matrices: FloatArray) -> FloatArray:
