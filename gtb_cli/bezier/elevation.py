@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.domain import Domain, domain
+from gtb_cli.knots.domain import Domain, domain, has_integer_corners
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.language.spec_paths import of_patch
+from gtb_cli.theory.corner_powers import alike, summed
 from gtb_cli.theory.patch import Patch
 
 MAX_ELEVATED_KNOTS = 10_000
-
 
 MAX_PLAIN_WEIGHT = 1e150  # and inverse of the smallest; other weights are handled as logarithms
 
@@ -96,25 +96,22 @@ def product(patch: Patch, knots: FloatArray) -> Patch:
     if len(patch.knots) * len(knots) > max_sums:
         raise DomainError(f"knots: {len(patch.knots)} times {len(knots)} sums, at most {max_sums} are allowed")
     sums = (patch.knots[:, None] + knots).reshape(-1, patch.dimension)
-    first, group = _equal(sums)
+    group = alike(sums.T[::-1], [knot_tolerance(sums)] * patch.dimension)
+    _, first, counts = np.unique(group, return_index=True, return_counts=True)
     if len(first) > MAX_ELEVATED_KNOTS:
         raise DomainError(
             f"knots: the elevated patch would have {len(first)}, at most {MAX_ELEVATED_KNOTS} are allowed"
         )
-    logs = np.repeat(patch.log_products, len(knots))
-    top = np.full(len(first), -np.inf)
-    np.maximum.at(top, group, logs)
-    terms = np.exp(logs - top[group])
+    points = np.repeat(patch.control_points, len(knots), axis=0)
+    logs, factors = np.repeat(patch.log_products, len(knots)), np.column_stack([np.ones(len(points)), points])
     with np.errstate(over="ignore", under="ignore"):
         plain = np.repeat(patch.coefficients * patch.weights, len(knots))
     ordinary = bool(plain.min() > 1 / MAX_PLAIN_WEIGHT and plain.max() < MAX_PLAIN_WEIGHT)
-    if ordinary:
-        terms = plain  # so that whole numbers stay whole
-    totals = np.bincount(group, terms)
-    points = np.repeat(patch.control_points, len(knots), axis=0)
-    control_points = np.stack([np.bincount(group, terms * axis) / totals for axis in points.T], axis=1)
-    single = np.bincount(group) == 1
-    control_points[single] = points[first[single]]
+    if ordinary:  # so that whole numbers stay whole
+        logs, factors = np.zeros(len(points)), plain[:, None] * factors
+    top, sums_of_terms = summed(group, logs, factors)
+    totals = sums_of_terms[:, 0]
+    control_points = np.where(counts[:, None] == 1, points[first], sums_of_terms[:, 1:] / totals[:, None])
     result = patch.replace(
         knots=sums[first],
         control_points=control_points,
@@ -124,30 +121,9 @@ def product(patch: Patch, knots: FloatArray) -> Patch:
         edge_normals="auto",
         edge_scale=1.0,
     )
-    return _with_scale_of(patch, result)
-
-
-def _with_scale_of(patch: Patch, result: Patch) -> Patch:
-    """Give a product the edge functions of the patch if it has the same edges in the same order."""
-    ours, theirs = result.domain, patch.domain
-    normals = patch.edge_normals
-    corners = ours.vertices
-    if normals == "primitive" and not (corners == np.rint(corners)).all():
+    # The edge functions are those of the patch if there are as many edges, which are then the same.
+    corners, normals = result.domain.vertices, patch.edge_normals
+    if normals == "primitive" and not has_integer_corners(corners):
         normals = "unit"
-    if np.ndim(patch.edge_scale) and len(corners) != len(theirs.vertices):
-        return result.replace(edge_normals=normals)
-    return result.replace(edge_normals=normals, edge_scale=patch.edge_scale)
-
-
-def _equal(points: FloatArray) -> tuple[IntArray, IntArray]:
-    """Group equal (m, d) points: the first index of each group, by rows from below, and the group of each point."""
-    tolerance = knot_tolerance(points)
-    group = np.zeros(len(points), dtype=np.int64)
-    for coordinates in points.T[::-1]:
-        # A gap in the coordinate splits each group found so far.
-        order = np.lexsort((coordinates, group))
-        begins = (np.diff(coordinates[order]) > tolerance) | (np.diff(group[order]) > 0)
-        group[order] = np.concatenate([[0], np.cumsum(begins)])
-    first = np.full(int(group.max()) + 1, len(points))
-    np.minimum.at(first, group, np.arange(len(points)))
-    return first, group
+    is_same = np.ndim(patch.edge_scale) == 0 or len(corners) == len(patch.domain.vertices)
+    return result.replace(edge_normals=normals, edge_scale=patch.edge_scale if is_same else 1.0)

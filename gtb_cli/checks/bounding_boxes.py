@@ -61,4 +61,4 @@ def _extremes(patch: Patch, ways: IntArray) -> FloatArray:
 
 def _points(patch: Patch, u: FloatArray, within: float) -> FloatArray:
     """Return points of the patch at parameters, to `within` of the size of Δ: (m, d) → (m, 3)."""
-    return patch.points_at(patch.rational_basis.locations(u, "linear", None, within), len(u))
+    return patch.points_at(patch.rational_basis.linear.locations(u, within=within), len(u))

@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.checks.bounding_boxes import bounds
 from gtb_cli.knots.domain import EdgeNormals, has_integer_corners
-from gtb_cli.knots.lattice import lattice_of
+from gtb_cli.knots.lattice import lattice_of, repeated
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
@@ -53,7 +53,7 @@ def description(patch: Patch) -> Description:
         bounding_box=bounds([patch]),
         control_box=bounds_of(patch.control_points),
         linear_precision_error=_linear_precision_error(patch.rational_basis),
-        repeated_knots=repeated_knots(patch.knots),
+        repeated_knots=repeated(patch.knots),
     )
 
 
@@ -85,11 +85,3 @@ def _linear_precision_error(basis: RationalBasis) -> float:
     u = triangulation(shape, resolution).parameters
     offsets = basis.blend(shape.knots - shape.center, basis.locations(u), len(u)) - (u - shape.center)
     return float(np.sqrt((offsets**2).sum(axis=1)).max())
-
-
-def repeated_knots(knots: FloatArray) -> tuple[tuple[int, ...], ...]:
-    """Return groups of indices of equal knots, ascending, in the order of the first of each."""
-    groups: dict[tuple[float, ...], list[int]] = {}
-    for index, knot in enumerate(knots.tolist()):
-        groups.setdefault(tuple(knot), []).append(index)
-    return tuple(tuple(group) for group in groups.values() if len(group) > 1)

@@ -8,13 +8,13 @@ from typing import TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
-from gtb_cli.checks.description import repeated_knots
 from gtb_cli.checks.report import Finding
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import KNOT_ULPS
+from gtb_cli.knots.lattice import repeated
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.limits.knot_limit import merge_knots
-from gtb_cli.theory.basis import Location, torus_coordinates
+from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -53,11 +53,6 @@ class Probe:
     def inside(self) -> IntArray:
         """Indices of the parameters inside Δ."""
         return np.flatnonzero((self.heights > 0).all(axis=0))
-
-    @cached_property
-    def torus(self) -> FloatArray:
-        """Torus coordinates of the parameters inside Δ, (d, k)."""
-        return torus_coordinates(self.patch.domain, self.heights[:, self.inside])
 
     @cached_property
     def basis(self) -> FloatArray:
@@ -130,8 +125,7 @@ class Probe:
     @cached_property
     def merged(self) -> Patch:
         """The patch with its repeated knots merged; the patch itself if no knot is repeated."""
-        groups = repeated_knots(self.patch.knots)
-        moves = {knot: first for first, *others in groups for knot in others}
+        moves = {knot: first for first, *others in repeated(self.patch.knots) for knot in others}
         return merge_knots(self.patch, moves) if moves else self.patch
 
 

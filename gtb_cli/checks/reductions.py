@@ -57,7 +57,7 @@ def classical_bezier(probe: Probe) -> Finding:
     except DomainError as error:
         return not_applicable(str(error).removeprefix("coefficients: "))
     some = slice(None, None, -(-len(probe.inside) // 200))
-    s = probe.torus[:, some]
+    s = torus_coordinates(domain, probe.heights[:, probe.inside])[:, some]
     bernstein = np.tile(binomials, (s.shape[1], 1))
     for direction in lattice:
         logs = np.pad(direction.steps @ s, [(1, 0), (0, 0)]).T

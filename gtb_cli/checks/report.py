@@ -1,7 +1,7 @@
 """Results of checks: findings about properties, and reports."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from typing import Literal, TypeAlias
@@ -74,18 +74,30 @@ def counts(findings: Iterable[Finding]) -> str:
     return text + (f", {count['not decided']} not decided" if count["not decided"] else "")
 
 
+def _described(report: "Report | ModelReport") -> str:
+    return f"<{type(report).__name__} {report.name or 'without a name'}: {counts(report.findings)}>"
+
+
+def _table(report: "Report | ModelReport") -> str:
+    """Return HTML with a row for each finding, and how many there are of each status."""
+    rows = []
+    for found in report.findings:
+        numbers = ("" if number is None else f"{number:.3g}" for number in (found.value, found.bound))
+        cells = (found.status, found.name, *numbers, found.reason, found.reference)
+        style = ' style="color:#D6001C"' if found.status == "fails" else ""
+        rows.append(f"<tr{style}>{''.join(f'<td>{escape(text)}</td>' for text in cells)}</tr>")
+    head = "".join(f"<th>{text}</th>" for text in ("status", "property", "measured", "bound", "what", "paper"))
+    title = escape(f"{report.name or 'without a name'}: {counts(report.findings)}")
+    return f"<table><caption>{title}</caption><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
 @dataclass(frozen=True, repr=False)
 class Report:
     """Findings about one patch, in the order of `PROPERTIES`."""
 
     name: str | None
     findings: tuple[Finding, ...]
-
-    def __repr__(self) -> str:
-        return f"<Report {self.name or 'without a name'}: {counts(self.findings)}>"
-
-    def _repr_html_(self) -> str:
-        return _table(self.name, self.findings)
+    __repr__, _repr_html_ = _described, _table
 
     @property
     def holds(self) -> bool:
@@ -100,12 +112,7 @@ class ModelReport:
     name: str | None
     patches: tuple[Report, ...]
     joints: tuple[Finding, ...]
-
-    def __repr__(self) -> str:
-        return f"<ModelReport {self.name or 'without a name'}: {counts(self.findings)}>"
-
-    def _repr_html_(self) -> str:
-        return _table(self.name, self.findings)
+    __repr__, _repr_html_ = _described, _table
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -116,16 +123,3 @@ class ModelReport:
     def holds(self) -> bool:
         """True if no property of a patch or joint fails."""
         return all(finding.status != "fails" for finding in self.findings)
-
-
-def _table(name: str | None, findings: Sequence[Finding]) -> str:
-    """Return HTML with a row for each finding, and how many there are of each status."""
-    rows = []
-    for found in findings:
-        numbers = ("" if number is None else f"{number:.3g}" for number in (found.value, found.bound))
-        cells = (found.status, found.name, *numbers, found.reason, found.reference)
-        style = ' style="color:#D6001C"' if found.status == "fails" else ""
-        rows.append(f"<tr{style}>{''.join(f'<td>{escape(text)}</td>' for text in cells)}</tr>")
-    head = "".join(f"<th>{text}</th>" for text in ("status", "property", "measured", "bound", "what", "paper"))
-    title = escape(f"{name or 'without a name'}: {counts(findings)}")
-    return f"<table><caption>{title}</caption><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"

@@ -10,13 +10,9 @@ from gtb_cli.values import frozen
 
 RESIDUAL_TOLERANCE = 1e-12  # of the largest coordinate: the iteration ends as near to the points
 
-# Largest number of points of a curve: with more, weights that are ordinary floats concentrate too little for the
-# iteration to converge in time
-MAX_POINTS = 100
+MAX_POINTS = 100  # with more, weights that are ordinary floats concentrate too little to converge in time
 
-# Rounds after which the equations behind the iteration are solved directly: if knots are so uneven that neighbours have
-# nearly the same basis, the iteration would take tens of thousands of rounds
-PLAIN_ROUNDS = 1000
+PLAIN_ROUNDS = 1000  # then the equations are solved directly: neighbours whose basis is nearly the same need ten times
 MAX_ROUNDS = PLAIN_ROUNDS + 10
 
 

@@ -9,8 +9,7 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.values import frozen
 
-# Sine of the angle, a few thousand roundings, below which two unit vectors do not define a normal
-PARALLEL_SINE = 1e-12
+PARALLEL_SINE = 1e-12  # of the angle, a few thousand roundings, below which two vectors do not define a normal
 
 
 @frozen
@@ -52,11 +51,21 @@ class Differences:
 
 def coordinate_rounding(points: FloatArray) -> float:
     """Return the distance within which points count as equal."""
-    # Units in the last place of the largest coordinate by which control points meant to be equal may differ
-    coincident_ulps = 8
+    coincident_ulps = 8  # of the largest coordinate: control points meant to be equal may differ by as much
     return coincident_ulps * EPS * float(np.abs(points).max())
+
+
+def offsets_from(points: FloatArray, k: int) -> FloatArray:
+    """Return the differences of (n, 3) points from point k, exactly 0 where the points count as equal."""
+    return cleared(points - points[k], coordinate_rounding(points))
 
 
 def cleared(differences: FloatArray, rounding: FloatArray | float) -> FloatArray:
     """Return differences of points, with exact zeros in place of what may be rounding."""
     return np.where(np.abs(differences) <= rounding, 0.0, differences)
+
+
+def unit_columns(vectors: FloatArray) -> FloatArray:
+    """Scale (…, 3, m) columns to length 1, by their largest entries first, so that squares do not underflow."""
+    scaled = vectors / np.abs(vectors).max(axis=-2, keepdims=True)
+    return np.asarray(scaled / np.sqrt((scaled**2).sum(axis=-2, keepdims=True)))

@@ -15,16 +15,7 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, read_only
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
-from gtb_cli.knots.polyhedral_cones import (
-    Bits,
-    Vector,
-    extreme_rays,
-    faces_below,
-    maximal,
-    members,
-    product_of,
-    without_divisor,
-)
+from gtb_cli.knots.polyhedral_cones import Bits, Vector, extreme_rays, maximal, members, product_of, without_divisor
 from gtb_cli.knots.upper_faces import Simplex, lifted_knots
 from gtb_cli.values import by_value, frozen
 
@@ -118,7 +109,7 @@ def regular_decompositions(knots: ArrayLike, triangulations: bool = False) -> It
         for face, dimension in faces:
             sum_of_signs += (-1) ** (walk.n - dimension)
             yield chamber.cone(face, dimension)
-            for smaller in faces_below(face, chamber.facets) if not triangulations else ():
+            for smaller in maximal({face & facet for facet in chamber.facets} - {face}) if not triangulations else ():
                 name = frozenset(chamber.names[ray] for ray in members(smaller))
                 if name not in seen:
                     seen.add(name)
@@ -159,10 +150,6 @@ class _Walk:
             cells = regular_decomposition(self.points, random.random(self.n)).cells
             if all(len(cell) == self.d + 1 for cell in cells):
                 return cells
-
-    def quotient(self, a: float, b: float) -> Fraction | float:
-        """Divide numbers of rows, exactly where these are exact."""
-        return Fraction(a) / Fraction(b) if self.is_exact else a / b
 
     def _volume(self, knots: Simplex) -> float:
         """Return the determinant of d + 1 knots: 0 if they are collinear, or equal, within the tolerance."""
@@ -238,7 +225,6 @@ class _Chamber:
         """Return the cells of liftings inside a face."""
         group = list(range(len(self._cells)))
         more: list[tuple[int, int]] = []
-
         for row, joints in enumerate(self._joints):
             if any(self._drops[ray][row] for ray in members(face)):
                 continue
@@ -258,8 +244,9 @@ class _Chamber:
     def cone(self, face: Bits, dimension: int) -> LiftingCone:
         """Return the cone of a face; its lifting adds up the rays, each so long that its largest drop is 1."""
         walk, rays = self._walk, list(members(face))
-        units = [circuit.unit for circuit in self._circuits]
-        largest = [max(map(walk.quotient, self._drops[ray], units)) for ray in rays]
+        number = Fraction if walk.is_exact else float
+        units = [number(circuit.unit) for circuit in self._circuits]
+        largest = [max(number(drop) / unit for drop, unit in zip(self._drops[ray], units, strict=True)) for ray in rays]
         scale = math.lcm(*(drop.numerator for drop in largest if isinstance(drop, Fraction)))
         lengths = [int(scale / drop) if walk.is_exact else float(1 / drop) for drop in largest]
         inner = [

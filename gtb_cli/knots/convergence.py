@@ -54,25 +54,17 @@ def convergence_rate(decomposition: RegularDecomposition) -> float:
     if gaps.size * gaps.shape[1] > MAX_GAPS:
         raise ToleranceError(f"{gaps.shape[1]} knots and {gaps.shape[0]} cells are too many for a rate of convergence")
     least = float(gaps[:, list(decomposition.absent)].min(initial=np.inf))
-    beside = _neighbours(decomposition)
+    cells = [sum(1 << i for i in cell) for cell in decomposition.cells]
+    # The knots with which each shares a cell, itself included, as bits; none if it is in no cell
+    beside = [reduce(or_, (cell for cell in cells if cell >> i & 1), 0) for i in range(len(decomposition.knots))]
     present = [i for i, bits in enumerate(beside) if bits]
     for i in present:
         apart = [j for j in present if j < i and not beside[i] >> j & 1]
         if apart:
             least = min(least, float(_highest_above_segments(gaps[:, i], gaps[:, apart]).min()))
-    for triangle in _hollow_triangles(decomposition, beside):
+    for triangle in _hollow_triangles(cells, beside):
         least = min(least, _highest_above(decomposition, gaps, triangle))
     return least
-
-
-def _neighbours(decomposition: RegularDecomposition) -> list[int]:
-    """Return for each knot the knots with which it shares a cell, and itself, as bits; none if it is in no cell."""
-    found = [0] * len(decomposition.knots)
-    for cell in decomposition.cells:
-        bits = sum(1 << i for i in cell)
-        for i in cell:
-            found[i] |= bits
-    return found
 
 
 def _highest_above_segments(start: FloatArray, ends: FloatArray) -> FloatArray:
@@ -102,9 +94,8 @@ def _highest_above_segments(start: FloatArray, ends: FloatArray) -> FloatArray:
     return np.asarray(height)
 
 
-def _hollow_triangles(decomposition: RegularDecomposition, beside: list[int]) -> Iterator[tuple[int, int, int]]:
-    """Return the triples of knots of which each two share a cell, but not all three."""
-    cells = [sum(1 << i for i in cell) for cell in decomposition.cells]
+def _hollow_triangles(cells: list[int], beside: list[int]) -> Iterator[tuple[int, int, int]]:
+    """Yield the triples of knots of which each two share a cell, but not all three."""
     for i, j in combinations(range(len(beside)), 2):
         if beside[i] >> j & 1:
             pair = 1 << i | 1 << j

@@ -127,33 +127,27 @@ def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:
     For d = 1 it is the control polygon. Knots inside a cell are left out; the lowest index stands for all knots at the
     same place.
     """
-    cells = range(len(decomposition.cells))
-    return sorted({pair for cell in cells for pair in border_net(decomposition, cell)})
-
-
-def border_net(decomposition: RegularDecomposition, cell: int) -> list[tuple[int, int]]:
-    """Return the part of the `control_net` along the border of one cell."""
-    polygon, members = decomposition.polygons[cell], np.array(decomposition.cells[cell])
-    knots = decomposition.knots - decomposition.knots[0]
-    tolerance = knot_tolerance(decomposition.knots)
-    net: list[tuple[int, int]] = []
-    for a, b in border_of(polygon):
-        direction = knots[b] - knots[a]
-        length = float(np.hypot.reduce(direction))
-        along = (knots[members] - knots[a]) @ direction / length
-        on = (along > tolerance) & (along < length - tolerance)
-        if decomposition.dimension == 2:
-            on &= np.abs(planar_cross(direction, knots[members] - knots[a])) <= tolerance * length
-        stops, reached = [a], 0.0
-        for i in np.flatnonzero(on)[np.argsort(along[on], kind="stable")].tolist():
-            if along[i] - reached <= tolerance:
-                stops[-1] = min(stops[-1], int(members[i]))
-            else:
-                stops.append(int(members[i]))
-            reached = along[i]
-        stops.append(b)
-        net += ((min(pair), max(pair)) for pair in pairwise(stops))
-    return net
+    knots, tolerance = decomposition.knots - decomposition.knots[0], knot_tolerance(decomposition.knots)
+    net: set[tuple[int, int]] = set()
+    for polygon, cell in zip(decomposition.polygons, decomposition.cells, strict=True):
+        members = np.array(cell)
+        for a, b in border_of(polygon):
+            direction = knots[b] - knots[a]
+            length = float(np.hypot.reduce(direction))
+            along = (knots[members] - knots[a]) @ direction / length
+            on = (along > tolerance) & (along < length - tolerance)
+            if decomposition.dimension == 2:
+                on &= np.abs(planar_cross(direction, knots[members] - knots[a])) <= tolerance * length
+            stops, reached = [a], 0.0
+            for i in np.flatnonzero(on)[np.argsort(along[on], kind="stable")].tolist():
+                if along[i] - reached <= tolerance:
+                    stops[-1] = min(stops[-1], int(members[i]))
+                else:
+                    stops.append(int(members[i]))
+                reached = along[i]
+            stops.append(b)
+            net.update((min(pair), max(pair)) for pair in pairwise(stops))
+    return sorted(net)
 
 
 def lifting_of_knot(n: int, k: int) -> FloatArray:

@@ -17,9 +17,9 @@ from gtb_cli.values import by_value, frozen
 
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
+PARAMETER_ULPS = 4  # of the data: within these a parameter, inside or outside, counts as on an edge
 
-# Units in the last place of the data within which a parameter, inside or outside, counts as on an edge
-PARAMETER_ULPS = 4
+SIZES = 1e-100, 1e100  # of Δ, and edge scales: products of two neither overflow nor underflow
 
 LAYER_TOLERANCE = 1e-9  # fraction of the hull's size: knots whose distances from an edge differ by less form one layer
 
@@ -90,11 +90,7 @@ class Domain:
         The relative error is below 1e-12 however near the edge is, and a few roundings for an edge along an axis.
         Raises `DomainError` for a parameter that is not finite or lies outside Δ.
         """
-        return np.ascontiguousarray(self.heights_of_columns(self.columns(u)).T)
-
-    def columns(self, u: ArrayLike) -> FloatArray:
-        """Return parameters as (m, d), like `grid`."""
-        return self.grid(u)[0]
+        return np.ascontiguousarray(self.heights_of_columns(self.grid(u)[0]).T)
 
     def grid(self, u: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
         """Return parameters, given as (…, d), as (m, d), and the shape of the grid in which they were given.
@@ -193,8 +189,7 @@ class Domain:
     @cached_property
     def _near(self) -> FloatArray:
         """Edge functions, (r,), below which the products of a slanted edge may cancel, or rounding decides."""
-        # Fraction of the hull's size below which the distance to an edge is computed again without cancellation
-        cancelling_distance = 2.0**-10
+        cancelling_distance = 2.0**-10  # of the hull's size: nearer to an edge, distances are computed again
         slanted = (self.normals != 0).all(axis=1) if self.dimension == 2 else np.zeros(2, dtype=bool)
         return np.asarray(np.where(slanted, cancelling_distance * self.size, self.tolerance) * self.normal_lengths)
 
@@ -215,7 +210,7 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     same. The edge scales s_j (for d = 1, k_0 and k_1) are one positive factor or (r,): Def. 2.1, Def. 2.2, Remark 2.1.
     Raises `DomainError` for knots with a wrong shape, not finite, or on one line, and for wrong factors.
     """
-    low, high = 1e-100, 1e100  # for the size of Δ, and edge scales: products of two neither overflow nor underflow
+    low, high = SIZES
     points = finite("knots", knots)
     if np.abs(points).max(initial=0.0) > high:
         raise DomainError(f"knots: coordinates beyond {high:g} are not supported, got {np.abs(points).max():g}")
@@ -228,17 +223,12 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     scale = positive("edge_scale", edge_scale)
     if not ((scale >= low) & (scale <= high)).all():
         raise DomainError(f"edge_scale: expected factors between {low:g} and {high:g}, got {edge_scale!r}")
-    return _built(points.tobytes(), points.shape, edge_normals, scale.tobytes(), scale.shape, low)
+    return _built(points.tobytes(), points.shape, edge_normals, scale.tobytes(), scale.shape)
 
 
 @lru_cache(maxsize=64)  # the patches of a model often have one domain
 def _built(
-    knots: bytes,
-    shape: tuple[int, ...],
-    edge_normals: EdgeNormals,
-    factors: bytes,
-    count: tuple[int, ...],
-    least: float,
+    knots: bytes, shape: tuple[int, ...], edge_normals: EdgeNormals, factors: bytes, count: tuple[int, ...]
 ) -> Domain:
     points, scale = np.frombuffer(knots).reshape(shape), np.frombuffer(factors).reshape(count)
     if points.shape[1] == 1:
@@ -250,8 +240,8 @@ def _built(
         vertices = points[convex_hull(points)]
         normals = _normals(vertices, edge_normals)
     size = float(np.ptp(vertices, axis=0).max())
-    if size < least:
-        raise DomainError(f"knots: a hull smaller than {least:g} is not supported, got {size:g}")
+    if size < SIZES[0]:
+        raise DomainError(f"knots: a hull smaller than {SIZES[0]:g} is not supported, got {size:g}")
     if scale.ndim > 1 or (scale.ndim == 1 and len(scale) != len(vertices)):
         found = len(scale) if scale.ndim == 1 else f"shape {scale.shape}"
         raise DomainError(f"edge_scale: must be one number or {len(vertices)}, one for each edge, got {found}")

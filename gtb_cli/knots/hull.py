@@ -8,13 +8,9 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray, IntArray, planar_cross
 from gtb_cli.errors import DomainError
 
-# A knot within this fraction of the hull's size of an edge lies on it: a few thousand roundings of ordinary input
-# (sums, square roots, 17-digit decimals), and far below any distance a person would type
-KNOT_TOLERANCE = 1e-12
+KNOT_TOLERANCE = 1e-12  # of the hull's size, thousands of roundings: knots as near to an edge lie on it
 
-# Units in the last place of the largest coordinate by which knots meant to be collinear may be off; this tolerance
-# decides for knots far from the origin
-KNOT_ULPS = 8
+KNOT_ULPS = 8  # of the largest coordinate: knots meant to be collinear may be off by as much, far from the origin
 
 
 def knot_tolerance(points: FloatArray) -> float:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from itertools import product
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.values import frozen
 
-# Fraction of a step by which knots may be off their lattice: thirds typed with seven digits pass
-LATTICE_TOLERANCE = 1e-6
+LATTICE_TOLERANCE = 1e-6  # of a step, by which knots may be off their lattice: thirds typed with seven digits pass
 
 MAX_BINOMIAL_DEGREE = 1029  # largest degree whose binomial coefficients are all floats
 
@@ -69,7 +69,8 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
     degree = _representable(max(direction.degree for direction in directions))
     values = [1] * len(domain.knots)
     for direction in directions:
-        values = [value * _multinomial(row) for value, row in zip(values, direction.places.tolist(), strict=True)]
+        for knot, row in enumerate(direction.places.tolist()):
+            values[knot] *= math.factorial(direction.degree) // math.prod(map(math.factorial, row))
     try:
         return read_only([float(value) for value in values])
     except OverflowError:
@@ -142,13 +143,18 @@ def lattice_fault(domain: Domain) -> str:
     return f"{once} without ({', '.join(f'{x:.6g}' for x in knot)})"
 
 
+def repeated(rows: NDArray[Any]) -> tuple[tuple[int, ...], ...]:
+    """Return groups of indices of equal rows, ascending, in the order of the first of each."""
+    groups: dict[tuple[float, ...], list[int]] = {}
+    for index, row in enumerate(map(tuple, rows.tolist())):
+        groups.setdefault(row, []).append(index)
+    return tuple(tuple(group) for group in groups.values() if len(group) > 1)
+
+
 def _repeat(rows: NDArray[Any]) -> str:
     """Say which of the knots' rows is first there again; or nothing."""
-    first: dict[tuple[float, ...], int] = {}
-    for index, row in enumerate(map(tuple, rows.tolist())):
-        if first.setdefault(row, index) != index:
-            return f"knots[{index}] repeats knots[{first[row]}]"
-    return ""
+    first, again = min((group[:2] for group in repeated(rows)), key=itemgetter(1), default=(0, 0))
+    return f"knots[{again}] repeats knots[{first}]" if again else ""
 
 
 def _points(degree: int, width: int) -> Iterator[tuple[int, ...]]:
@@ -158,11 +164,3 @@ def _points(degree: int, width: int) -> Iterator[tuple[int, ...]]:
         return
     for first in range(degree, -1, -1):
         yield from ((first, *rest) for rest in _points(degree - first, width - 1))
-
-
-def _multinomial(index: list[int]) -> int:
-    value, left = 1, sum(index)
-    for part in index:
-        value *= math.comb(left, part)
-        left -= part
-    return value

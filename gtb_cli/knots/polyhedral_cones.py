@@ -71,11 +71,6 @@ def _signed(sign: float, x: Vector) -> Vector:
     return x if sign > 0 else [-s for s in x]
 
 
-def faces_below(face: Bits, facets: Sequence[Bits]) -> list[Bits]:
-    """Return the facets of a face of a cone, all as sets of rays."""
-    return maximal({face & facet for facet in facets} - {face})
-
-
 def maximal(sets: Iterable[Bits]) -> list[Bits]:
     """Return the sets that are not part of others, once each."""
     found: list[Bits] = []

@@ -40,13 +40,10 @@ class Lifted:
 
 def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
     """Lift knots; see `gtb_cli.knots.decomposition.regular_decomposition` for arguments and errors."""
-    # A knot lies on a face if it is within this fraction of the lifting's range: a thousand times below the gaps to be
-    # distinguished (1e-9), a thousand times above the rounding of ordinary input. The range is that of the lifting
-    # without its best affine fit, so that affine parts do not count.
+    # Knots lie on a face within this fraction of the lifting's range, a thousand times above the rounding of ordinary
+    # input. Affine parts do not count: the range is that of the lifting without its best affine fit.
     gap_tolerance = 1e-12
-    # Units in the last place of the largest value by which a knot's coordinate or lifting may be off: two operations of
-    # the caller. This counts, besides that fraction, far from the origin and under large affine parts.
-    rounding_ulps = 2
+    rounding_ulps = 2  # by which a coordinate or lifting may be off, too: two operations of the caller
     largest = 1e100  # so that gradients are floats, however near to each other knots are
     points = finite("knots", knots)
     if points.ndim == 1:
@@ -86,11 +83,8 @@ def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
 
 
 def _is_short(column: FloatArray) -> bool:
-    # Numbers that are all multiples of 2^-32 of the largest are taken as exact, since rounded results do not look like
-    # that by chance; if knots and lifting are such numbers (integers, say), gaps have no tolerance
-    exact_bits = 32
-    exponent = math.frexp(float(np.abs(column).max()))[1]
-    scaled = np.ldexp(column, exact_bits - exponent)
+    """Tell whether all numbers are multiples of 2^-32 of the largest, as rounded results are not by chance: exact."""
+    scaled = np.ldexp(column, 32 - math.frexp(float(np.abs(column).max()))[1])
     return bool((scaled == np.rint(scaled)).all())
 
 
@@ -263,10 +257,10 @@ def _joined(lifted: Lifted, hull: dict[Simplex, Plane]) -> list[UpperFace]:
 
     def is_sliver(simplex: Simplex) -> bool:
         """Tell whether a sliver comes from rounding knots that were meant to be collinear; n_λ is twice its area."""
-        extents = np.ptp(lifted.points[list(simplex)], axis=0)
-        return lifted.dimension == 2 and hull[simplex][-2] / 4**lifted.bits <= 2.0 * lifted.tolerance * np.hypot(
-            *extents
-        )
+        if lifted.dimension == 1:
+            return False
+        extent = np.hypot(*np.ptp(lifted.points[list(simplex)], axis=0))
+        return bool(hull[simplex][-2] / 4**lifted.bits <= 2.0 * lifted.tolerance * extent)
 
     for seed in sorted(hull, key=lambda simplex: (-hull[simplex][-2], simplex)):
         if seed in taken or is_sliver(seed):
@@ -288,9 +282,7 @@ def _joined(lifted: Lifted, hull: dict[Simplex, Plane]) -> list[UpperFace]:
 
 def _outline(lifted: Lifted, simplices: list[Simplex]) -> list[int] | None:
     """Return the corners of the union of simplices if it is convex, otherwise None."""
-    # Distance, in units of `knot_tolerance`, by which the outline of joined triangles may fall short of their convex
-    # hull
-    outline_gap = 4.0
+    outline_gap = 4.0  # times the tolerance: the outline may fall short of the convex hull by this
     knots = sorted({i for simplex in simplices for i in simplex})
     points = lifted.points[knots]
     if lifted.dimension == 1:

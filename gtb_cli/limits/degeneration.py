@@ -44,14 +44,15 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
     """
     if not (math.isfinite(x) and x > 0):
         raise DomainError(f"x: must be finite and positive, got {x!r}")
+    heights = lifting_of(patch, lifting)
     with np.errstate(over="ignore"):
-        exponents = lifting_of(patch, lifting) * math.log(x)
+        exponents = heights * math.log(x)
     if not np.isfinite(exponents).all():
         raise DomainError("lifting: λ log x is beyond the largest float")
     logs = exponents + patch.log_weights
     if max(np.abs(array).max() for array in (exponents, patch.log_weights, logs)) <= MAX_WEIGHT_LOG:
         # Powers, because 5³ is 125, but exp(3 log 5) is not exactly.
-        return patch.replace(weights=patch.weights * np.power(float(x), lifting_of(patch, lifting)))
+        return patch.replace(weights=patch.weights * np.power(float(x), heights))
     return patch.replace(log_weights=logs)
 
 

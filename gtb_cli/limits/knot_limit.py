@@ -248,14 +248,6 @@ def _films(patch: Patch, targets: IntArray) -> list[Film]:
             if len(values) < 2 or values[1] <= parallel_ratio * values[0]:
                 continue
         units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
-        films.append(
-            Film(
-                face,
-                members,
-                read_only(speeds / np.array(units)),
-                along,
-                patch.log_products[members],
-                patch.control_points[members],
-            )
-        )
+        speeds = read_only(speeds / np.array(units))
+        films.append(Film(face, members, speeds, along, patch.log_products[members], patch.control_points[members]))
     return films

@@ -14,7 +14,7 @@ from gtb_cli.arrays import EPS
 from gtb_cli.errors import DomainError
 from gtb_cli.models.curve_equality import Match, beside, equal
 from gtb_cli.models.joints import Joint, Joints
-from gtb_cli.models.near_ends import SORTING_DIRECTION, heights, touching
+from gtb_cli.models.near_ends import touching
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, edge_curves
 from gtb_cli.theory.patch import Patch
 
@@ -42,7 +42,7 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     near = edges.near if is_surface else {}
     followers = edges.followers(near)
     shared = tuple(
-        Joint(refs[i], refs[j], turned, *_distance_and_match(match))
+        Joint(refs[i], refs[j], turned, 0.0 if match.proved else match.distance, None if match.even else match)
         for i, others in followers.items()
         for j, turned, match in others
     )
@@ -68,19 +68,12 @@ def _curve_tolerance(patches: Sequence[Patch]) -> float:
     return max(CURVE_TOLERANCE * size, FAR_ROUNDING * float(np.abs(points).max()))
 
 
-def _distance_and_match(match: Match | None) -> tuple[float, Match | None]:
-    """Return what a joint says of two curves: 0 if they are equal, None if equal fractions correspond."""
-    if match is None:
-        return 0.0, None
-    return 0.0 if match.proved else match.distance, None if match.even else match
-
-
 class _Follower(NamedTuple):
     """An edge that carries the curve of an earlier one, in the opposite direction if `turned`."""
 
     edge: int
     turned: bool
-    match: Match | None  # None where the data are equal
+    match: Match
 
 
 class _EdgeCurves:
@@ -96,19 +89,19 @@ class _EdgeCurves:
     def same(self) -> dict[int, list[tuple[int, bool]]]:
         """For each edge with data of its own: the later edges with the same data, and whether each runs backwards."""
         found: dict[int, list[tuple[int, bool]]] = {}
-        places = heights(self.curves) / (2 * self.tolerance * SORTING_DIRECTION.sum())
-        bins: dict[int, list[int]] = {}
-        for i in sorted(set(range(len(self.curves))).difference(self.collapsed)):
-            middle = int(np.floor(places[i]))
-            near = sorted(first for k in (middle - 1, middle, middle + 1) for first in bins.get(k, ()))
-            for turned, curve in ((False, self.curves[i]), (True, self.curves[i].reversed())) if near else ():
-                first = next((first for first in near if curve.same_as(self.curves[first], self.tolerance)), None)
-                if first is not None:
+        extended = sorted(set(range(len(self.curves))).difference(self.collapsed))
+        near: dict[int, list[int]] = {i: [] for i in extended}
+        pairs, _ = touching([self.curves[i] for i in extended], np.full(len(extended), self.tolerance))
+        for one, other in pairs.tolist():
+            near[extended[other]].append(extended[one])
+        for i, earlier in near.items():
+            for turned, curve in ((False, self.curves[i]), (True, self.curves[i].reversed())) if earlier else ():
+                firsts = (k for k in earlier if k in found and curve.same_as(self.curves[k], self.tolerance))
+                if (first := next(firsts, None)) is not None:
                     found[first].append((i, turned))
                     break
             else:
                 found[i] = []
-                bins.setdefault(middle, []).append(i)
         return found
 
     @cached_property
@@ -145,7 +138,7 @@ class _EdgeCurves:
                 group.update(dict.fromkeys(other, one))
         found: dict[int, list[_Follower]] = {}
         for first in (i for i in self.same if i == min(group[i])):
-            found[first] = [_Follower(j, turned, None) for j, turned in self.same[first]]
+            found[first] = [_Follower(j, turned, Match(0.0, True, True)) for j, turned in self.same[first]]
             for k in sorted(group[first])[1:]:
                 match = self.compared(first, k)
                 edges = ((k, False), *self.same[k])

@@ -17,7 +17,8 @@ def touching(curves: Sequence[Curve], reach: FloatArray) -> tuple[IntArray, Floa
     """
     ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
     pairs, gaps = [np.empty((0, 2), dtype=np.int64)], [np.empty(0)]
-    for row, others in _within(heights(curves), 2 * reach):
+    heights = (ends - ends[:1, :1]).sum(axis=1) @ SORTING_DIRECTION  # equal for curves with the same ends
+    for row, others in _within(heights, 2 * reach):
         straight, crossed = (np.abs(ends[others] - way).max(axis=(1, 2)) for way in (ends[row], ends[row][::-1]))
         gap = np.minimum(straight, crossed)
         near = np.flatnonzero(gap <= np.minimum(reach[others], reach[row]))
@@ -38,12 +39,6 @@ def meeting(curves: Sequence[Curve], reach: float) -> list[list[int]]:
             pairs[row // 2].add(other)
             pairs[other].add(row // 2)
     return [sorted(others - {row}) for row, others in enumerate(pairs)]
-
-
-def heights(curves: Sequence[Curve]) -> FloatArray:
-    """(n,) sums of the coordinates of curves' ends along `SORTING_DIRECTION`: equal for curves with the same ends."""
-    ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
-    return np.asarray((ends - ends[:1, :1]).sum(axis=1) @ SORTING_DIRECTION)
 
 
 def _within(heights: FloatArray, reach: FloatArray) -> Iterator[tuple[int, IntArray]]:

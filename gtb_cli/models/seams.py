@@ -16,7 +16,7 @@ from gtb_cli.moment.torus import block_length
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
-from gtb_cli.theory.normals import NormalField, on_edge
+from gtb_cli.theory.normals import on_edge
 from gtb_cli.theory.parametrization import LinearParametrization, RationalBasis
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -107,16 +107,10 @@ def seams_of(patches: Sequence[Patch], joints: Joints) -> tuple[Seam, ...]:
     sines = np.linalg.norm(cross(ours.reshape(-1, 3), theirs.reshape(-1, 3)), axis=1).reshape(ours.shape[:2])
     angles = np.degrees(np.arctan2(sines, (ours * theirs).sum(axis=2)))
     worst = np.where(np.isfinite(angles), angles, -1.0).argmax(axis=1)
+    smooth = (angles <= MAX_CREASE_DEGREES) & is_away
     return tuple(
-        Seam(
-            joint.first,
-            joint.second,
-            float(row[k]),
-            int(k),
-            (row <= MAX_CREASE_DEGREES) & is_away,
-            (rims[2 * i], rims[2 * i + 1]),
-        )
-        for i, (joint, row, k) in enumerate(zip(joints.shared, angles, worst, strict=True))
+        Seam(joint.first, joint.second, float(angles[i, k]), k, smooth[i], (rims[2 * i], rims[2 * i + 1]))
+        for i, (joint, k) in enumerate(zip(joints.shared, worst.tolist(), strict=True))
     )
 
 
@@ -171,9 +165,8 @@ def _rims(
             which = np.repeat(np.arange(len(part)), SEAM_PLACES)
             (whole,) = linear.locations(first + t * (last - first), np.full(len(t), face.number), numbers=which)
             s = whole.s.reshape(len(part), SEAM_PLACES)
-            fields = [NormalField(shape, patch.log_products, patch.control_points) for patch in part]
             signs = np.array([-1.0 if flipped[index] else 1.0 for index in indices])
-            normals[some] = signs[:, None, None] * on_edge(fields, edge, s)
+            normals[some] = signs[:, None, None] * on_edge(part, edge, s)
             for number, patch, sign, row in zip(some, part, signs.tolist(), s, strict=True):
                 place = Location(slice(0, SEAM_PLACES), face, whole.knots, row[None])
                 rims[number] = _SeamRim(patch, sign, place)

@@ -11,8 +11,8 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
+from gtb_cli.knots.hull import border_of, knot_tolerance
+from gtb_cli.knots.triangulation import central_triangulation, triangulation
 from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
@@ -57,10 +57,6 @@ class Family:
         """A mesh of what it is more."""
         return film_mesh(self.knot_limit) if self.knot_limit is not None and self.has_film else None
 
-    def cell_count(self, resolution: int) -> int:
-        """Number of cells of `uniform`, without making it."""
-        return sum(cell_count(patch.domain, resolution) for patch in self.limit.patches)
-
     def uniform(self, resolution: int) -> Complex:
         """Return the complex with `resolution` cells along each edge of each patch of the limit."""
         return joined_complex(self.limit.patches, self.joints, resolution)
@@ -84,8 +80,12 @@ class Family:
             own_corners=mosaic.corners,
         )
 
-    def refined(self, tolerance: float, max_cells: int) -> Complex:
-        """Refine the coarsest complex until it is within a tolerance of every member; `ToleranceError` if too large."""
+    def refined(self, tolerance: float, max_faces: int) -> Complex:
+        """Refine the coarsest complex until it is within a tolerance of every member.
+
+        `ToleranceError` is raised if all meshes together would have more faces than `max_faces`.
+        """
+        max_cells = max_faces // len(self.samplers)
         mosaic, count = next(coarse_complexes(self.limit.patches, self.joints)), 0
         while len(mosaic.cells) > count:
             count = len(mosaic.cells)
@@ -98,14 +98,9 @@ def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
     """Patches at some steps of a knot limit, and the merged one."""
     members = tuple(move_knots(limit.patch, limit.moves, step) for step in steps)
     thickness = (*map(limit.nearness, steps), 0.0) if limit.films else ()
-    return Family(
-        tuple(Sampler((patch,)) for patch in (*members, limit.merged)),
-        members,
-        (False,) * len(members),
-        unjoined(limit.merged),
-        thickness=thickness,
-        knot_limit=limit,
-    )
+    samplers = tuple(Sampler((patch,)) for patch in (*members, limit.merged))
+    joints, is_limit = unjoined(limit.merged), (False,) * len(members)
+    return Family(samplers, members, is_limit, joints, thickness=thickness, knot_limit=limit)
 
 
 def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
@@ -114,7 +109,9 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     Raises `DomainError` if the decomposition has a corner that is straight to rounding.
     """
     least_exponent = 40.0  # by which knots outside a cell are below it on a member that is the limit to rounding
-    order = _left_to_right(decomposition)
+    order = list(range(len(decomposition.cells)))
+    if decomposition.dimension == 1:  # along the curve
+        order.sort(key=lambda k: float(decomposition.knots[decomposition.polygons[k][0], 0]))
     limit = cells_of(patch, decomposition).patches
     cells = [limit[k] for k in order]
     joints = _joints(decomposition, order, cells)
@@ -132,19 +129,11 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     return Family(tuple(samplers), tuple(members), is_limit, joints, faces)
 
 
-def _left_to_right(decomposition: RegularDecomposition) -> list[int]:
-    """Return the cells in the order of meshing: unchanged for a surface, along the curve for a curve."""
-    cells = range(len(decomposition.cells))
-    if decomposition.dimension == 2:
-        return list(cells)
-    return sorted(cells, key=lambda k: float(decomposition.knots[decomposition.polygons[k][0], 0]))
-
-
 def _sides(polygon: tuple[int, ...]) -> list[tuple[int, ...]]:
     """Return the knots at the ends of each edge of a polygon, or the two ends of a segment one by one."""
     if len(polygon) == 2:
         return [(polygon[0],), (polygon[1],)]
-    return list(zip(polygon, (*polygon[1:], polygon[0]), strict=True))
+    return [*border_of(polygon)]
 
 
 def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Sequence[Patch]) -> Joints:
@@ -165,14 +154,9 @@ def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Se
             if first != (index, edge):
                 shared.append(Joint(first, (index, edge), opposite=decomposition.dimension == 2))
     inner = {joint.first for joint in shared}
+    alone = tuple(ref for ref in seen.values() if ref not in inner)
     return Joints(
-        shared=tuple(shared),
-        open=tuple(ref for ref in seen.values() if ref not in inner),
-        collapsed=(),
-        crowded=(),
-        almost=(),
-        flipped=(False,) * len(cells),
-        one_sided=(),
+        tuple(shared), alone, collapsed=(), crowded=(), almost=(), flipped=(False,) * len(cells), one_sided=()
     )
 
 
@@ -243,12 +227,12 @@ def _in_order(mosaic: Complex) -> Complex:
     cells = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
     vertices = np.append(mosaic.cells[cells, 0], mosaic.cells[cells[-1], 1])
     steps = np.arange(len(cells))
-    return Complex(
+    return replace(
+        mosaic,
         patch=mosaic.patch[vertices],
         parameters=mosaic.parameters[vertices],
         face=mosaic.face[vertices],
         cells=np.stack([steps, steps + 1], axis=1),
         cell_patch=mosaic.cell_patch[cells],
         own_corners=mosaic.corners[cells],
-        collapsed=mosaic.collapsed,
     )

@@ -29,7 +29,6 @@ class Accuracy:
     chord_error: float  # of meshes between which distances from films are measured, as a fraction of the diagonal
     cells: int  # rough number from which those meshes are refined
     points_in_all: int = MIN_SAMPLES  # see `refine`
-    relative: float = RELATIVE_ERROR  # error of a distance between the surfaces themselves
 
 
 ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}  # the accuracy for curves and for surfaces
@@ -60,7 +59,7 @@ class Measurement:
         ways = [(row, 0) for row in range(1, len(surfaces))] + [(0, row) for row in range(1, len(surfaces))]
         known: dict[int, tuple[float, float]] = {}
         if near:
-            found, _, errors = farthest(surfaces, ways, len(near), self.accuracy.relative)
+            found, _, errors = farthest(surfaces, ways, len(near), RELATIVE_ERROR)
             known = dict(zip(near, zip(found.tolist(), errors.tolist(), strict=True), strict=True))
         for member in members:
             distance, error = known.get(member, (0.0, 0.0))

@@ -5,7 +5,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, shifted
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import triangulation
-from gtb_cli.limits.knot_limit import Film, KnotLimit
+from gtb_cli.limits.knot_limit import KnotLimit
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.moment.solve import LogSum, solve
 from gtb_cli.moment.torus import shares
@@ -13,17 +13,17 @@ from gtb_cli.moment.torus import shares
 
 def film_mesh(limit: KnotLimit) -> Mesh:
     """Mesh the films of a knot limit that has some: segments for a curve, triangles for a surface."""
-    film_cells = {1: 1024, 2: 64}  # cells of a film along each of its sides
-    dimension = limit.patch.dimension
-    n = film_cells[dimension]
+    segment, square = [0, 1], [[0, 0], [1, 0], [1, 1], [0, 1]]
+    levels, n = (segment, 1024) if limit.patch.dimension == 1 else (square, 64)  # and cells along each side of a film
+    part = triangulation(domain(levels), n)
     points, cells, count = [], [], 0
     for film in limit.films:
-        if dimension == 1:
-            points.append(film.points((np.arange(n + 1) / n)[:, None]))
-            cells.append(count + np.stack([np.arange(n), np.arange(1, n + 1)], axis=1))
+        if film.along is None:
+            points.append(film.points(part.parameters[:, ::-1]))
         else:
-            points.append(_film_points(film, n))
-            cells.append(shifted(triangulation(_SQUARE, n).cells, count))
+            log_weights = film.log_weights((np.arange(n + 1) / n)[:, None])
+            points.append(_section_points(film.along, log_weights, film.control_points, n))
+        cells.append(shifted(part.cells, count))
         count += len(points[-1])
     vertices, triangles = np.concatenate(points), np.concatenate(cells)
     # Sections share the corners that no knot reaches, so there is no cell there.
@@ -31,22 +31,10 @@ def film_mesh(limit: KnotLimit) -> Mesh:
     return Mesh(vertices, triangles[distinct.all(axis=1)], name="film")
 
 
-_SQUARE = domain([[0, 0], [1, 0], [1, 1], [0, 1]])
-
-
-def _film_points(film: Film, n: int) -> FloatArray:
-    """Return ((n + 1)², 3) points of the film of a surface, row by row."""
-    levels = np.arange(n + 1) / n
-    if film.along is not None:
-        return _section_points(film.along, film.log_weights(levels[:, None]), film.control_points, n)
-    first, second = np.meshgrid(levels, levels, indexing="ij")
-    return film.points(np.column_stack([first.ravel(), second.ravel()]))
-
-
 def _section_points(along: FloatArray, log_weights: FloatArray, control_points: FloatArray, n: int) -> FloatArray:
-    """(l (n + 1), 3) points of curves with (l, k) logarithms of weights, even in their linear parametrisations.
+    """Sample curves with (l, k) logarithms of weights at n + 1 evenly spaced linear parameters: (l (n + 1), 3).
 
-    Those that are not found stay where the solver left them: on the film, too.
+    Points that are not found stay where the solver left them: on the film, too.
     """
     x = (along - along.min()) / np.ptp(along)
     t = np.tile(np.arange(1, n) / n, len(log_weights))

@@ -219,10 +219,10 @@ def degeneration(
     cells = sum(cell_count(len(polygon), n) for polygon in decomposition.polygons)
     _refuse_too_many(cells, len(values) + 1, max_faces)
     family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
-    values.append(INF if upward else 0.0)
-    mosaic = _mosaic(family, resolution, tolerance, max_faces)
+    mosaic = family.uniform(resolution) if tolerance is None else family.refined(tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
-    return MeshSequence(patch.name or "patch", "x", tuple(values), family, mosaic, fineness, normals, decomposition)
+    xs = (*values, INF if upward else 0.0)
+    return MeshSequence(patch.name or "patch", "x", xs, family, mosaic, fineness, normals, decomposition)
 
 
 @of_patch
@@ -250,19 +250,11 @@ def knot_sequence(
     limit = knot_limit(patch, moves)
     values = sorted({float(step) for step in steps} - {1.0})
     family = approaching(limit, values)
-    values.append(1.0)
-    mosaic = _mosaic(family, resolution, tolerance, max_faces)
+    if tolerance is None:
+        _refuse_too_many(cell_count(limit.merged.domain, resolution), len(values) + 1, max_faces)
+    mosaic = family.uniform(resolution) if tolerance is None else family.refined(tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
-    return MeshSequence(patch.name or "patch", "step", tuple(values), family, mosaic, fineness, normals)
-
-
-def _mosaic(family: Family, resolution: int, tolerance: float | None, max_faces: int) -> Complex:
-    """Return the cells that all meshes of a family share, with at most `max_faces` in all meshes together."""
-    count = len(family.samplers)
-    if tolerance is not None:
-        return family.refined(tolerance, max_faces // count)
-    _refuse_too_many(family.cell_count(resolution), count, max_faces)
-    return family.uniform(resolution)
+    return MeshSequence(patch.name or "patch", "step", (*values, 1.0), family, mosaic, fineness, normals)
 
 
 def _refuse_too_many(cells: int, meshes: int, max_faces: int) -> None:

@@ -5,7 +5,7 @@ with exponents E has the order ⟨E, λ⟩ on it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
@@ -60,7 +60,7 @@ def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     heights, incidence = domain.heights[:, edges], domain.incidence[:, edges]
     steps = [np.where(incidence[:, 1 - k] & (h > 0), h, np.inf).min() for k, h in enumerate(heights.T)]
     gaps = LAYER_TOLERANCE * heights.max(axis=0) / steps
-    place, own = alike(heights / steps, gaps), incidence.all(axis=1).argmax()
+    place, own = alike((heights / steps).T, gaps), incidence.all(axis=1).argmax()
     tops, sums = summed(
         place, log_weights, np.column_stack([np.ones(len(place)), heights / steps, points - points[own]])
     )
@@ -72,22 +72,15 @@ def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     return CornerKnots(means[:, :2], logs, b / extent, gaps, rounding / extent), extent
 
 
-def alike(x: FloatArray, gaps: FloatArray) -> IntArray:
-    """(n,) numbers of groups of (n, 2) exponents that are equal up to gaps."""
-    number = levels(x[:, 0], gaps[0])
-    order = np.lexsort((x[:, 1], number))
-    found = np.empty(len(x), dtype=np.int64)
-    is_new = (np.diff(number[order]) > 0) | (np.diff(x[order, 1]) > gaps[1])
-    found[order] = np.concatenate([[0], np.cumsum(is_new)]) if len(x) else 0
-    return found
-
-
-def levels(values: FloatArray, gap: float) -> IntArray:
-    """(n,) numbers of groups of values that are equal up to a gap, ascending."""
-    order = np.argsort(values, kind="stable")
-    found = np.empty(len(values), dtype=np.int64)
-    found[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])[: len(values)]
-    return found
+def alike(columns: FloatArray, gaps: Iterable[float]) -> IntArray:
+    """Number groups of points that are equal up to gaps, from (d, n) coordinates: (n,), by the first of these first."""
+    group = np.zeros(columns.shape[1], dtype=np.int64)
+    for values, gap in zip(columns, gaps, strict=True):
+        # A gap splits each group found so far.
+        order = np.lexsort((values, group))
+        begins = (np.diff(values[order]) > gap) | (np.diff(group[order]) > 0)
+        group[order] = np.concatenate([[0], np.cumsum(begins)])
+    return group
 
 
 def summed(number: IntArray, logs: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -103,7 +96,7 @@ def summed(number: IntArray, logs: FloatArray, factors: FloatArray) -> tuple[Flo
 def newton_polygon(x: FloatArray, gaps: FloatArray) -> IntArray:
     """Return the corners of the Newton polygon of exponents, from the lowest y, then x, to the lowest x."""
     found: list[int] = []
-    for k in np.lexsort((x[:, 0], levels(x[:, 1], gaps[1]))).tolist():
+    for k in np.lexsort((x[:, 0], alike(x.T[1:], gaps[1:]))).tolist():
         if found and x[k, 0] >= x[found[-1], 0] - gaps[0]:
             continue
         while len(found) > 1:

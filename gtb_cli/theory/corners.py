@@ -226,7 +226,7 @@ def _areas(knots: CornerKnots) -> tuple[Powers, IntArray]:
         columns = x, logs, det[:, None] * vectors, np.abs(det) * unsure, members
         parts.append(tuple(column[det != 0] for column in columns))
     x, logs, vectors, unsure, pairs = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    number = alike(x, 2 * knots.gaps)
+    number = alike(x.T, 2 * knots.gaps)
     tops, sums = summed(number, logs, np.column_stack([vectors, unsure]))
     _, first, counts = np.unique(number, return_index=True, return_counts=True)
     there = np.linalg.norm(sums[:, :3], axis=1) > sums[:, 3]
@@ -290,7 +290,7 @@ class _Volumes:
         self._sets, self._volumes, self._unsure = sets[count], volumes[count], unsure[count]
         x = knots.x[self._sets]
         self._minors = determinants(np.roll(x, -1, axis=1), np.roll(x, -2, axis=1), knots.gaps)
-        self._number = alike(x.sum(axis=1), 4 * knots.gaps)
+        self._number = alike(x.sum(axis=1).T, 4 * knots.gaps)
         self._x = x.sum(axis=1)[np.unique(self._number, return_index=True)[1]]
         self._logs = knots.logs[self._sets].sum(axis=1)
 

@@ -43,70 +43,54 @@ def curvature(patch: Blend, u: ArrayLike, parametrization: Parametrization = "to
 
 def curvatures_at(patches: Sequence[Blend], where: Iterable[Location], count: int) -> Curvature:
     """(q, count) curvatures of q patches that share one rational basis: what does not depend on points is made once."""
-    field = _CurvatureField(patches)
-    gaussian, mean = np.empty((len(patches), count)), np.empty((len(patches), count))
+    domain, log_weights = patches[0].rational_basis.domain, patches[0].rational_basis.log_weights
+    if domain.dimension == 1:
+        raise DomainError("curvature: Gaussian and mean curvature are a surface's, this is a curve")
+    points = np.array([patch.control_points for patch in patches])
+    points -= (points.min(axis=1, keepdims=True) + points.max(axis=1, keepdims=True)) / 2
+    # If points have size 1, no product of derivatives leaves the range of floats.
+    extent = np.abs(points).max(axis=(1, 2))[:, None]
+    extent[extent == 0] = 1.0
+    points /= extent[:, :, None]
+    rounding = np.array([[coordinate_rounding(patch.control_points)] for patch in patches]) / extent
+    gaussian, mean = np.empty((2, len(patches), count))
     for location in where:
-        gaussian[:, location.rows], mean[:, location.rows] = field.at(location)
-    return Curvature(gaussian, mean)
+        rows = np.arange(count)[location.rows]
+        if location.face.is_corner and face_layers(domain, location.face).slow.any():
+            # Other knots than the next ones on the edges count.
+            for k, net in enumerate(points):
+                limits = limits_at(domain, log_weights, net, location.face.index)
+                gaussian[k, rows], mean[k, rows] = limits.gaussian, limits.mean
+            continue
+        for here, local, e, layers in neighbourhoods(domain, log_weights, location, 12):
+            found = _about(points, rounding, local, local.terms(e, layers), layers)
+            gaussian[:, rows[here]], mean[:, rows[here]] = found
+    with np.errstate(over="ignore"):  # of a surface smaller than the smallest square
+        return Curvature(gaussian / extent / extent, mean / extent)
 
 
-class _CurvatureField:
-    """Curvatures of q patches with one basis; data that do not depend on the place are computed once."""
-
-    def __init__(self, patches: Sequence[Blend]) -> None:
-        self.domain, self.log_weights = patches[0].rational_basis.domain, patches[0].rational_basis.log_weights
-        if self.domain.dimension == 1:
-            raise DomainError("curvature: Gaussian and mean curvature are a surface's, this is a curve")
-        points = np.array([patch.control_points for patch in patches])
-        points -= (points.min(axis=1, keepdims=True) + points.max(axis=1, keepdims=True)) / 2
-        # If points have size 1, no product of derivatives leaves the range of floats.
-        extent = np.abs(points).max(axis=(1, 2))
-        self.extent = np.where(extent > 0, extent, 1.0)[:, None]
-        self.points = points / self.extent[:, :, None]
-        self.rounding = np.array([[coordinate_rounding(patch.control_points)] for patch in patches]) / self.extent
-
-    def at(self, location: Location) -> Curvature:
-        """(q, m) curvatures at the m parameters of a location."""
-        count = location.s.shape[1]
-        if location.face.is_corner and face_layers(self.domain, location.face).slow.any():
-            return self._at_corner(location.face.index, count)
-        gaussian, mean = np.empty((len(self.points), count)), np.empty((len(self.points), count))
-        for here, local, e, layers in neighbourhoods(self.domain, self.log_weights, location, 12):
-            gaussian[:, here], mean[:, here] = self._about(local, local.terms(e, layers), layers)
-        with np.errstate(over="ignore"):  # of a surface smaller than the smallest square
-            return Curvature(gaussian / self.extent / self.extent, mean / self.extent)
-
-    def _at_corner(self, corner: int, count: int) -> Curvature:
-        """(q, m) limits at a corner near which other knots than the next ones on its edges count."""
-        limits = [limits_at(self.domain, self.log_weights, points, corner) for points in self.points]
-        table = np.array([[(each.gaussian, each.mean)] * count for each in limits])
-        return Curvature(table[:, :, 0] / self.extent / self.extent, table[:, :, 1] / self.extent)
-
-    @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # from points without a normal or a finite limit
-    def _about(self, local: Local, terms: Terms, layers: FaceLayers) -> Curvature:
-        """Curvatures at places that one knot leads."""
-        deltas = cleared(self.points - self.points[:, [local.k]], self.rounding[:, :, None])
-        columns = deltas.swapaxes(1, 2)
-        total = terms.point.sum(axis=0)
-        p = columns @ terms.point / total
-        first, second = (columns @ x - p * x.sum(axis=0) for x in terms.first)
-        cross = np.empty_like(first)
-        cross_of_columns(first.swapaxes(0, 1), second.swapaxes(0, 1), cross.swapaxes(0, 1))
-        lengths = [np.sqrt((v**2).sum(axis=1)) for v in (first, second, cross)]
-        regular = lengths[2] > PARALLEL_SINE * lengths[0] * lengths[1]
-        d = self._depths(deltas, p, np.where(regular[:, None], cross / lengths[2][:, None] * local.turn, np.nan))
-        xi_xi, xi_eta, eta_eta = (total * (x * d).sum(axis=1) for x in terms.second)
-        square, product = lengths[2] ** 2, (first * second).sum(axis=1)
-        gaussian = (xi_xi * eta_eta - xi_eta**2) / square
-        mean = (2 * product * xi_eta - lengths[1] ** 2 * xi_xi - lengths[0] ** 2 * eta_eta) / (2 * square)
-        unlimited = (d[:, layers.hindering] != 0).any(axis=1) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
-        return Curvature(np.where(unlimited, np.nan, gaussian), np.where(unlimited, np.nan, mean))
-
-    def _depths(self, deltas: FloatArray, p: FloatArray, normal: FloatArray) -> FloatArray:
-        """(q, n, m) distances of control points from the tangent planes, with 0 in place of possible rounding."""
-        d = deltas @ normal - (normal * p).sum(axis=1, keepdims=True)
-        # The control points of the leading knot, and those equal to it, are as near as p is.
-        near = 8 * EPS * np.sqrt((p**2).sum(axis=1, keepdims=True))
-        moved = (deltas != 0).any(axis=2, keepdims=True)
-        d[np.abs(d) <= np.where(moved, self.rounding[:, :, None] + near, near)] = 0.0
-        return np.asarray(d)
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # from points without a normal or a finite limit
+def _about(points: FloatArray, rounding: FloatArray, local: Local, terms: Terms, layers: FaceLayers) -> Curvature:
+    """Curvatures of surfaces with (q, n, 3) points, known up to (q, 1) lengths, at places that one knot leads."""
+    deltas = cleared(points - points[:, [local.k]], rounding[:, :, None])
+    columns = deltas.swapaxes(1, 2)
+    total = terms.point.sum(axis=0)
+    p = columns @ terms.point / total
+    first, second = (columns @ x - p * x.sum(axis=0) for x in terms.first)
+    cross = np.empty_like(first)
+    cross_of_columns(first.swapaxes(0, 1), second.swapaxes(0, 1), cross.swapaxes(0, 1))
+    lengths = [np.sqrt((v**2).sum(axis=1)) for v in (first, second, cross)]
+    regular = lengths[2] > PARALLEL_SINE * lengths[0] * lengths[1]
+    normal = np.where(regular[:, None], cross / lengths[2][:, None] * local.turn, np.nan)
+    # Distances of control points from the tangent planes, with 0 in place of possible rounding: points equal to that of
+    # the leading knot are as near as p is.
+    d = deltas @ normal - (normal * p).sum(axis=1, keepdims=True)
+    near = 8 * EPS * np.sqrt((p**2).sum(axis=1, keepdims=True))
+    moved = (deltas != 0).any(axis=2, keepdims=True)
+    d[np.abs(d) <= np.where(moved, rounding[:, :, None] + near, near)] = 0.0
+    xi_xi, xi_eta, eta_eta = (total * (x * d).sum(axis=1) for x in terms.second)
+    square, product = lengths[2] ** 2, (first * second).sum(axis=1)
+    gaussian = (xi_xi * eta_eta - xi_eta**2) / square
+    mean = (2 * product * xi_eta - lengths[1] ** 2 * xi_xi - lengths[0] ** 2 * eta_eta) / (2 * square)
+    unlimited = (d[:, layers.hindering] != 0).any(axis=1) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
+    return Curvature(np.where(unlimited, np.nan, gaussian), np.where(unlimited, np.nan, mean))

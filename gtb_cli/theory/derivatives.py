@@ -70,18 +70,13 @@ class DerivativeField:
     def _count(self) -> int:
         return len(self.basis.domain.knots) if self.values is None else self.values.shape[1]
 
-    def _sums(self, k: int) -> Callable[[FloatArray], FloatArray]:
-        """Return the function from (n, m) terms to (k, m) sums of values less that of knot k, or to the terms."""
-        if self.values is None:
-            return lambda terms: terms
-        columns = (self.values - self.values[k]).T
-        return lambda terms: columns @ terms
+    def _columns(self, k: int) -> FloatArray:
+        """Return the values of each knot less that of knot k, (k, n), or those of T_i, 0 and 1."""
+        return np.eye(self._count) if self.values is None else np.asarray((self.values - self.values[k]).T)
 
-    def _values_of(self, knots: BoolArray, k: int) -> FloatArray:
-        """(k, q) values of some knots, as `_sums` takes them."""
-        if self.values is None:
-            return np.eye(self._count)[:, knots]
-        return np.asarray((self.values[knots] - self.values[k]).T)
+    def _sums(self, k: int) -> Callable[[FloatArray], FloatArray]:
+        """Return the function from (n, m) terms to (k, m) sums of such values."""
+        return (lambda terms: terms) if self.values is None else self._columns(k).__matmul__
 
     @cached_property
     def _rounding(self) -> float:
@@ -117,7 +112,7 @@ class DerivativeField:
         across = np.outer(normal, normal) != 0
         first, second = (_unlimited(self._exponents[:, facet], order) & ~face.knots for order in (1, 2))
         slopes, bends = (
-            (np.abs(self._values_of(knots, k)[:, :, None] - jet.value[:, None]) > self._rounding).any(axis=1)
+            (np.abs(self._columns(k)[:, knots, None] - jet.value[:, None]) > self._rounding).any(axis=1)
             for knots in (first, second)
         )
         jet.second[across] = np.where(bends, np.inf, jet.second[across])
@@ -137,7 +132,6 @@ class DerivativeField:
     def _linear(self, face: Face, p: FloatArray, local: Local, e: FloatArray, layers: FaceLayers) -> Jet:
         """Derivatives at (m, d) points of Δ, near which `local` are coordinates of the knots."""
         shape = self.basis.domain
-        columns = np.arange(len(p))
         steps = np.array([shape.knots[pivot] - shape.knots[local.k] for pivot in local.pivots])
         knot_step = knot_tolerance(shape.knots) / np.sqrt((steps**2).sum(axis=2))  # rounding of knots, on the axes
         to_local = _inverse(np.moveaxis(steps, 1, 2)).swapaxes(0, 1)  # (d, d, m): row b has ∂ξ_b/∂p
@@ -149,7 +143,6 @@ class DerivativeField:
                 over = np.all([shape.incidence[other, edge] for other in local.pivots if other is not one], axis=0)
                 over &= ~shape.incidence[one, edge]
                 target[b] = np.where(over, heights[edge] / shape.heights[one, edge], target[b])
-
         axes = np.array(local.axes)
 
         def coordinates(terms: FloatArray) -> FloatArray:
@@ -161,7 +154,7 @@ class DerivativeField:
         most = -np.log(shares.max(axis=0))
         for _ in range(0 if face.is_corner else 20):
             own = jet_of(local.terms(e, layers), coordinates)
-            x = np.exp([e[pivot, columns] for pivot in local.pivots])
+            x = np.exp([e[pivot, np.arange(len(p))] for pivot in local.pivots])
             shift = np.nan_to_num(np.einsum("bam,bm->am", _inverse(own.first * x[:, None]), target - own.value))
             moves = (axes * shift[:, None]).sum(axis=0)
             room = np.where(moves > 1, np.maximum(most - e, 1) / moves, 1.0).min(axis=0)
@@ -180,7 +173,7 @@ class DerivativeField:
         def leave_the_plane(knots: BoolArray) -> BoolArray:
             """(k, m) whether values of some knots are not those of the tangent plane."""
             away = axes[:, knots] - own.value[:, None]
-            rise = self._values_of(knots, local.k)[:, :, None] - jet.value[:, None]
+            rise = self._columns(local.k)[:, knots, None] - jet.value[:, None]
             planes = slopes[:, :, None] * away[:, None]
             rounding = self._rounding + 64 * EPS * (np.abs(rise) + np.abs(planes).sum(axis=0))
             rounding += (np.abs(slopes) * knot_step[:, None]).sum(axis=0)[:, None]
@@ -242,12 +235,9 @@ def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions:
 
 def _unlimited(powers: FloatArray, order: int) -> BoolArray:
     """(n,) whether powers of x, or their products, have no finite derivative of an order at x = 0."""
-
-    def unlimited(exponents: FloatArray) -> BoolArray:
-        whole = np.abs(exponents - np.rint(exponents)) <= 64 * EPS
-        return np.asarray((exponents > 0) & (exponents < order) & ~whole)
-
-    return unlimited(powers) | unlimited(powers[:, None] + powers).any(axis=1)
+    every = np.column_stack([powers, powers[:, None] + powers])
+    whole = np.abs(every - np.rint(every)) <= 64 * EPS
+    return np.asarray(((every > 0) & (every < order) & ~whole).any(axis=1))
 
 
 def _inverse(matrices: FloatArray) -> FloatArray:

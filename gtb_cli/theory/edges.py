@@ -15,8 +15,8 @@ from gtb_cli.values import frozen
 
 EdgeRef = tuple[int, int]  # (patch, edge): edge j of the hull of a patch's knots; for a curve, end j
 
-# By this much may points differ (of the model's size), knots (of their gaps) and logarithms of weights: edges whose
-# data were typed or computed twice carry one curve, and nothing visible is lost.
+# Edges are one curve if points (of the model's size), knots (of their gaps) and logarithms of weights differ by at most
+# this: their data were typed or computed twice.
 CURVE_TOLERANCE = 1e-9
 
 

@@ -6,184 +6,174 @@ unless the coordinates are exactly 0 for those knots; therefore the coordinates 
 """
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, cross_of_columns, groups
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.about_a_knot import PARALLEL_SINE, Differences, cleared, coordinate_rounding
-from gtb_cli.knots.domain import Domain, layers
+from gtb_cli.knots.about_a_knot import (
+    PARALLEL_SINE,
+    Differences,
+    cleared,
+    coordinate_rounding,
+    offsets_from,
+    unit_columns,
+)
+from gtb_cli.knots.domain import layers
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.corners import limits_at
 from gtb_cli.theory.local_coordinates import face_layers
-from gtb_cli.values import frozen
+from gtb_cli.theory.parametrization import Blend
 
 
-@frozen
-class NormalField:
-    """Unit normals of a surface in the direction of ∂P/∂u_0 × ∂P/∂u_1; `DomainError` is raised for a curve.
+def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> FloatArray:
+    """Return unit normals of a surface along ∂P/∂u_0 × ∂P/∂u_1, (count, 3), at locations; NaN where it has none.
 
     Inside, moments are taken about the nearest corner, in heights over its two edges, which are exact zeros for the
     knots that dominate near the boundary. If this still loses digits (a heavy knot inside, large exponents), they are
     taken about the knot with the largest T_i, along and across the direction to the second. The normal on an edge is
     tangent × derivative towards the nearest layer of knots not parallel to it. At a corner it is the limit on all ways,
-    or NaN: see `gtb_cli.theory.corners`.
+    or NaN: see `gtb_cli.theory.corners`. `DomainError` is raised for a curve.
     """
-
-    domain: Domain
-    log_weights: FloatArray
-    control_points: FloatArray
-
-    def __post_init__(self) -> None:
-        if self.domain.dimension == 1:
-            raise DomainError("normals: a curve has none")
-
-    def at(self, locations: Iterable[Location], count: int) -> FloatArray:
-        """(count, 3) unit normals at locations found by any parametrisation; NaN where the surface has none."""
-        result = np.empty((count, 3))
-        for location in locations:
-            if location.face.is_interior:
-                result[location.rows] = self._inside(location)
-            elif location.face.is_corner:
-                result[location.rows] = self._at_corner(location.face)
-            else:
-                result[location.rows] = on_edge([self], location.face.index, location.s)[0]
-        return result
-
-    def _inside(self, location: Location) -> FloatArray:
-        e = exponents(location.knots, self.log_weights, location.s)
-        result, doubtful = self._about_corners(shares(e))
-        rows = np.flatnonzero(doubtful)
-        if len(rows):
-            result[rows] = self._about_leaders(e[:, rows])
-        return result
-
-    def _about_corners(self, t: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Normals at (n, m) values of the rational basis, and whether they are doubtful."""
-        cancelled = 1e-3  # three digits are lost in a derivative so much smaller than its summands, or in such an angle
-        cut_off_sum = 1e-280  # smaller sums may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`
-        shape, heights = self.domain, self.domain.heights.T @ t
-        r, columns = len(shape.vertices), np.arange(heights.shape[1])
-        distance = heights / shape.normal_lengths[:, None]
-        edge = shape.nearest_edge(heights)
-        following = distance[(edge + 1) % r, columns] < distance[edge - 1, columns]
-        corner = np.where(following, (edge + 1) % r, edge)
-        points = self.control_points - (self.control_points.min(axis=0) + self.control_points.max(axis=0)) / 2
-        extent = np.abs(points).max()
-        result = np.empty((heights.shape[1], 3))
-        doubtful = np.empty(heights.shape[1], dtype=bool)
-        for k, here in groups(corner):
-            eta = shape.heights[:, [k - 1, k]] / shape.size
-            part = t[:, here]
-            mean, middle = points.T @ part, eta.T @ part
-            first, second = ((points * eta[:, [axis]]).T @ part - mean * middle[axis] for axis in (0, 1))
-            result[here], sine = _unit_cross(first, second)
-            doubtful[here] = ~((sine > cancelled) & (middle > cut_off_sum).all(axis=0))
-            for derivative, summed in zip((first, second), middle, strict=True):
-                doubtful[here] |= np.abs(derivative).max(axis=0) < cancelled * extent * summed
-        return result, doubtful
-
-    def _about_leaders(self, e: FloatArray) -> FloatArray:
-        leader = e.argmax(axis=0)
-        result = np.empty((e.shape[1], 3))
-        for k, here in groups(leader):
-            about, deltas, part = Differences(self.domain, k), self._deltas(k), e[:, here]
-            mean = deltas.T @ shares(part)
-            second = np.where(about.lengths[:, None] > 0, part, -np.inf).argmax(axis=0)
-            axes = about.along(second), about.across(second)
-            result[here], _ = _unit_cross(*(covariance(part, axis, deltas, mean) for axis in axes))
-        return result
-
-    def _deltas(self, k: int) -> FloatArray:
-        return self._cleared(self.control_points - self.control_points[k])
-
-    def _cleared(self, differences: FloatArray) -> FloatArray:
-        return cleared(differences, self._rounding)
-
-    @cached_property
-    def _rounding(self) -> float:
-        return coordinate_rounding(self.control_points)
-
-    def _is_point(self, knots: IntArray) -> bool:
-        return not self._deltas(int(knots[0]))[knots].any()
-
-    def _about_point(self, edge: int, s: FloatArray) -> FloatArray:
-        """(m, 3) limits of normals at (m,) torus coordinates on a collapsed edge.
-
-        Areas are affine in the place of the knot on the edge, so that it can be averaged; the sum is over pairs of the
-        others.
-        """
-        block = 1 << 20  # pairs of knots times places on the edge, which bounds the memory
-        along, height = self.domain.along(edge, self.domain.knots), self.domain.heights[:, edge]
-        on_edge = np.flatnonzero(self.domain.incidence[:, edge])
-        place = along[on_edge] @ shares(exponents(along[on_edge, None], self.log_weights[on_edge], s[None]))
-        j, k, crosses = self._pairs(on_edge, height)
-        sums = height[j] + height[k]
-        result = np.full((len(s), 3), np.nan)
-        todo = np.arange(len(s))
-        for group in layers(sums) if len(sums) else ():
-            b, c = j[group, None], k[group, None]
-            for rows in np.array_split(todo, 1 + len(group) * len(todo) // block):
-                logarithms = (along[b] + along[c]) * s[rows] + (self.log_weights[b] + self.log_weights[c])
-                first, second = ((along[x] - place[rows]) * height[y] for x, y in ((b, c), (c, b)))
-                weights = shares(logarithms)
-                size = np.sqrt((crosses[group] ** 2).sum(axis=1)) @ (weights * (np.abs(first) + np.abs(second)))
-                result[rows] = _direction(crosses[group].T @ (weights * (first - second)), size)
-            todo = todo[np.isnan(result[todo, 0])]
-            if not len(todo):
-                break
-        return result
-
-    def _pairs(self, at_point: IntArray, distance: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """(p,) knots j, (p,) knots k and (p, 3) products ``(b_j − b_i) × (b_k − b_i)`` that are not zero.
-
-        Normals have the direction of ``Σ T_i T_j T_k [a_i, a_j, a_k] (b_j − b_i) × (b_k − b_i)`` over all triples. Knot
-        i lies on a collapsed edge, whose control points are equal, so that pairs of other knots remain: they lead
-        unless T cancels. Products that are zero to rounding are left out, however large their T.
-        """
-        nearest = 1024  # to the collapsed edge: half a million pairs of knots take 60 MB
-        near = np.sort(np.argsort(distance, kind="stable")[:nearest])
-        deltas = self._deltas(int(at_point[0]))
-        near = near[deltas[near].any(axis=1)]
-        j, k = near[np.array(np.triu_indices(len(near), 1))]
-        lengths = np.sqrt((deltas**2).sum(axis=1))
-        crosses = cross(deltas[j], deltas[k])
-        kept = np.abs(crosses).max(axis=1) > PARALLEL_SINE * lengths[j] * lengths[k]
-        return j[kept], k[kept], crosses[kept]
-
-    def _at_corner(self, face: Face) -> FloatArray:
-        """(3,) the limit of normals at a corner; NaN if there is none.
-
-        Mostly it is the cross product of the ways to the next knots along both edges. Knots inside that are lower, and
-        control points in line with the corner's, make it another one, or several.
-        """
-        shape, before, after = self.domain, face.index - 1, face.index
-        at_corner = np.flatnonzero(face.knots)
-        deltas = self._deltas(int(at_corner[0]))
-        if not face_layers(shape, face).slow.any():
-            ends = [
-                next(layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0)))
-                for edge, other in ((after, before), (before, after))
-            ]
-            middle, *ways = (deltas[knots].T @ shares(self.log_weights[knots, None]) for knots in (at_corner, *ends))
-            normal = _unit_cross(*(self._cleared(np.asarray(way - middle)) for way in ways))[0][0]
-            if np.isfinite(normal[0]):
-                return np.asarray(normal)
-        return limits_at(shape, self.log_weights, self.control_points, face.index).normal
+    if patch.rational_basis.domain.dimension == 1:
+        raise DomainError("normals: a curve has none")
+    result = np.empty((count, 3))
+    for location in locations:
+        if location.face.is_interior:
+            result[location.rows] = _inside(patch, location)
+        elif location.face.is_corner:
+            result[location.rows] = _at_corner(patch, location.face)
+        else:
+            result[location.rows] = on_edge([patch], location.face.index, location.s)[0]
+    return result
 
 
-def on_edge(fields: Sequence[NormalField], edge: int, s: FloatArray) -> FloatArray:
+def _inside(patch: Blend, location: Location) -> FloatArray:
+    e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
+    result, doubtful = _about_corners(patch, shares(e))
+    rows = np.flatnonzero(doubtful)
+    if len(rows):
+        result[rows] = _about_leaders(patch, e[:, rows])
+    return result
+
+
+def _about_corners(patch: Blend, t: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Normals at (n, m) values of the rational basis, and whether they are doubtful."""
+    cancelled = 1e-3  # three digits are lost in a derivative so much smaller than its summands, or in such an angle
+    cut_off_sum = 1e-280  # smaller sums may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`
+    shape = patch.rational_basis.domain
+    heights = shape.heights.T @ t
+    r, columns = len(shape.vertices), np.arange(heights.shape[1])
+    distance = heights / shape.normal_lengths[:, None]
+    edge = shape.nearest_edge(heights)
+    following = distance[(edge + 1) % r, columns] < distance[edge - 1, columns]
+    corner = np.where(following, (edge + 1) % r, edge)
+    points = patch.control_points - (patch.control_points.min(axis=0) + patch.control_points.max(axis=0)) / 2
+    extent = np.abs(points).max()
+    result = np.empty((heights.shape[1], 3))
+    doubtful = np.empty(heights.shape[1], dtype=bool)
+    for k, here in groups(corner):
+        eta = shape.heights[:, [k - 1, k]] / shape.size
+        part = t[:, here]
+        mean, middle = points.T @ part, eta.T @ part
+        first, second = ((points * eta[:, [axis]]).T @ part - mean * middle[axis] for axis in (0, 1))
+        result[here], sine = _unit_cross(first, second)
+        doubtful[here] = ~((sine > cancelled) & (middle > cut_off_sum).all(axis=0))
+        for derivative, summed in zip((first, second), middle, strict=True):
+            doubtful[here] |= np.abs(derivative).max(axis=0) < cancelled * extent * summed
+    return result, doubtful
+
+
+def _about_leaders(patch: Blend, e: FloatArray) -> FloatArray:
+    result = np.empty((e.shape[1], 3))
+    for k, here in groups(e.argmax(axis=0)):
+        about, part = Differences(patch.rational_basis.domain, k), e[:, here]
+        deltas = offsets_from(patch.control_points, k)
+        mean = deltas.T @ shares(part)
+        second = np.where(about.lengths[:, None] > 0, part, -np.inf).argmax(axis=0)
+        axes = about.along(second), about.across(second)
+        result[here], _ = _unit_cross(*(covariance(part, axis, deltas, mean) for axis in axes))
+    return result
+
+
+def _about_point(patch: Blend, edge: int, s: FloatArray) -> FloatArray:
+    """(m, 3) limits of normals at (m,) torus coordinates on a collapsed edge.
+
+    Areas are affine in the place of the knot on the edge, so that it can be averaged; the sum is over pairs of the
+    others.
+    """
+    block = 1 << 20  # pairs of knots times places on the edge, which bounds the memory
+    shape, log_weights = patch.rational_basis.domain, patch.rational_basis.log_weights
+    along, height, members = shape.along(edge, shape.knots), shape.heights[:, edge], shape.incidence[:, edge]
+    place = along[members] @ shares(exponents(along[members, None], log_weights[members], s[None]))
+    j, k, crosses = _pairs(offsets_from(patch.control_points, int(members.argmax())), height)
+    sums = height[j] + height[k]
+    result = np.full((len(s), 3), np.nan)
+    todo = np.arange(len(s))
+    for group in layers(sums) if len(sums) else ():
+        b, c = j[group, None], k[group, None]
+        for rows in np.array_split(todo, 1 + len(group) * len(todo) // block):
+            logarithms = (along[b] + along[c]) * s[rows] + (log_weights[b] + log_weights[c])
+            first, second = ((along[x] - place[rows]) * height[y] for x, y in ((b, c), (c, b)))
+            weights = shares(logarithms)
+            size = np.sqrt((crosses[group] ** 2).sum(axis=1)) @ (weights * (np.abs(first) + np.abs(second)))
+            result[rows] = _direction(crosses[group].T @ (weights * (first - second)), size)
+        todo = todo[np.isnan(result[todo, 0])]
+        if not len(todo):
+            break
+    return result
+
+
+def _pairs(deltas: FloatArray, distance: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """(p,) knots j, (p,) knots k and (p, 3) products ``(b_j − b_i) × (b_k − b_i)`` that are not zero, given b − b_i.
+
+    Normals have the direction of ``Σ T_i T_j T_k [a_i, a_j, a_k] (b_j − b_i) × (b_k − b_i)`` over all triples. Knot i
+    lies on a collapsed edge, whose control points are equal, so that pairs of other knots remain: they lead unless T
+    cancels. Products that are zero to rounding are left out, however large their T.
+    """
+    nearest = 1024  # to the collapsed edge: half a million pairs of knots take 60 MB
+    near = np.sort(np.argsort(distance, kind="stable")[:nearest])
+    near = near[deltas[near].any(axis=1)]
+    j, k = near[np.array(np.triu_indices(len(near), 1))]
+    lengths = np.sqrt((deltas**2).sum(axis=1))
+    crosses = cross(deltas[j], deltas[k])
+    kept = np.abs(crosses).max(axis=1) > PARALLEL_SINE * lengths[j] * lengths[k]
+    return j[kept], k[kept], crosses[kept]
+
+
+def _at_corner(patch: Blend, face: Face) -> FloatArray:
+    """(3,) the limit of normals at a corner; NaN if there is none.
+
+    Mostly it is the cross product of the ways to the next knots along both edges. Knots inside that are lower, and
+    control points in line with the corner's, make it another one, or several.
+    """
+    shape, log_weights = patch.rational_basis.domain, patch.rational_basis.log_weights
+    before, after, at_corner = face.index - 1, face.index, np.flatnonzero(face.knots)
+    deltas = offsets_from(patch.control_points, int(at_corner[0]))
+    if not face_layers(shape, face).slow.any():
+        ends = [
+            next(layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0)))
+            for edge, other in ((after, before), (before, after))
+        ]
+        middle, *ways = (deltas[knots].T @ shares(log_weights[knots, None]) for knots in (at_corner, *ends))
+        rounding = coordinate_rounding(patch.control_points)
+        normal = _unit_cross(*(cleared(way - middle, rounding) for way in ways))[0][0]
+        if np.isfinite(normal[0]):
+            return np.asarray(normal)
+    return limits_at(shape, log_weights, patch.control_points, face.index).normal
+
+
+def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
     """(q, m, 3) normals on an edge of q surfaces with one domain, at (q, m) torus coordinates; NaN where undefined."""
-    shape = fields[0].domain
+    shape = patches[0].rational_basis.domain
     members = np.flatnonzero(shape.incidence[:, edge])
     along = shape.along(edge, shape.knots)
-    log_weights = np.array([field.log_weights for field in fields])
-    rounding = np.array([field._rounding for field in fields])[:, None, None]
-    points = np.array([field.control_points for field in fields])
+    log_weights = np.array([patch.rational_basis.log_weights for patch in patches])
+    rounding = np.array([coordinate_rounding(patch.control_points) for patch in patches])[:, None, None]
+    points = np.array([patch.control_points for patch in patches])
 
     def logarithms(knots: IntArray, columns: IntArray) -> FloatArray:
         return np.asarray(along[knots, None] * s[:, None, columns] + log_weights[:, knots, None])
@@ -210,10 +200,10 @@ def on_edge(fields: Sequence[NormalField], edge: int, s: FloatArray) -> FloatArr
             result[:, rows] = np.where(missing, _unit_cross(tangent, towards)[0], found)
             todo = (np.isnan(result[:, rows, 0]) & led[:, rows]).any(axis=0)
             rows, tangent, position = rows[todo], tangent[:, :, todo], position[:, :, todo]
-    for field, normals, coordinates in zip(fields, result, s, strict=True):
+    for patch, normals, coordinates in zip(patches, result, s, strict=True):
         lost = np.flatnonzero(np.isnan(normals[:, 0]))
-        if len(lost) and field._is_point(members):
-            normals[lost] = field._about_point(edge, coordinates[lost])
+        if len(lost) and not offsets_from(patch.control_points, int(members[0]))[members].any():
+            normals[lost] = _about_point(patch, edge, coordinates[lost])
     return result
 
 
@@ -227,15 +217,9 @@ def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(…, m, 3) unit cross products of (…, 3, m) vectors, NaN if parallel or zero; and the sines of their angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = (_unit(v) for v in (first, second))
+        first, second = (unit_columns(v) for v in (first, second))
         normal = np.empty_like(first)
         cross_of_columns(*(v.swapaxes(0, -2) for v in (first, second, normal)))
         sine = np.sqrt((normal**2).sum(axis=-2))
         across = sine[..., None, :]
         return np.where(across > PARALLEL_SINE, normal / across, np.nan).swapaxes(-1, -2), sine
-
-
-def _unit(v: FloatArray) -> FloatArray:
-    """The columns, of length 1; scaled to a largest entry of 1 first, so that squares do not underflow."""
-    v = v / np.abs(v).max(axis=-2, keepdims=True)
-    return np.asarray(v / np.sqrt((v**2).sum(axis=-2, keepdims=True)))

@@ -33,22 +33,18 @@ class RationalBasis:
     log_weights: FloatArray
 
     def locations(
-        self,
-        u: ArrayLike,
-        parametrization: Parametrization = "toric",
-        faces: IntArray | None = None,
-        within: float = 0.0,
+        self, u: ArrayLike, parametrization: Parametrization = "toric", faces: IntArray | None = None
     ) -> Iterable[Location]:
         """Locate (m, d) parameters, for `values` and `blend`. Where their faces are known, rounding cannot change them.
 
         `DomainError` is raised if a parameter lies outside Δ or the parametrisation is unknown, `ToleranceError` if a
-        linear one was not found to `RESIDUAL`, or to `within`, a fraction of Δ's size.
+        linear one was not found to `RESIDUAL`.
         """
-        columns = self.domain.columns(u)
+        columns = self.domain.grid(u)[0]
         if parametrization == "toric":
             return toric_locations(self.domain, columns, faces)
         if parametrization == "linear":
-            return self.linear.locations(columns, faces, within)
+            return self.linear.locations(columns, faces)
         raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
 
     @cached_property

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 from dataclasses import field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,8 +21,7 @@ from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
     from gtb_cli.theory.curvature import Curvature
-    from gtb_cli.theory.derivatives import DerivativeField, Order
-    from gtb_cli.theory.normals import NormalField
+    from gtb_cli.theory.derivatives import Order
 
 
 @by_value
@@ -269,16 +267,21 @@ class Patch:
         ----------
         Eq. (202), eq. (205), by the quotient rule.
         """
-        columns, grid = self.domain.grid(u)
-        found = self._derivatives_of_points.at(columns, order, parametrization)
-        return found.reshape(*grid, *found.shape[1:])
+        return self._derivatives_of(self.control_points, u, order, parametrization)
 
     def basis_derivatives(
         self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric"
     ) -> FloatArray:
         """Differentiate the T_i once, (…, n, d), or twice, (…, n, d, d); everything else is as in `derivatives`."""
+        return self._derivatives_of(None, u, order, parametrization)
+
+    def _derivatives_of(
+        self, values: FloatArray | None, u: ArrayLike, order: Order, parametrization: Parametrization
+    ) -> FloatArray:
+        from gtb_cli.theory.derivatives import DerivativeField
+
         columns, grid = self.domain.grid(u)
-        found = self._derivatives_of_basis.at(columns, order, parametrization)
+        found = DerivativeField(self.rational_basis, values).at(columns, order, parametrization)
         return found.reshape(*grid, *found.shape[1:])
 
     def normals(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
@@ -312,7 +315,9 @@ class Patch:
 
     def normals_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """Return unit normals at locations found by any parametrisation, (count, 3); see `normals`."""
-        return self._normal_field.at(locations, count)
+        from gtb_cli.theory.normals import normals_at  # most meshes do not need them
+
+        return normals_at(self, locations, count)
 
     def curvature(self, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
         """Gaussian and mean curvature of a surface; see `gtb_cli.Curvature`.
@@ -376,21 +381,3 @@ class Patch:
 
     plot = plot
     _repr_html_ = frame
-
-    @cached_property
-    def _derivatives_of_points(self) -> DerivativeField:
-        from gtb_cli.theory.derivatives import DerivativeField
-
-        return DerivativeField(self.rational_basis, self.control_points)
-
-    @cached_property
-    def _derivatives_of_basis(self) -> DerivativeField:
-        from gtb_cli.theory.derivatives import DerivativeField
-
-        return DerivativeField(self.rational_basis, None)
-
-    @cached_property
-    def _normal_field(self) -> NormalField:
-        from gtb_cli.theory.normals import NormalField  # most meshes do not need them
-
-        return NormalField(self.domain, self.log_products, self.control_points)

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.about_a_knot import PARALLEL_SINE, cleared, coordinate_rounding
+from gtb_cli.knots.about_a_knot import PARALLEL_SINE, coordinate_rounding, offsets_from, unit_columns
 from gtb_cli.knots.domain import layers
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.moment.torus import covariance, exponents, shares
@@ -32,15 +32,15 @@ def _inside(patch: Blend, location: Location) -> FloatArray:
     """Normalise ``Σ_i T_i (a_i − μ)(b_i − P)``, taken about the knot with the largest T to keep digits at the ends."""
     knots = patch.rational_basis.domain.knots
     e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
-    leader = e.argmax(axis=0)
     result = np.empty((e.shape[1], 3))
-    for k, rows in groups(leader):
-        deltas, _ = _deltas(patch, k)
+    for k, rows in groups(e.argmax(axis=0)):
+        deltas = offsets_from(patch.control_points, k)
         step = knots[:, 0] - knots[k, 0]
         step[np.abs(step) <= knot_tolerance(knots)] = 0.0
         part = e[:, rows]
-        derivative = covariance(part, step[:, None], deltas, deltas.T @ shares(part)).T
-        result[rows] = _unit(derivative, PARALLEL_SINE * float(np.abs(step).max() * np.abs(deltas).max()))
+        derivative = covariance(part, step[:, None], deltas, deltas.T @ shares(part))
+        known = np.abs(derivative).max(axis=0) > PARALLEL_SINE * np.abs(step).max() * np.abs(deltas).max()
+        result[rows] = unit_columns(np.where(known, derivative, np.nan)).T
     return result
 
 
@@ -48,26 +48,13 @@ def _at_end(patch: Blend, end: int) -> FloatArray:
     basis = patch.rational_basis
     heights = basis.domain.heights[:, end]
     at_end = np.flatnonzero(heights == 0)
-    deltas, rounding = _deltas(patch, int(at_end[0]))
+    deltas = offsets_from(patch.control_points, int(at_end[0]))
 
     def mean(knots: IntArray) -> FloatArray:
         return np.asarray(deltas[knots].T @ shares(basis.log_weights[knots, None])[:, 0])
 
     for layer in layers(heights):
         step = mean(layer) - mean(at_end)
-        if np.abs(step).max() > rounding:
-            return np.asarray(_unit(step[None], 0.0)[0] * (1.0 if end == 0 else -1.0))
+        if np.abs(step).max() > coordinate_rounding(patch.control_points):
+            return np.asarray(unit_columns(step[:, None])[:, 0] * (1.0 if end == 0 else -1.0))
     return np.full(3, np.nan)
-
-
-def _deltas(patch: Blend, k: int) -> tuple[FloatArray, float]:
-    """Return the control points less that of knot k, (n, 3), exactly 0 if equal within rounding; and this rounding."""
-    rounding = coordinate_rounding(patch.control_points)
-    return cleared(patch.control_points - patch.control_points[k], rounding), rounding
-
-
-def _unit(vectors: FloatArray, smallest: float) -> FloatArray:
-    """Return unit vectors, (m, 3); NaN if no entry is larger than `smallest`."""
-    size = np.abs(vectors).max(axis=1, keepdims=True)
-    scaled = np.where(size > smallest, vectors, np.nan) / np.where(size > 0, size, 1.0)
-    return np.asarray(scaled / np.sqrt((scaled**2).sum(axis=1, keepdims=True)))
