@@ -21,6 +21,7 @@ from gtb_cli.shell.options import (
     json_option,
     max_faces_option,
     parametrization_option,
+    reads,
     resolution_option,
     text_options,
 )
@@ -35,10 +36,10 @@ if TYPE_CHECKING:
     from gtb_cli.theory.parametrization import Parametrization
 
 
-def _reports(_ctx: click.Context, _param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
-    if wrong := [path for path in value if suffix_of(path) not in ("html", "md")]:
-        raise click.BadParameter(f"expected a name that ends in .html or .md, got {wrong[0]!r}")
-    return value
+def _reports(paths: tuple[str, ...]) -> tuple[str, ...]:
+    if wrong := [path for path in paths if suffix_of(path) not in ("html", "md")]:
+        raise ValueError(f"expected a name that ends in .html or .md, got {wrong[0]!r}")
+    return paths
 
 
 @click.command
@@ -57,7 +58,7 @@ def _reports(_ctx: click.Context, _param: click.Parameter, value: tuple[str, ...
 @click.option(
     "--report",
     "reports",
-    callback=_reports,
+    callback=reads(_reports),
     metavar="PAGE",
     multiple=True,
     help="Also write a report on all that differs: PAGE.html, to look at old and new side by side, offline; or "

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.limit_options import lifting_of, moves_of, x_of
-from gtb_cli.shell.options import numbers_of, spec_argument
+from gtb_cli.shell.limit_options import lifting_of, moves_of, xs_of
+from gtb_cli.shell.options import numbers_of, reads, spec_argument
 from gtb_cli.shell.sequence_options import SequenceOutput, sequence_options
 from gtb_cli.shell.streams import single
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     "-x",
     "--x",
     "values",
-    callback=x_of,
+    callback=reads(xs_of),
     multiple=True,
     metavar="X",
     help="Write the mesh of the patch with the weights x^λ ω. May be given several times; inf is the limit.",
 )
 @click.option(
     "--lifting",
-    callback=lifting_of,
+    callback=reads(lifting_of),
     metavar="L,…",
     help="A lifting value λ for each knot, instead of the spec's; or knot:K: only the weight of knot K grows.",
 )
@@ -76,7 +76,7 @@ def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
 @click.option(
     "--merge",
     "moves",
-    callback=moves_of,
+    callback=reads(moves_of),
     multiple=True,
     required=True,
     metavar="K:Q",
@@ -84,7 +84,7 @@ def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
 )
 @click.option(
     "--steps",
-    callback=numbers_of,
+    callback=reads(numbers_of),
     default="0,0.4,0.8",  # those of Example 4.2 of the paper
     show_default=True,
     metavar="S,…",
