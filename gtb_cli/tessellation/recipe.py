@@ -221,7 +221,7 @@ class Recipe:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
         if not isinstance(self.tolerance, str):
             return self.tolerance
-        from gtb_cli.tessellation.fineness import tolerance_for
+        from gtb_cli.tessellation.tessellate import tolerance_for
 
         return tolerance_for(spec, self.tolerance)
 
