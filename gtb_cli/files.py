@@ -91,14 +91,7 @@ class StagedFiles:
         try:
             if not os.path.lexists(place):
                 self._hidden = _temporary_name(place)
-                missing = [self._hidden]
-                while not os.path.lexists(parent := os.path.dirname(missing[-1])):
-                    missing.append(parent)
-                for folder in reversed(missing):
-                    self._made.append(folder)
-                    begin(folder)
-                    with suppress(FileExistsError):  # another process may make the same folder
-                        os.mkdir(folder)
+                self.make_folder(self._hidden)
             elif not os.path.isdir(self.folder):
                 raise ExportError(f"cannot write to {self.folder or repr(self.folder)}: it is not a folder")
         except OSError as error:
@@ -108,6 +101,17 @@ class StagedFiles:
             self._abandon()
             raise
         return self
+
+    def make_folder(self, folder: str) -> None:
+        """Make a folder, with its parents, where there is none; it goes again unless files in it appear."""
+        missing = [folder]
+        while missing[-1] and not os.path.lexists(missing[-1]):
+            missing.append(os.path.dirname(missing[-1]))
+        for place in missing[-2::-1]:
+            self._made.append(place)
+            begin(place)
+            with suppress(FileExistsError):  # another process may make the same folder
+                os.mkdir(place)
 
     def add(self, path: str, blocks: Iterable[bytes]) -> None:
         """Write `blocks` under a temporary name, to become a file of the folder or of any that exists.
