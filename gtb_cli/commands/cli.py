@@ -8,7 +8,7 @@ from importlib import import_module
 import click
 
 from gtb_cli.errors import Fault, RequirementError
-from gtb_cli.shell.console import FORMS, STANDARD, abandon, begin, complain, finish, say
+from gtb_cli.shell.console import FORMS, STANDARD, abandon, begin, finish, say, tell
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.version import __version__
 from gtb_cli.vocabulary import COMPLETION_VARIABLE, printable
@@ -188,7 +188,7 @@ def run(arguments: Sequence[str], alone: bool = False) -> int:
             text = "\n".join(map(str, errors)).replace(name, printable(name))
             errors = [Fault(line) for line in text.split("\n") if line]
     for error in errors:
-        complain(error)
+        tell(error, "error")
     finish(status)
     return status
 

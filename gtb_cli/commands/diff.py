@@ -12,7 +12,7 @@ import click
 
 from gtb_cli.errors import GtbError
 from gtb_cli.language.reading import Reading
-from gtb_cli.shell.console import STANDARD, Console, complain
+from gtb_cli.shell.console import STANDARD, Console, tell
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
@@ -143,7 +143,7 @@ def diff(
     else:
         write_text(output, found.text)
     for error in found.errors:
-        complain(error)
+        tell(error, "error")
     if review is not None:
         from gtb_cli.review.reports import write_reports
 

@@ -12,7 +12,16 @@ import click
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options
-from gtb_cli.shell.options import OUTPUT, WholeNumber, console_option, numbers_of, reading_option, reads, spec_argument
+from gtb_cli.shell.options import (
+    WholeNumber,
+    console_option,
+    numbers_of,
+    output_to,
+    reading_option,
+    reads,
+    resolution_up_to,
+    spec_argument,
+)
 from gtb_cli.shell.streams import Streams, format_of, refuse_terminal, write_blocks
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SIZE_LIMITS, STRETCH_LIMITS
 
@@ -45,12 +54,9 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
 
 @click.command
 @spec_argument
-@click.option(
-    "-o",
-    "--output",
+@output_to(
     metavar="FIG",
     default=STANDARD,
-    type=OUTPUT,
     help="Write to this file: PNG, SVG, PDF or a film, by its suffix. Without it, or with -, to standard output.",
 )
 @click.option(
@@ -102,12 +108,8 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
     metavar="KEY[I]=V,…",
     help="Draw a curve, a surface or its basis for several values of a weight, a coefficient, or a knot of a curve.",
 )
-@click.option(
-    "-n",
-    "--resolution",
-    type=WholeNumber(1, 1000),
-    metavar="N",
-    help="Segments along each edge of the domain; by default as fine as the figure can show.",
+@resolution_up_to(
+    type=WholeNumber(1, 1000), help="Segments along each edge of the domain; by default as fine as the figure can show."
 )
 @limit_options
 @gathered("streams", Streams, reading_option, console_option)

@@ -16,11 +16,12 @@ from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options, refuse_limit
 from gtb_cli.shell.options import (
     INPUT,
-    OUTPUT,
     WholeNumber,
     console_option,
+    output_to,
     reading_option,
     recipe_of,
+    resolution_up_to,
     solid_options,
     tolerance_option,
     weld_option,
@@ -47,21 +48,14 @@ def _recipe(**values: Any) -> Recipe | None:
 
 @click.command
 @click.argument("paths", metavar="SPEC|MESH|FOLDER...", nargs=-1, required=True, type=INPUT)
-@click.option(
-    "-o",
-    "--output",
-    metavar="PAGE.html",
-    type=OUTPUT,
-    help="Write the page to this file; by default to a temporary file, which the browser opens.",
+@output_to(
+    metavar="PAGE.html", help="Write the page to this file; by default to a temporary file, which the browser opens."
 )
 @gathered(
     "recipe",
     _recipe,
-    click.option(
-        "-n",
-        "--resolution",
+    resolution_up_to(
         type=WholeNumber(1, 10_000),
-        metavar="N",
         help=f"Segments along each edge of the domain. By default as many as a screen shows; {RESOLUTION} for a solid.",
     ),
     tolerance_option,

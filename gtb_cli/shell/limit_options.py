@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -66,18 +67,15 @@ def _approach(
     return Approach(x, lifting, merge, steps)
 
 
+x_option = partial(click.option, "-x", "--x", callback=reads(xs_of), multiple=True, metavar="X")
+heights_option = partial(click.option, "--lifting", callback=reads(lifting_of), metavar="L,…")
+merge_option = partial(click.option, "--merge", callback=reads(moves_of), multiple=True, metavar="K:Q")
+steps_option = partial(click.option, "--steps", callback=reads(numbers_of), metavar="S,…")
 limit_options = gathered(
     "limit",
     _approach,
-    click.option("-x", "--x", callback=reads(xs_of), multiple=True, metavar="X", help="Sequence: x of a degeneration."),
-    click.option(
-        "--lifting",
-        callback=reads(lifting_of),
-        metavar="L,…",
-        help="A lifting value for each knot, or knot:K, as for degenerate.",
-    ),
-    click.option(
-        "--merge", callback=reads(moves_of), multiple=True, metavar="K:Q", help="Sequence: knot K moves to knot Q."
-    ),
-    click.option("--steps", callback=reads(numbers_of), metavar="S,…", help="Sequence: fractions of that way."),
+    x_option(help="Sequence: x of a degeneration."),
+    heights_option(help="A lifting value for each knot, or knot:K, as for degenerate."),
+    merge_option(help="Sequence: knot K moves to knot Q."),
+    steps_option(help="Sequence: fractions of that way."),
 )

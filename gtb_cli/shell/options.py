@@ -162,13 +162,10 @@ reading_option = gathered(
     ),
 )
 
-output_option = click.option(
-    "-o",
-    "--output",
-    metavar="OUT",
-    default=STANDARD,
-    type=OUTPUT,
-    help="Write to this file; by default, or with -, to standard output.",
+output_to = functools.partial(click.option, "-o", "--output", type=OUTPUT)
+
+output_option = output_to(
+    metavar="OUT", default=STANDARD, help="Write to this file; by default, or with -, to standard output."
 )
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -190,11 +187,10 @@ parametrization_option = click.option(
 )
 
 
-resolution_option = click.option(
-    "-n",
-    "--resolution",
+resolution_up_to = functools.partial(click.option, "-n", "--resolution", metavar="N")
+
+resolution_option = resolution_up_to(
     type=WholeNumber(1, 10**8),  # the square of which is still a 64-bit integer
-    metavar="N",
     help=f"Segments along each edge of the domain; {RESOLUTION} without this option.",
 )
 

@@ -15,7 +15,7 @@ from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
-from gtb_cli.shell.options import OUTPUT, check_folder, console_option, mesh_options, reading_option
+from gtb_cli.shell.options import check_folder, console_option, mesh_options, output_to, reading_option
 from gtb_cli.shell.streams import Streams, about, file_stem, is_device, is_folder, shown_input, versioned, write_text
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
@@ -147,13 +147,7 @@ def sequence_options(spec_help: str) -> Option:
             is_flag=True,
             help="Do not measure how far the meshes are from the limit, which may take longer than making them.",
         ),
-        click.option(
-            "-o",
-            "--output",
-            metavar="DIR",
-            type=OUTPUT,
-            help="Write the files into this folder, which is made if missing.",
-        ),
+        output_to(metavar="DIR", help="Write the files into this folder, which is made if missing."),
         mesh_options(),
         reading_option,
         console_option,

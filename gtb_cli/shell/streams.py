@@ -40,11 +40,6 @@ class Streams:
         """Read a spec, and name it in errors, as the function `spec_of` does."""
         return spec_of(path, self.reading, self.console.warn)
 
-    def patch_of(self, path: str) -> Patch:
-        """Read a spec of a single patch."""
-        with self.spec_of(path) as spec:
-            return single(spec)
-
     def write(self, text: str) -> None:
         """Write text to the output."""
         write_text(self.output, text)
@@ -169,15 +164,9 @@ def refuse_reports(paths: Iterable[str], folders: Collection[str] = ()) -> None:
         if os.path.isdir(path) or not os.path.isdir(place):
             why = "it is a folder" if os.path.isdir(path) else f"the folder {place} does not exist"
             raise ExportError(f"cannot write {path}: {why}")
-        refuse_within(path, folders)
-
-
-def refuse_within(path: str, folders: Collection[str]) -> None:
-    """Refuse to write a file or folder that would be in one of the folders that are compared."""
-    for folder in folders:
-        inner, outer = (os.path.join(os.path.realpath(each), "") for each in (path, folder))
-        if inner.startswith(outer):
-            raise click.UsageError(f"{path} would be in {folder}, and be compared the next time")
+        for folder in folders:
+            if os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), "")):
+                raise click.UsageError(f"{path} would be in {folder}, and be compared the next time")
 
 
 def _status(path: str) -> os.stat_result | None:
