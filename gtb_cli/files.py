@@ -9,7 +9,6 @@ from typing import IO, Self
 
 from gtb_cli.errors import ExportError, Fault, GtbError, SpecError
 
-TEMPORARY_PREFIX = ".gtb-"
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 
@@ -247,7 +246,7 @@ def _opened(path: str) -> IO[bytes]:
 
 
 def _temporary_name(target: str) -> str:
-    return os.path.join(os.path.dirname(target), TEMPORARY_PREFIX + os.urandom(8).hex())
+    return os.path.join(os.path.dirname(target), f".gtb-{os.urandom(8).hex()}")
 
 
 def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:

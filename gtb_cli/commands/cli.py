@@ -65,10 +65,6 @@ ROOMS = {
 }
 
 
-# What other programs call options
-OTHER_WORDS = {"--wall": "--thickness", "--shell": "--thickness", "--offset": "--thickness", "-D": "--set"}
-
-
 class LazyGroup(click.Group):
     """A group that knows its commands by name and imports only the one that is called."""
 
@@ -255,8 +251,9 @@ def _usage_text(error: click.UsageError) -> str:
     if isinstance(error, click.NoSuchOption) and error.ctx is not None:
         from difflib import get_close_matches
 
+        elsewhere = {"--wall": "--thickness", "--shell": "--thickness", "--offset": "--thickness", "-D": "--set"}
         name, known = error.option_name, [name for param in error.ctx.command.params for name in param.opts]
-        meant = [other for other in known if other.startswith(name) or other == OTHER_WORDS.get(name)]
+        meant = [other for other in known if other.startswith(name) or other == elsewhere.get(name)]
         meant = meant or get_close_matches(name, known, n=1)
         text = f"No such option '{name}'."  # in these words with any version of click
         if meant:

@@ -74,9 +74,6 @@ def length_of(text: str) -> float:
     return number
 
 
-# Names that end so are those of files, and others may be those of folders, which are made if missing
-FILE_SUFFIXES = (*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS, *SPEC_FORMATS, "html", "png", "svg", "pdf", "gif")
-
 # Names of files that a command reads, and of those that it writes; - is a standard stream
 INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
 
@@ -272,21 +269,16 @@ require_option = click.option(
 
 def _console(quiet: bool) -> Console:
     check_outputs(*named_files(OUTPUT))  # so that a command is not called if it would overwrite what it reads
-    output = click.get_current_context().params.get("output")
-    place = os.path.dirname(output or "")
-    if (
-        suffix_of(output or "") in FILE_SUFFIXES and place and not os.path.lexists(place)
-    ):  # before the work, not after it
+    output = click.get_current_context().params.get("output") or ""
+    place = os.path.dirname(output)
+    # Other names may be those of folders, which are made if missing. Refused before the work, not after it.
+    files = (*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS, *SPEC_FORMATS, "html", "png", "svg", "pdf", "gif")
+    if suffix_of(output) in files and place and not os.path.lexists(place):
         raise ExportError(f"cannot write {output}: the folder {place} does not exist")
     return Console(quiet)
 
 
 console_option = gathered("console", _console, click.option("-q", "--quiet", is_flag=True, help="Print only errors."))
-
-
-def text_options(function: Function) -> Function:
-    """Add ``-o``, ``--set``, ``--spec-format`` and ``-q``; the command gets them as output, reading and console."""
-    return output_option(reading_option(console_option(function)))
 
 
 # Those of commands that make text, of nothing or of a spec; the commands get them as `streams`
