@@ -138,8 +138,6 @@ def check_folder(*outputs: str) -> None:
 
 spec_argument = click.argument("spec", metavar="SPEC", type=INPUT)
 
-specs_argument = click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
-
 
 reading_option = gathered(
     "reading",
@@ -256,17 +254,6 @@ ignore_option = click.option(
 )
 
 
-require_option = click.option(
-    "--require",
-    callback=reads(_requirements),
-    metavar="WHAT",
-    multiple=True,
-    help="Write nothing and exit with status 1, naming edges or places, unless the mesh is watertight (closed), solid "
-    "(closed, its faces look outwards, and none cross or turn back), of one piece (one-piece), no patch or offset "
-    "turns back on itself (unfolded), or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
-)
-
-
 def _console(quiet: bool) -> Console:
     check_outputs(*named_files(OUTPUT))  # so that a command is not called if it would overwrite what it reads
     output = click.get_current_context().params.get("output") or ""
@@ -333,7 +320,16 @@ def mesh_options(*more: str) -> Option:
             f"1/length), or {BASIS}I, the basis function T_I of a patch. May be repeated.",
         ),
         weld_option,
-        require_option,
+        click.option(
+            "--require",
+            callback=reads(_requirements),
+            metavar="WHAT",
+            multiple=True,
+            help="Write nothing and exit with status 1, naming edges or places, unless the mesh is watertight "
+            "(closed), solid (closed, its faces look outwards, and none cross or turn back), of one piece (one-piece), "
+            "no patch or offset turns back on itself (unfolded), or patches meet at angles of a degree at most "
+            "(smooth:1deg). May be repeated.",
+        ),
         takes=Recipe,
     )
     file = gathered(
