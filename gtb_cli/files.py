@@ -9,7 +9,6 @@ from typing import IO, Self
 
 from gtb_cli.errors import ExportError, Fault, GtbError, SpecError
 
-TEMPORARY_PREFIX = ".gtb-"
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 
@@ -91,14 +90,7 @@ class StagedFiles:
         try:
             if not os.path.lexists(place):
                 self._hidden = _temporary_name(place)
-                missing = [self._hidden]
-                while not os.path.lexists(parent := os.path.dirname(missing[-1])):
-                    missing.append(parent)
-                for folder in reversed(missing):
-                    self._made.append(folder)
-                    begin(folder)
-                    with suppress(FileExistsError):  # another process may make the same folder
-                        os.mkdir(folder)
+                self.make_folder(self._hidden)
             elif not os.path.isdir(self.folder):
                 raise ExportError(f"cannot write to {self.folder or repr(self.folder)}: it is not a folder")
         except OSError as error:
@@ -108,6 +100,17 @@ class StagedFiles:
             self._abandon()
             raise
         return self
+
+    def make_folder(self, folder: str) -> None:
+        """Make a folder, with its parents, where there is none; it goes again unless files in it appear."""
+        missing = [folder]
+        while missing[-1] and not os.path.lexists(missing[-1]):
+            missing.append(os.path.dirname(missing[-1]))
+        for place in missing[-2::-1]:
+            self._made.append(place)
+            begin(place)
+            with suppress(FileExistsError):  # another process may make the same folder
+                os.mkdir(place)
 
     def add(self, path: str, blocks: Iterable[bytes]) -> None:
         """Write `blocks` under a temporary name, to become a file of the folder or of any that exists.
@@ -243,7 +246,7 @@ def _opened(path: str) -> IO[bytes]:
 
 
 def _temporary_name(target: str) -> str:
-    return os.path.join(os.path.dirname(target), TEMPORARY_PREFIX + os.urandom(8).hex())
+    return os.path.join(os.path.dirname(target), f".gtb-{os.urandom(8).hex()}")
 
 
 def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:

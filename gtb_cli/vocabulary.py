@@ -50,7 +50,6 @@ def requirements(words: Sequence[str]) -> dict[str, float]:
 COMPLETION_VARIABLE = "_GTB_COMPLETE"  # environment variable with which a shell asks `gtb` for completions
 SEQUENCE_RECORD = "sequence.json"  # file in the folder of a sequence that describes its meshes
 SCHEMA = 1  # version of what all JSON holds: within it keys are added, but none changes or goes
-# Names of the JSON that commands print or write, for its schemas
 LFS_POINTER = b"version https://git-lfs"  # beginning of the pointer to a file that Git LFS keeps elsewhere
 LFS_FAULT = "is a pointer of Git LFS in place of the file, which git lfs pull fetches"
 Up: TypeAlias = Literal["z", "y"]  # the axis of a file that stands for the spec's vertical z axis

@@ -122,26 +122,25 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
 
 def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing) -> list[str]:
     """Replace all files or none; return what changes in each."""
-    from gtb_cli.files import StagedFiles, discard_unfinished
+    from gtb_cli.files import StagedFiles
 
     changes, errors = list[str](), list[str | Fault]()
-    try:
-        with StagedFiles() as files:
-            for verdict in taken:
-                target = verdict.paths[0]
+    with StagedFiles() as files:
+        for verdict in taken:
+            target = verdict.paths[0]
+            try:
+                content = _new_content(golden, verdict)
+                changes.append(f"{target}: {_changed(verdict, content, comparing)}")
+            except GtbError as error:
+                errors += error.args
+            if not errors:
                 try:
-                    content = _new_content(golden, verdict)
-                    changes.append(f"{target}: {_changed(verdict, content, comparing)}")
-                except GtbError as error:
-                    errors += error.args
-                if not errors:
-                    _make_folder(os.path.dirname(target))
-                    files.add(target, [content])
-            if errors:
-                raise GtbError(*errors, Fault("nothing was taken over", golden))
-    except BaseException:
-        discard_unfinished()
-        raise
+                    files.make_folder(os.path.dirname(target))
+                except OSError as error:
+                    raise GtbError(f"cannot make the folder {error.filename}: {error.strerror}") from None
+                files.add(target, [content])
+        if errors:
+            raise GtbError(*errors, Fault("nothing was taken over", golden))
     return changes
 
 
@@ -178,21 +177,6 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
     what = [f"{row.label} {row.old or '–'} → {row.new or '–'}" for row in rows(made) if row.is_changed]
     apart = [f"{verdict.found.distance:.3g} apart", *verdict.found.faults] if verdict.found is not None else []
     return ", ".join(apart + what) or "the same measures"
-
-
-def _make_folder(folder: str) -> None:
-    """Make a folder where there is none; until it has files, it goes with what is unfinished."""
-    from gtb_cli.files import begin
-
-    missing = [folder]
-    while missing[-1] and not os.path.isdir(missing[-1]):
-        missing.append(os.path.dirname(missing[-1]))
-    for each in missing[-2::-1]:
-        begin(each)
-        try:
-            os.mkdir(each)
-        except OSError as error:
-            raise GtbError(f"cannot make the folder {each}: {error.strerror}") from None
 
 
 def _is_elsewhere(golden: str, verdict: Verdict) -> bool:

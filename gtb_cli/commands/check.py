@@ -11,7 +11,6 @@ import click
 
 from gtb_cli.errors import GtbError
 from gtb_cli.language.reading import Reading
-from gtb_cli.shell.console import Console
 from gtb_cli.shell.several import ReportRequest, report_options
 from gtb_cli.shell.streams import is_terminal, spec_of
 
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 @click.command
 @report_options()
-def check(request: ReportRequest, console: Console) -> None:
+def check(request: ReportRequest) -> None:
     """\b
     Example: gtb check specs/pentagon.toml
 
@@ -34,8 +33,9 @@ def check(request: ReportRequest, console: Console) -> None:
     """
     from gtb_cli.checks.report import counts
 
-    output = request.output
-    colours = is_terminal(output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    colours = (
+        is_terminal(request.streams.output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    )
     rows, errors = request.found(_checked)
     request.write(
         rows,

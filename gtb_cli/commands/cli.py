@@ -8,7 +8,7 @@ from importlib import import_module
 import click
 
 from gtb_cli.errors import Fault, RequirementError
-from gtb_cli.shell.console import FORMS, STANDARD, abandon, begin, complain, finish, say
+from gtb_cli.shell.console import FORMS, STANDARD, abandon, begin, finish, say, tell
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.version import __version__
 from gtb_cli.vocabulary import COMPLETION_VARIABLE, printable
@@ -63,10 +63,6 @@ ROOMS = {
     "respec": "bezier boundary coefficients elevate expand fair",
     "sequences": "degenerate knot-limit",
 }
-
-
-# What other programs call options
-OTHER_WORDS = {"--wall": "--thickness", "--shell": "--thickness", "--offset": "--thickness", "-D": "--set"}
 
 
 class LazyGroup(click.Group):
@@ -188,7 +184,7 @@ def run(arguments: Sequence[str], alone: bool = False) -> int:
             text = "\n".join(map(str, errors)).replace(name, printable(name))
             errors = [Fault(line) for line in text.split("\n") if line]
     for error in errors:
-        complain(error)
+        tell(error, "error")
     finish(status)
     return status
 
@@ -255,8 +251,9 @@ def _usage_text(error: click.UsageError) -> str:
     if isinstance(error, click.NoSuchOption) and error.ctx is not None:
         from difflib import get_close_matches
 
+        elsewhere = {"--wall": "--thickness", "--shell": "--thickness", "--offset": "--thickness", "-D": "--set"}
         name, known = error.option_name, [name for param in error.ctx.command.params for name in param.opts]
-        meant = [other for other in known if other.startswith(name) or other == OTHER_WORDS.get(name)]
+        meant = [other for other in known if other.startswith(name) or other == elsewhere.get(name)]
         meant = meant or get_close_matches(name, known, n=1)
         text = f"No such option '{name}'."  # in these words with any version of click
         if meant:

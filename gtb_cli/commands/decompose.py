@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -44,6 +45,8 @@ def decompose(
     --all prints every decomposition that some lifting induces, numbered from 0 in lexicographic order of the cells; as
     JSON with a lifting that induces it, the dimension of the cone of these, and the number of knots that cells use.
     """
+    from gtb_cli.knots.decomposition import regular_decomposition
+    from gtb_cli.limits.degeneration import lifting_of
     from gtb_cli.models.model import Model
 
     given = {"--triangulations": triangulations, "--max": most is not None}
@@ -57,19 +60,16 @@ def decompose(
     for option in (name for name, is_given in given.items() if is_given):
         raise click.UsageError(f"{option} is for --all")
     with streams.spec_of(spec) as loaded:
-        if isinstance(loaded, Model):
-            if lifting is not None:
-                raise click.UsageError("--lifting is for a single patch, and this is a model")
-            parts = []
-            for index, patch in enumerate(loaded):
-                with about(f"patches[{index}]"):
-                    parts.append(_decomposition(patch, None))
-            found: dict[str, Any] = {"patches": [_data(part) for part in parts]}
-        else:
-            parts = [_decomposition(loaded, lifting)]
-            found = _data(parts[0])
+        is_model = isinstance(loaded, Model)
+        if is_model and lifting is not None:
+            raise click.UsageError("--lifting is for a single patch, and this is a model")
+        parts = []
+        for index, patch in enumerate(loaded.patches):
+            with about(f"patches[{index}]") if is_model else nullcontext():
+                parts.append(regular_decomposition(patch.knots, lifting_of(patch, lifting)))
     if as_json:
-        return write_json(streams.output, found)
+        records = [_data(part) for part in parts]
+        return write_json(streams.output, {"patches": records} if is_model else records[0])
     streams.write("\n".join(map(_text, parts)))
 
 
@@ -86,14 +86,6 @@ def _every_one(patch: Patch, triangulations: bool, most: int | None, console: Co
             begin("regular decompositions")
             found.append(cone)
     return sorted(found, key=lambda cone: cone.cells)
-
-
-def _decomposition(patch: Patch, lifting: tuple[float, ...] | None) -> RegularDecomposition:
-    """Return the decomposition by a lifting, or the spec's own."""
-    from gtb_cli.knots.decomposition import regular_decomposition
-    from gtb_cli.limits.degeneration import lifting_of
-
-    return regular_decomposition(patch.knots, lifting_of(patch, lifting))
 
 
 def _data(found: RegularDecomposition) -> dict[str, Any]:

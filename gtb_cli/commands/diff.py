@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.language.reading import Reading
-from gtb_cli.shell.console import STANDARD, Console, complain
+from gtb_cli.shell.console import STANDARD, tell
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
@@ -21,10 +20,11 @@ from gtb_cli.shell.options import (
     json_option,
     max_faces_option,
     parametrization_option,
+    reads,
     resolution_option,
-    text_options,
+    streams_options,
 )
-from gtb_cli.shell.streams import refuse_overwriting, refuse_reports, shown_input, write_json, write_text
+from gtb_cli.shell.streams import Streams, refuse_overwriting, refuse_reports, shown_input, write_json
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict, Verdicts
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     from gtb_cli.theory.parametrization import Parametrization
 
 
-def _reports(_ctx: click.Context, _param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
-    if wrong := [path for path in value if suffix_of(path) not in ("html", "md")]:
-        raise click.BadParameter(f"expected a name that ends in .html or .md, got {wrong[0]!r}")
-    return value
+def _reports(paths: tuple[str, ...]) -> tuple[str, ...]:
+    if wrong := [path for path in paths if suffix_of(path) not in ("html", "md")]:
+        raise ValueError(f"expected a name that ends in .html or .md, got {wrong[0]!r}")
+    return paths
 
 
 @click.command
@@ -57,7 +57,7 @@ def _reports(_ctx: click.Context, _param: click.Parameter, value: tuple[str, ...
 @click.option(
     "--report",
     "reports",
-    callback=_reports,
+    callback=reads(_reports),
     metavar="PAGE",
     multiple=True,
     help="Also write a report on all that differs: PAGE.html, to look at old and new side by side, offline; or "
@@ -67,7 +67,7 @@ def _reports(_ctx: click.Context, _param: click.Parameter, value: tuple[str, ...
 @parametrization_option
 @max_faces_option
 @json_option
-@text_options
+@streams_options
 def diff(
     a: str,
     b: str,
@@ -79,9 +79,7 @@ def diff(
     parametrization: Parametrization,
     max_faces: int,
     as_json: bool,
-    output: str,
-    reading: Reading,
-    console: Console,
+    streams: Streams,
 ) -> None:
     """\b
     Example: gtb mesh specs/pentagon.toml -o x.obj && gtb diff x.obj specs/pentagon.toml
@@ -116,14 +114,14 @@ def diff(
         inputs = [path for pair in pairs(a, b)[0].values() for path in pair if path]
     else:
         inputs = [a, b] = _two_files(a, b)
-    refuse_overwriting(inputs, [output, *reports])
+    refuse_overwriting(inputs, [streams.output, *reports])
     refuse_reports(reports, folders if len(folders) == 2 else ())
-    comparing = Comparing(recipe, tolerance, kind, ignore, reading)
+    comparing = Comparing(recipe, tolerance, kind, ignore, streams.reading)
     verdicts: list[Verdict] = []
 
     def told() -> Iterator[Verdict]:
         for verdict in comparing.each(a, b):
-            for say, messages in ((console.warn, verdict.warnings), (console.note, verdict.notes)):
+            for say, messages in ((streams.console.warn, verdict.warnings), (streams.console.note, verdict.notes)):
                 for message in messages:
                     say(f"{', '.join(verdict.paths)}: {message}")
             verdicts.append(replace(verdict, meshes=(None, None)))
@@ -138,11 +136,11 @@ def diff(
         deque(told(), maxlen=0)
     found = Verdicts(tuple(verdicts), of_folders=len(folders) == 2)
     if as_json:
-        write_json(output, found.record)
+        write_json(streams.output, found.record)
     else:
-        write_text(output, found.text)
+        streams.write(found.text)
     for error in found.errors:
-        complain(error)
+        tell(error, "error")
     if review is not None:
         from gtb_cli.review.reports import write_reports
 

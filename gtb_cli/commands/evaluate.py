@@ -12,7 +12,7 @@ import click
 from gtb_cli.errors import DomainError, Fault
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.options import INPUT, json_option, spec_argument, streams_options
-from gtb_cli.shell.streams import Streams, number_rows, opened, shown_input, write_blocks, write_json
+from gtb_cli.shell.streams import Streams, number_rows, opened, shown_input, single, write_blocks, write_json
 from gtb_cli.vocabulary import PARAMETRIZATIONS
 
 if TYPE_CHECKING:
@@ -77,7 +77,8 @@ def evaluate(
         raise click.UsageError("--header is for lines; --json already names its parts")
     if spec == params == STANDARD:
         raise click.UsageError("spec and parameters cannot both be standard input")
-    loaded = streams.patch_of(spec)
+    with streams.spec_of(spec) as read:
+        loaded = single(read)
     if loaded.dimension == 1 and (normals or curvature):
         raise click.UsageError(f"--normals and --curvature are for surfaces: {shown_input(spec)} is a curve")
     parts = _parts(loaded, basis, int(derivatives or 0), normals, curvature, parametrization)

@@ -9,7 +9,7 @@ import click
 
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, streams_options
+from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, reads, streams_options
 from gtb_cli.shell.streams import Streams, about, read_bytes, shown_input, stem_of, write_blocks, write_json
 from gtb_cli.shell.surface_files import surface_format
 from gtb_cli.vocabulary import CONTINUITIES
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from gtb_cli.filling.certificate import Filling
 
 
-def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+def _kinds(values: tuple[str, ...]) -> dict[str, str]:
     """Read the continuity of all sides, under an empty name, and of sides by their names."""
     kinds = dict(value.rpartition("=")[::2] for value in values)
     for kind in kinds.values():
         if kind not in CONTINUITIES:
-            raise click.BadParameter(f"{kind!r} is not one of {', '.join(CONTINUITIES)}", ctx, param)
+            raise ValueError(f"{kind!r} is not one of {', '.join(CONTINUITIES)}")
     return kinds
 
 
@@ -42,7 +42,7 @@ def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
     "--continuity",
     multiple=True,
     metavar="[SIDE=]KIND",
-    callback=_kinds,
+    callback=reads(_kinds),
     help="With g1, the default, the patch touches the given tangent planes; with g0 it only meets the curves, and is a "
     "plane lid or floor where they lie in a plane; with g2 it also has the curvature of its neighbours. "
     'Of one side: "side 2=g1".',
@@ -55,7 +55,7 @@ def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
 )
 @click.option(
     "--fullness",
-    callback=length_of,
+    callback=reads(length_of),
     metavar="F",
     help="Continue along the given tangent planes F times as far as is fair.",
 )
@@ -67,9 +67,14 @@ def _kinds(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) 
     help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole.",
 )
 @click.option(
-    "--tolerance", callback=length_of, metavar="T", help="In a CAD file, fit within this distance (1e-4 of the size)."
+    "--tolerance",
+    callback=reads(length_of),
+    metavar="T",
+    help="In a CAD file, fit within this distance (1e-4 of the size).",
 )
-@click.option("--angle", callback=length_of, metavar="DEGREES", help="In a CAD file, keep tangent planes within this.")
+@click.option(
+    "--angle", callback=reads(length_of), metavar="DEGREES", help="In a CAD file, keep tangent planes within this."
+)
 @json_option
 @streams_options
 def fill(

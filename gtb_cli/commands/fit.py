@@ -6,7 +6,7 @@ import click
 
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.console import STANDARD
-from gtb_cli.shell.options import INPUT, numbers_of, streams_options
+from gtb_cli.shell.options import INPUT, numbers_of, reads, streams_options
 from gtb_cli.shell.streams import Streams, about, number_rows, opened, shown_input, stem_of
 
 
@@ -14,7 +14,7 @@ from gtb_cli.shell.streams import Streams, about, number_rows, opened, shown_inp
 @click.argument("points", metavar="[POINTS]", default=STANDARD, type=INPUT)
 @click.option(
     "--knots",
-    callback=numbers_of,
+    callback=reads(numbers_of),
     metavar="A,…",
     help="Ascending knots, one for each point. By default the length of the polygon up to the point.",
 )

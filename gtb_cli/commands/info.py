@@ -10,7 +10,6 @@ import click
 
 from gtb_cli.errors import GtbError
 from gtb_cli.language.reading import AS_SEEN, Reading
-from gtb_cli.shell.console import Console
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.several import ReportRequest, report_options
 from gtb_cli.shell.streams import Spec, about, shown_input, spec_of
@@ -27,7 +26,7 @@ MAX_PATCHES_SHOWN = 4  # largest number of patches of a model that are all descr
 
 @click.command
 @report_options(metavar="SPEC|MESH...")
-def info(request: ReportRequest, console: Console) -> None:
+def info(request: ReportRequest) -> None:
     """\b
     Example: gtb info specs/pentagon.toml
 

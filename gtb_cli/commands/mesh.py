@@ -17,13 +17,13 @@ from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import (
+    INPUT,
     OUTPUT,
     check_folder,
     console_option,
     mesh_options,
     output_option,
     reading_option,
-    specs_argument,
 )
 from gtb_cli.shell.several import attempted, inputs_of
 from gtb_cli.shell.streams import (
@@ -72,7 +72,7 @@ class GroupedOptions(click.Command):
 
 
 @click.command(cls=GroupedOptions)
-@specs_argument
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
 @output_option
 @mesh_options(*CAD_FORMATS, *CELL_FORMATS)
 @workers_option
@@ -152,7 +152,9 @@ def mesh(
     with closing(found), _files(output, folder, book, resume) as write, console.counter(len(work)) as begin:
         for task in plan:
             if task.kept is not None:
-                written.append((task, f"{_count(task.kept)}, up to date", task.kept["warnings"]))
+                cells = "segments" if "segments" in task.kept else "faces"
+                size = f"{task.kept['vertices']} vertices, {task.kept[cells]} {cells}, up to date"
+                written.append((task, size, task.kept["warnings"]))
                 continue
             begin(task.path)
             file = next(found)
@@ -222,11 +224,6 @@ def _planned(path: str, place: str, options: MeshOptions, kind: str, streams: St
 def _output(place: str, kind: str, stem: str | None) -> str:
     """Name the mesh of a spec: the place itself, or a file in it."""
     return place if os.path.basename(place) else os.path.join(place, f"{stem}.{kind}")
-
-
-def _count(entry: Mapping[str, Any]) -> str:
-    cells = "segments" if "segments" in entry else "faces"
-    return f"{entry['vertices']} vertices, {entry[cells]} {cells}"
 
 
 def _check_targets(plan: Iterable[Task]) -> None:

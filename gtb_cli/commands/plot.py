@@ -12,7 +12,16 @@ import click
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options
-from gtb_cli.shell.options import OUTPUT, WholeNumber, console_option, numbers_of, reading_option, spec_argument
+from gtb_cli.shell.options import (
+    WholeNumber,
+    console_option,
+    numbers_of,
+    output_to,
+    reading_option,
+    reads,
+    resolution_up_to,
+    spec_argument,
+)
 from gtb_cli.shell.streams import Streams, format_of, refuse_terminal, write_blocks
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SIZE_LIMITS, STRETCH_LIMITS
 
@@ -23,40 +32,31 @@ FIGURE_FORMATS = ("png", "svg", "pdf")  # the default first
 FILM_FORMAT = "gif"
 
 
-def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., tuple[float, ...]]:
-    """Return the reader of as many numbers as there are limits, each within its own."""
+def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., object]:
+    """Return the callback that reads as many numbers as there are limits, each within its own."""
 
-    def read(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
-        numbers = numbers_of(ctx, param, value) or ()
+    def read(text: str) -> tuple[float, ...]:
+        numbers = numbers_of(text)
         if len(numbers) != len(limits) or not all(a <= x <= b for x, (a, b) in zip(numbers, limits, strict=True)):
-            raise click.BadParameter(f"{value!r}: expected {expected}", ctx, param)
+            raise ValueError(f"{text!r}: expected {expected}")
         return numbers
 
-    return read
+    return reads(read)
 
 
-def variation_of(
-    ctx: click.Context, param: click.Parameter, value: str | None
-) -> tuple[str, int, tuple[float, ...], tuple[str, ...]] | None:
+def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...]]:
     """Read the number that varies, its values, and their texts."""
-    if value is None:
-        return None
-    match = re.fullmatch(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", value, re.ASCII | re.DOTALL)
+    match = re.fullmatch(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", text, re.ASCII | re.DOTALL)
     if match is None:
-        raise click.BadParameter(f"{value!r}: expected KEY[I]=V,…, such as weights[2]=1,5,25", ctx, param)
-    values = numbers_of(ctx, param, match[3]) or ()
-    texts = tuple(part.strip() for part in match[3].split(","))
-    return match[1], int(match[2]), values, texts
+        raise ValueError(f"{text!r}: expected KEY[I]=V,…, such as weights[2]=1,5,25")
+    return match[1], int(match[2]), numbers_of(match[3]), tuple(part.strip() for part in match[3].split(","))
 
 
 @click.command
 @spec_argument
-@click.option(
-    "-o",
-    "--output",
+@output_to(
     metavar="FIG",
     default=STANDARD,
-    type=OUTPUT,
     help="Write to this file: PNG, SVG, PDF or a film, by its suffix. Without it, or with -, to standard output.",
 )
 @click.option(
@@ -104,16 +104,12 @@ def variation_of(
 @click.option("--lifted", is_flag=True, help="Draw lifted knots and their upper hull above the decomposition.")
 @click.option(
     "--vary",
-    callback=variation_of,
+    callback=reads(variation_of),
     metavar="KEY[I]=V,…",
     help="Draw a curve, a surface or its basis for several values of a weight, a coefficient, or a knot of a curve.",
 )
-@click.option(
-    "-n",
-    "--resolution",
-    type=WholeNumber(1, 1000),
-    metavar="N",
-    help="Segments along each edge of the domain; by default as fine as the figure can show.",
+@resolution_up_to(
+    type=WholeNumber(1, 1000), help="Segments along each edge of the domain; by default as fine as the figure can show."
 )
 @limit_options
 @gathered("streams", Streams, reading_option, console_option)

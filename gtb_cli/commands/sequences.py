@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.limit_options import lifting_of, moves_of, x_of
-from gtb_cli.shell.options import numbers_of, spec_argument
+from gtb_cli.shell.limit_options import heights_option, merge_option, steps_option, x_option
+from gtb_cli.shell.options import spec_argument
 from gtb_cli.shell.sequence_options import SequenceOutput, sequence_options
 from gtb_cli.shell.streams import single
 
@@ -20,20 +20,11 @@ if TYPE_CHECKING:
 
 @click.command
 @spec_argument
-@click.option(
-    "-x",
-    "--x",
-    "values",
-    callback=x_of,
-    multiple=True,
-    metavar="X",
-    help="Write the mesh of the patch with the weights x^λ ω. May be given several times; inf is the limit.",
+@x_option(
+    "values", help="Write the mesh of the patch with the weights x^λ ω. May be given several times; inf is the limit."
 )
-@click.option(
-    "--lifting",
-    callback=lifting_of,
-    metavar="L,…",
-    help="A lifting value λ for each knot, instead of the spec's; or knot:K: only the weight of knot K grows.",
+@heights_option(
+    help="A lifting value λ for each knot, instead of the spec's; or knot:K: only the weight of knot K grows."
 )
 @sequence_options("Print the spec with the weights of one -x; -o may then be left out.")
 def degenerate(
@@ -73,21 +64,14 @@ def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
 
 @click.command("knot-limit")
 @spec_argument
-@click.option(
-    "--merge",
+@merge_option(
     "moves",
-    callback=moves_of,
-    multiple=True,
     required=True,
-    metavar="K:Q",
     help="Move knot K to the place of knot Q. May be given several times; chains such as 1:2 and 2:3 end at 3.",
 )
-@click.option(
-    "--steps",
-    callback=numbers_of,
+@steps_option(
     default="0,0.4,0.8",  # those of Example 4.2 of the paper
     show_default=True,
-    metavar="S,…",
     help="Write a mesh for each of these fractions of the way.",
 )
 @sequence_options("Print the spec of the merged patch; -o may then be left out.")

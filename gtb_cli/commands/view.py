@@ -16,11 +16,12 @@ from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options, refuse_limit
 from gtb_cli.shell.options import (
     INPUT,
-    OUTPUT,
     WholeNumber,
     console_option,
+    output_to,
     reading_option,
     recipe_of,
+    resolution_up_to,
     solid_options,
     tolerance_option,
     weld_option,
@@ -34,11 +35,6 @@ if TYPE_CHECKING:
     from gtb_cli.plots.panels import Approach
 
 
-PICTURES = ("png", "svg", "pdf", "jpg", "jpeg", "gif")
-# Default parameters x of a degeneration and steps of a knot limit; the slider interpolates linearly between them
-PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8, 0.9, 0.97)
-
-
 def _recipe(**values: Any) -> Recipe | None:
     """Return what is asked for; None if nothing is, for a mesh as fine as a screen shows."""
     recipe = recipe_of(**values)
@@ -47,21 +43,14 @@ def _recipe(**values: Any) -> Recipe | None:
 
 @click.command
 @click.argument("paths", metavar="SPEC|MESH|FOLDER...", nargs=-1, required=True, type=INPUT)
-@click.option(
-    "-o",
-    "--output",
-    metavar="PAGE.html",
-    type=OUTPUT,
-    help="Write the page to this file; by default to a temporary file, which the browser opens.",
+@output_to(
+    metavar="PAGE.html", help="Write the page to this file; by default to a temporary file, which the browser opens."
 )
 @gathered(
     "recipe",
     _recipe,
-    click.option(
-        "-n",
-        "--resolution",
+    resolution_up_to(
         type=WholeNumber(1, 10_000),
-        metavar="N",
         help=f"Segments along each edge of the domain. By default as many as a screen shows; {RESOLUTION} for a solid.",
     ),
     tolerance_option,
@@ -108,8 +97,9 @@ def view(
     for each number of a spec's let that depends on no other; a range in the comment on its line, such as 10 … 80, is
     the slider's. The page never writes the file: it shows the --set options, or the lines, that make what is seen.
     """
+    pictures = ("png", "svg", "pdf", "jpg", "jpeg", "gif")
     if output is not None and (suffix := suffix_of(output)) not in ("", "html", "htm") and not is_device(output):
-        other = " (gtb plot draws pictures, and a page saves what it shows as PNG)" if suffix in PICTURES else ""
+        other = " (gtb plot draws pictures, and a page saves what it shows as PNG)" if suffix in pictures else ""
         raise click.UsageError(f"-o: {output}: a page is HTML, and its name ends in .html{other}")
 
     def see(numbers: Numbers, quick: bool = False) -> Content:
@@ -174,7 +164,9 @@ def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach
         if limit.given:
             _refuse_solid(recipe, in_options(f"shows one mesh, and `{limit.given[0]}` a sequence"))
             fine = sequence_resolution if recipe is None else recipe.resolution
-            frames = limit.frames(single(spec), fine, x=PAGE_X, steps=PAGE_STEPS, distances=False)
+            # By default; the slider interpolates linearly between them
+            x, steps = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8, 0.9, 0.97)
+            frames = limit.frames(single(spec), fine, x=x, steps=steps, distances=False)
             _refuse_too_many(len(frames.meshes[0].cells))
             return content_of_frames(frames, name)
         content = content_of(spec, recipe, name, quick=quick)

@@ -45,11 +45,6 @@ def finish(status: int) -> None:
         say(json.dumps({"schema": SCHEMA, "errors": _messages.waiting, "status": status}))
 
 
-def complain(fault: Fault) -> None:
-    """Print an error."""
-    tell(fault, "error")
-
-
 def tell(what: Fault | str, severity: str = "note") -> None:
     """Print an error, a warning or a note, as a line on standard error or as `begin` says."""
     if _messages.form == "text" or (_messages.form == "github" and severity == "note"):

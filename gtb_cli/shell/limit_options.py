@@ -4,51 +4,48 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.gathering import gathered
-from gtb_cli.shell.options import evaluated, numbers_of
+from gtb_cli.shell.options import numbers_of, reads
 
 if TYPE_CHECKING:
     from gtb_cli.plots.panels import Approach
 
 
-def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...] | None) -> object:
-    """Read one x or several: each a positive number, a number expression, or inf."""
-    if value is None:
-        return None
-    if isinstance(value, tuple):
-        return tuple(x_of(ctx, param, one) for one in value)
-    x = math.inf if value.strip() == "inf" else evaluated(ctx, param, value, [value])[0]
-    if x < 0:
-        raise click.BadParameter(f"{value!r} is negative", ctx, param)
-    return x
+def xs_of(texts: Sequence[str]) -> tuple[float, ...]:
+    """Read several x: each a positive number, a number expression, or inf."""
+    xs = tuple(math.inf if text.strip() == "inf" else numbers_of(text, [text])[0] for text in texts)
+    if negative := [text for text, x in zip(texts, xs, strict=True) if x < 0]:
+        raise ValueError(f"{negative[0]!r} is negative")
+    return xs
 
 
-def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
+def lifting_of(text: str) -> tuple[float, ...] | int:
     """Read lifting values, or the index of a knot."""
-    text = (value or "").strip()
-    if not text.startswith("knot:"):
-        return numbers_of(ctx, param, value)
-    match = re.fullmatch(r"knot:(\d{1,9})", text, re.ASCII)
+    if not text.strip().startswith("knot:"):
+        return numbers_of(text)
+    match = re.fullmatch(r"\s*knot:(\d{1,9})\s*", text, re.ASCII)
     if not match:
-        raise click.BadParameter(f"{value!r}: expected the index of a knot, such as knot:3", ctx, param)
+        raise ValueError(f"{text!r}: expected the index of a knot, such as knot:3")
     return int(match[1])
 
 
-def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> dict[int, int]:
+def moves_of(texts: Sequence[str]) -> dict[int, int]:
     """Read pairs K:Q."""
     moves: dict[int, int] = {}
-    for text in value:
+    for text in texts:
         match = re.fullmatch(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", text, re.ASCII)
         if not match:
-            raise click.BadParameter(f"{text!r}: expected two knot indices, such as 3:1", ctx, param)
+            raise ValueError(f"{text!r}: expected two knot indices, such as 3:1")
         k, q = int(match[1]), int(match[2])
         if moves.setdefault(k, q) != q:
-            raise click.BadParameter(f"knot {k} cannot move to both {moves[k]} and {q}", ctx, param)
+            raise ValueError(f"knot {k} cannot move to both {moves[k]} and {q}")
     return moves
 
 
@@ -70,16 +67,15 @@ def _approach(
     return Approach(x, lifting, merge, steps)
 
 
+x_option = partial(click.option, "-x", "--x", callback=reads(xs_of), multiple=True, metavar="X")
+heights_option = partial(click.option, "--lifting", callback=reads(lifting_of), metavar="L,…")
+merge_option = partial(click.option, "--merge", callback=reads(moves_of), multiple=True, metavar="K:Q")
+steps_option = partial(click.option, "--steps", callback=reads(numbers_of), metavar="S,…")
 limit_options = gathered(
     "limit",
     _approach,
-    click.option("-x", "--x", callback=x_of, multiple=True, metavar="X", help="Sequence: x of a degeneration."),
-    click.option(
-        "--lifting",
-        callback=lifting_of,
-        metavar="L,…",
-        help="A lifting value for each knot, or knot:K, as for degenerate.",
-    ),
-    click.option("--merge", callback=moves_of, multiple=True, metavar="K:Q", help="Sequence: knot K moves to knot Q."),
-    click.option("--steps", callback=numbers_of, metavar="S,…", help="Sequence: fractions of that way."),
+    x_option(help="Sequence: x of a degeneration."),
+    heights_option(help="A lifting value for each knot, or knot:K, as for degenerate."),
+    merge_option(help="Sequence: knot K moves to knot Q."),
+    steps_option(help="Sequence: fractions of that way."),
 )

@@ -67,20 +67,16 @@ class MeshOptions:
                     f"tolerance: {tolerance:g} cannot be certified in {kind.upper()}, whose numbers move vertices by "
                     f"up to {rounding:.2g}: {way_out} all digits"
                 )
-        has_normals = FORMATS[kind].has_normals(self._normals) and spec.dimension == 2
+        has_normals = FORMATS[kind].has_normals(self.recipe.normals or None) and spec.dimension == 2
         recipe = replace(self.recipe, normals=self.recipe.normals or has_normals)
         return recipe.mesh(spec, rounding, partial(held, kind=kind, ascii=self.ascii))
-
-    @property
-    def _normals(self) -> bool | None:
-        """True if normals are asked for; otherwise None, and the format decides."""
-        return self.recipe.normals or None
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Return the bytes of a mesh in a format, block by block."""
         from gtb_cli.formats.export import encode_mesh
 
-        return encode_mesh(mesh, kind, ascii=self.ascii, normals=self._normals, uv=self.uv, up=self.up, unit=self.unit)
+        normals = self.recipe.normals or None  # None: the format decides
+        return encode_mesh(mesh, kind, ascii=self.ascii, normals=normals, uv=self.uv, up=self.up, unit=self.unit)
 
     def warnings(self, mesh: Mesh, kind: str) -> list[str]:
         """Return what the user should know about such a file."""

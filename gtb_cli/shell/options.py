@@ -33,70 +33,61 @@ from gtb_cli.vocabulary import (
 )
 
 
-def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
+def reads(read: Callable[[Any], object], absent: object = None) -> Callable[..., object]:
+    """Return the callback of an option whose value `read` turns into another; its `ValueError` is a usage error."""
+
+    def callback(_ctx: click.Context, param: click.Parameter, value: object) -> object:
+        try:
+            return absent if value is None else read(value)
+        except ValueError as error:
+            raise click.BadParameter(str(error).removeprefix(f"{param.name}: ")) from None
+
+    return callback
+
+
+def tolerance_of(text: str) -> float | str:
     """Read a positive number as a float; leave a percentage as it is."""
-    if value is None:
-        return None
-    text = value.strip()
+    word = text.strip()
     try:
-        percentage(text if text.endswith("%") else f"{text}%")
+        percentage(word if word.endswith("%") else f"{word}%")
     except DomainError:
         expected = "a positive number or percentage, such as 0.01 or 1%"
-        raise click.BadParameter(f"{value!r} is not {expected}", ctx, param) from None
-    return text if text.endswith("%") else float(text)
+        raise ValueError(f"{text!r} is not {expected}") from None
+    return word if word.endswith("%") else float(word)
 
 
-def requirements_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
-    """Read requirements, each once."""
-    try:
-        requirements(value)
-    except DomainError as error:
-        raise click.BadParameter(str(error).removeprefix("require: "), ctx, param) from None
-    return tuple(dict.fromkeys(value))
-
-
-def evaluated(ctx: click.Context, param: click.Parameter, value: str, texts: Sequence[str]) -> tuple[float, ...]:
-    """Evaluate the expressions in a value."""
+def numbers_of(text: str, words: Sequence[str] = ()) -> tuple[float, ...]:
+    """Read numbers, or number expressions as in a spec, separated by commas; or those words of the text."""
     from gtb_cli.language.expression import evaluate_expression
 
     try:
-        return tuple(evaluate_expression(text.strip()) for text in texts)
+        return tuple(evaluate_expression(word.strip()) for word in words or text.split(","))
     except SpecError as error:
-        raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
+        raise ValueError(f"{text!r}: {error}") from None
 
 
-def numbers_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
-    """Read numbers, or number expressions as in a spec, separated by commas."""
-    return None if value is None else evaluated(ctx, param, value, value.split(","))
-
-
-def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
+def length_of(text: str) -> float:
     """Read a number other than zero, or a number expression as in a spec."""
-    if value is None:
-        return None
-    (number,) = evaluated(ctx, param, value, [value])
+    (number,) = numbers_of(text, [text])
     if number == 0:
-        raise click.BadParameter(f"{value!r} is zero", ctx, param)
+        raise ValueError(f"{text!r} is zero")
     return number
 
-
-# Names that end so are those of files, and others may be those of folders, which are made if missing
-FILE_SUFFIXES = (*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS, *SPEC_FORMATS, "html", "png", "svg", "pdf", "gif")
 
 # Names of files that a command reads, and of those that it writes; - is a standard stream
 INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
 
 
-def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
-    """Read a tolerance as `tolerance_of` does, but allow 0."""
-    return 0.0 if value is not None and value.strip() in ("0", "0%", "0.0") else tolerance_of(ctx, param, value)
+def _requirements(words: tuple[str, ...]) -> tuple[str, ...]:
+    requirements(words)
+    return tuple(dict.fromkeys(words))
 
 
-def _aspects(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[str, ...]:
+def _aspects(text: str) -> tuple[str, ...]:
     aspects = ("orientation", "connectivity", "attributes")
-    words = [word.strip() for word in value.split(",")] if value is not None else []
+    words = [word.strip() for word in text.split(",")]
     if wrong := [word for word in words if word not in aspects]:
-        raise click.BadParameter(f"expected {', '.join(aspects)}, or several with commas, got {wrong[0]!r}")
+        raise ValueError(f"expected {', '.join(aspects)}, or several with commas, got {wrong[0]!r}")
     return tuple(aspect for aspect in aspects if aspect in words)
 
 
@@ -147,16 +138,6 @@ def check_folder(*outputs: str) -> None:
 
 spec_argument = click.argument("spec", metavar="SPEC", type=INPUT)
 
-specs_argument = click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
-
-
-def _assignments(ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    """Read the values of --set; the last one of a name counts, as of other options."""
-    try:
-        return tuple(dict(map(assignment, given)).items())
-    except ValueError as error:
-        raise click.BadParameter(str(error), ctx, param) from None
-
 
 reading_option = gathered(
     "reading",
@@ -166,7 +147,7 @@ reading_option = gathered(
         "let",
         multiple=True,
         metavar="NAME=EXPR",
-        callback=_assignments,
+        callback=reads(lambda texts: tuple(dict(map(assignment, texts)).items())),  # the last one of a name counts
         help="Give a number of the spec's let another value, such as height=120 or 'turn=2*pi/5'. May be repeated.",
     ),
     click.option(
@@ -176,20 +157,17 @@ reading_option = gathered(
     ),
 )
 
-output_option = click.option(
-    "-o",
-    "--output",
-    metavar="OUT",
-    default=STANDARD,
-    type=OUTPUT,
-    help="Write to this file; by default, or with -, to standard output.",
+output_to = functools.partial(click.option, "-o", "--output", type=OUTPUT)
+
+output_option = output_to(
+    metavar="OUT", default=STANDARD, help="Write to this file; by default, or with -, to standard output."
 )
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 weld_option = click.option(
     "--weld",
-    callback=tolerance_of,
+    callback=reads(tolerance_of),
     metavar="T",
     help="Join edges of a model that are at most this far apart, in model units or such as 0.01% of the size; "
     "overrides the spec's weld.",
@@ -204,17 +182,16 @@ parametrization_option = click.option(
 )
 
 
-resolution_option = click.option(
-    "-n",
-    "--resolution",
+resolution_up_to = functools.partial(click.option, "-n", "--resolution", metavar="N")
+
+resolution_option = resolution_up_to(
     type=WholeNumber(1, 10**8),  # the square of which is still a 64-bit integer
-    metavar="N",
     help=f"Segments along each edge of the domain; {RESOLUTION} without this option.",
 )
 
 tolerance_option = click.option(
     "--tolerance",
-    callback=tolerance_of,
+    callback=reads(tolerance_of),
     metavar="T",
     help="Instead of -n: largest distance between mesh and surface, in model units or such as 1% of the size.",
 )
@@ -223,13 +200,13 @@ tolerance_option = click.option(
 solid_options = (
     click.option(
         "--radius",
-        callback=length_of,
+        callback=reads(length_of),
         metavar="R",
         help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not checked.",
     ),
     click.option(
         "--thickness",
-        callback=length_of,
+        callback=reads(length_of),
         metavar="D",
         help="Make a solid of this thickness, in model units, on the side of the normals, or the other if "
         "negative. A message reports folds, and distant parts that meet.",
@@ -253,7 +230,7 @@ max_faces_option = click.option(
 
 lifting_option = click.option(
     "--lifting",
-    callback=numbers_of,
+    callback=reads(numbers_of),
     metavar="L,…",
     help="A lifting value for each knot, instead of the spec's. Expressions such as 4*sqrt(2) may be used.",
 )
@@ -261,7 +238,7 @@ lifting_option = click.option(
 
 difference_option = click.option(
     "--tolerance",
-    callback=_tolerance_or_none,
+    callback=reads(lambda text: 0.0 if text.strip() in ("0", "0%", "0.0") else tolerance_of(text)),
     metavar="T",
     help="Largest distance that is not a difference, in model units or such as 1% of the size; 1e-9 of the size "
     "by default. 0 means what the numbers in the files can hold.",
@@ -269,7 +246,7 @@ difference_option = click.option(
 
 ignore_option = click.option(
     "--ignore",
-    callback=_aspects,
+    callback=reads(_aspects, absent=()),
     metavar="WHAT",
     help="What is not a difference between faces in the same place: orientation (turned over), connectivity (other "
     "holes or parts, vertices shared in another way, faces missing, there twice or without area), attributes (normals, "
@@ -277,34 +254,18 @@ ignore_option = click.option(
 )
 
 
-require_option = click.option(
-    "--require",
-    callback=requirements_of,
-    metavar="WHAT",
-    multiple=True,
-    help="Write nothing and exit with status 1, naming edges or places, unless the mesh is watertight (closed), solid "
-    "(closed, its faces look outwards, and none cross or turn back), of one piece (one-piece), no patch or offset "
-    "turns back on itself (unfolded), or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
-)
-
-
 def _console(quiet: bool) -> Console:
     check_outputs(*named_files(OUTPUT))  # so that a command is not called if it would overwrite what it reads
-    output = click.get_current_context().params.get("output")
-    place = os.path.dirname(output or "")
-    if (
-        suffix_of(output or "") in FILE_SUFFIXES and place and not os.path.lexists(place)
-    ):  # before the work, not after it
+    output = click.get_current_context().params.get("output") or ""
+    place = os.path.dirname(output)
+    # Other names may be those of folders, which are made if missing. Refused before the work, not after it.
+    files = (*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS, *SPEC_FORMATS, "html", "png", "svg", "pdf", "gif")
+    if suffix_of(output) in files and place and not os.path.lexists(place):
         raise ExportError(f"cannot write {output}: the folder {place} does not exist")
     return Console(quiet)
 
 
 console_option = gathered("console", _console, click.option("-q", "--quiet", is_flag=True, help="Print only errors."))
-
-
-def text_options(function: Function) -> Function:
-    """Add ``-o``, ``--set``, ``--spec-format`` and ``-q``; the command gets them as output, reading and console."""
-    return output_option(reading_option(console_option(function)))
 
 
 # Those of commands that make text, of nothing or of a spec; the commands get them as `streams`
@@ -359,7 +320,16 @@ def mesh_options(*more: str) -> Option:
             f"1/length), or {BASIS}I, the basis function T_I of a patch. May be repeated.",
         ),
         weld_option,
-        require_option,
+        click.option(
+            "--require",
+            callback=reads(_requirements),
+            metavar="WHAT",
+            multiple=True,
+            help="Write nothing and exit with status 1, naming edges or places, unless the mesh is watertight "
+            "(closed), solid (closed, its faces look outwards, and none cross or turn back), of one piece (one-piece), "
+            "no patch or offset turns back on itself (unfolded), or patches meet at angles of a degree at most "
+            "(smooth:1deg). May be repeated.",
+        ),
         takes=Recipe,
     )
     file = gathered(

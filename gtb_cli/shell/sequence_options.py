@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,15 +15,13 @@ from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
-from gtb_cli.shell.options import OUTPUT, check_folder, console_option, mesh_options, reading_option
+from gtb_cli.shell.options import check_folder, console_option, mesh_options, output_to, reading_option
 from gtb_cli.shell.streams import Streams, about, file_stem, is_device, is_folder, shown_input, versioned, write_text
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.sequences.sequence import Member, MeshSequence
     from gtb_cli.theory.patch import Patch
-
-NAME_DIGITS = 6  # digits of numbers in file names, unless a number needs more
 
 
 @dataclass(frozen=True)
@@ -73,33 +71,27 @@ class SequenceOutput:
     def _write_folder(self, sequence: MeshSequence, labels: list[str], spec: str) -> None:
         stem, kind = file_stem(sequence.name), self.options.format or "obj"
         names = [f"{stem}-{label}.{kind}" for label in labels]
-        folder = self.streams.output
+        folder, console = self.streams.output, self.streams.console
         *places, record = [os.path.join(folder, name) for name in [*names, SEQUENCE_RECORD]]
         check_folder(*places, record)
         from gtb_cli.files import StagedFiles
 
-        entries = []
+        entries, members = [], iter(sequence)
         with StagedFiles(folder, SEQUENCE_RECORD) as files:
-            for place, name, member in zip(places, names, self._members(sequence, names, spec), strict=True):
-                files.add(place, self.options.encoded(member.mesh, kind))
-                entries.append(sequence.entry(member, name))
-                self._report(place, sequence, member, self.options.warnings(member.mesh, kind))
+            with console.counter(len(names)) as begin:
+                for place, name in zip(places, names, strict=True):
+                    begin(name)
+                    with about(shown_input(spec)):
+                        member = next(members)
+                    files.add(place, self.options.encoded(member.mesh, kind))
+                    entries.append(sequence.entry(member, name))
+                    self._report(place, sequence, member, self.options.warnings(member.mesh, kind))
             content = sequence.record(entries)
             files.add(record, [(json.dumps(versioned(content), indent=2) + "\n").encode("ascii")])
         if rate := content["rate"]["predicted"]:
             power = "(1 − step)^" if sequence.key == "step" else "x^" if sequence.values[-1] == 0 else "x^-"
             name = file_stem(sequence.name)
-            self.streams.console.note(f"{name}: distances from the limit fall as {power}{rate:.3g} or faster in theory")
-
-    def _members(self, sequence: MeshSequence, names: list[str], spec: str) -> Iterator[Member]:
-        """Make the meshes, with the spec's name in errors."""
-        members = iter(sequence)
-        with self.streams.console.counter(len(names)) as begin:
-            for name in names:
-                begin(name)
-                with about(shown_input(spec)):
-                    member = next(members)
-                yield member
+            console.note(f"{name}: distances from the limit fall as {power}{rate:.3g} or faster in theory")
 
     def _report(self, place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str]) -> None:
         if member.doubt:
@@ -147,13 +139,7 @@ def sequence_options(spec_help: str) -> Option:
             is_flag=True,
             help="Do not measure how far the meshes are from the limit, which may take longer than making them.",
         ),
-        click.option(
-            "-o",
-            "--output",
-            metavar="DIR",
-            type=OUTPUT,
-            help="Write the files into this folder, which is made if missing.",
-        ),
+        output_to(metavar="DIR", help="Write the files into this folder, which is made if missing."),
         mesh_options(),
         reading_option,
         console_option,
@@ -166,6 +152,7 @@ def number_text(value: float) -> str:
     It has six digits, or as many as distinguish it from all other numbers.
     """
     value += 0.0  # not -0
+    least_digits = 6
     digits = next(n for n in range(1, 18) if float(f"{value:.{n}g}") == value)
-    mantissa, e, exponent = f"{value:.{max(digits, NAME_DIGITS)}g}".partition("e")
+    mantissa, e, exponent = f"{value:.{max(digits, least_digits)}g}".partition("e")
     return mantissa + (f"e{int(exponent)}" if e else "")

@@ -9,13 +9,12 @@ from typing import Any, TypeVar
 import click
 
 from gtb_cli.errors import Fault, GtbError
-from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import are_several, specs_among
 from gtb_cli.shell.gathering import Option, gathered
-from gtb_cli.shell.options import INPUT, json_option, text_options, weld_option
-from gtb_cli.shell.streams import refuse_overwriting, shown_input, write_json, write_text
+from gtb_cli.shell.options import INPUT, json_option, streams_options, weld_option
+from gtb_cli.shell.streams import Streams, refuse_overwriting, shown_input, write_json
 from gtb_cli.shell.workers import Workers, jobs_option
 from gtb_cli.vocabulary import printable, without_commands
 
@@ -65,8 +64,7 @@ class ReportRequest:
     in_full: bool
     weld: float | str | None
     jobs: int
-    output: str
-    reading: Reading
+    streams: Streams
 
     @property
     def in_lines(self) -> bool:
@@ -83,8 +81,8 @@ class ReportRequest:
         Several processes share the work, so `report` is a function of a module; this one reads standard input. It is a
         `GtbError` if all specs have errors.
         """
-        specs = inputs_of(self.specs, self.output, meshes)
-        reported = partial(_reported, report=partial(report, reading=self.reading, weld=self.weld))
+        specs = inputs_of(self.specs, self.streams.output, meshes)
+        reported = partial(_reported, report=partial(report, reading=self.streams.reading, weld=self.weld))
         found: list[tuple[str, Found]] = []
         errors: list[Fault] = []
         with closing(Workers(self.jobs).results(reported, [spec for spec in specs if spec != STANDARD])) as elsewhere:
@@ -111,12 +109,12 @@ class ReportRequest:
             rows = [(f"./{name}" if name.lstrip().startswith("::") else name, found) for name, found in rows]
         if self.as_json:
             data = [({"file": name} if self._are_several else {}) | record(found) for name, found in rows]
-            write_json(self.output, data if self._are_several else data[0])
+            write_json(self.streams.output, data if self._are_several else data[0])
         elif self.in_lines:
-            write_text(self.output, "".join(f"{line(printable(name), found)}\n" for name, found in rows))
+            self.streams.write("".join(f"{line(printable(name), found)}\n" for name, found in rows))
         else:
             texts = [(f"{printable(name)}\n" if self._are_several else "") + text(found) for name, found in rows]
-            write_text(self.output, without_commands(gap.join(texts)))
+            self.streams.write(without_commands(gap.join(texts)))
 
 
 def report_options(metavar: str = "SPEC...") -> Option:
@@ -135,5 +133,5 @@ def report_options(metavar: str = "SPEC...") -> Option:
         long_option,
         weld_option,
         jobs_option,
-        text_options,
+        streams_options,
     )

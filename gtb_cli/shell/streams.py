@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 Spec: TypeAlias = "Patch | Model"
 STDIN = "<stdin>"  # name of standard input in messages
-MAX_STEM_BYTES = 200  # longest stem of a file name, in bytes: every file system allows it with a suffix
 
 
 @dataclass(frozen=True)
@@ -39,11 +38,6 @@ class Streams:
     def spec_of(self, path: str) -> AbstractContextManager[Spec]:
         """Read a spec, and name it in errors, as the function `spec_of` does."""
         return spec_of(path, self.reading, self.console.warn)
-
-    def patch_of(self, path: str) -> Patch:
-        """Read a spec of a single patch."""
-        with self.spec_of(path) as spec:
-            return single(spec)
 
     def write(self, text: str) -> None:
         """Write text to the output."""
@@ -169,15 +163,9 @@ def refuse_reports(paths: Iterable[str], folders: Collection[str] = ()) -> None:
         if os.path.isdir(path) or not os.path.isdir(place):
             why = "it is a folder" if os.path.isdir(path) else f"the folder {place} does not exist"
             raise ExportError(f"cannot write {path}: {why}")
-        refuse_within(path, folders)
-
-
-def refuse_within(path: str, folders: Collection[str]) -> None:
-    """Refuse to write a file or folder that would be in one of the folders that are compared."""
-    for folder in folders:
-        inner, outer = (os.path.join(os.path.realpath(each), "") for each in (path, folder))
-        if inner.startswith(outer):
-            raise click.UsageError(f"{path} would be in {folder}, and be compared the next time")
+        for folder in folders:
+            if os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), "")):
+                raise click.UsageError(f"{path} would be in {folder}, and be compared the next time")
 
 
 def _status(path: str) -> os.stat_result | None:
@@ -291,10 +279,11 @@ def refuse_terminal(output: str, kind: str, way_out: str) -> None:
 def file_stem(name: str | None) -> str:
     """Turn any name into the stem of a file name that stays in its folder and is not hidden."""
     unsafe_characters = '/\\:*?"<>|'  # characters that some file systems do not allow in names
+    max_bytes = 200  # of the stem: every file system allows them with a suffix
     kept = "".join(c if c.isprintable() and c not in unsafe_characters else "_" for c in name or "").strip()
     if kept.startswith((".", "-")):
         kept = "_" + kept[1:]
-    return kept.encode("utf-8")[:MAX_STEM_BYTES].decode("utf-8", "ignore").rstrip() or "patch"
+    return kept.encode("utf-8")[:max_bytes].decode("utf-8", "ignore").rstrip() or "patch"
 
 
 def stem_of(path: str) -> str | None:

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from gtb_cli.errors import ExportError
-from gtb_cli.shell.console import STANDARD, complain, finish
+from gtb_cli.shell.console import STANDARD, finish, tell
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import specs_among
 from gtb_cli.shell.streams import Streams
@@ -68,7 +68,7 @@ def watched(function: Callable[..., object]) -> Callable[..., object]:
                     if runs == 1 and isinstance(error, click.UsageError | ExportError):  # no edit does
                         raise
                     for fault in faults_about(error):
-                        complain(fault)
+                        tell(fault, "error")
                     finish(2)
             time.sleep(seconds)
 

@@ -11,7 +11,6 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import sides_of
 
-PLANE = 1e-6  # of the size of a rim: its largest distance from its plane, a tenth of a micron in a decimetre
 STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not along the normals; flat from 3 times it
 
 
@@ -91,7 +90,8 @@ def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[Flo
     points = surface[rim]
     centre = points.mean(axis=0)
     size = float(np.ptp(points, axis=0).max())
-    nearly = PLANE * size + 64 * EPS * float(np.abs(points).max())
+    plane = 1e-6  # of the size of a rim: its largest distance from its plane, a tenth of a micron in a decimetre
+    nearly = plane * size + 64 * EPS * float(np.abs(points).max())
     _, _, axes = np.linalg.svd(points - centre, full_matrices=False)
     normal = axes[2]
     height = (surface - centre) @ normal

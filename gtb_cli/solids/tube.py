@@ -1,9 +1,4 @@
-"""Tubes: a circle swept along a polyline, so that a curve can be printed.
-
-Rings of vertices lie in planes across the curve, and a rotation-minimising frame says where each ring begins, so that
-the tube has no twist. If the direction changes at a vertex, its ring lies in the mitre plane, halfway between the two;
-a sharp turn has several rings, like a fan.
-"""
+"""Tubes: a circle swept along a polyline, without twist and mitred at turns, so that a curve can be printed."""
 
 import math
 from types import MappingProxyType

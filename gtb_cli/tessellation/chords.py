@@ -168,7 +168,7 @@ class ChordProofs:
         first, last = ends = [self._at(s, seen_from) for s in (intervals.start, intervals.end)]
         across, beyond = np.zeros((2, 2, len(chords)))  # of both ends
         for k, end in enumerate(ends):
-            across[k] = _norm(end.y)
+            across[k] = np.linalg.norm(end.y, axis=0)
             beyond[k] = np.maximum(np.maximum(-end.x, end.x - seen_from.length), 0.0)
         # By how much the points between may be farther than both ends, across and along the chord.
         more = self._between(intervals, first, last, seen_from)
@@ -176,7 +176,7 @@ class ChordProofs:
             tail = np.flatnonzero(np.isinf((intervals.start, intervals.end)[side]))
             if len(tail):
                 along = (seen_from.along - at.x)[:, tail]
-                off = _norm((seen_from.across - at.y[:, None])[:, :, tail])
+                off = np.linalg.norm((seen_from.across - at.y[:, None])[:, :, tail], axis=0)
                 more[:, tail] = self._tail(side, other.shares[:, tail], other.slopes[:, tail], along, off)
         bound = np.hypot(*(np.stack([across.max(axis=0), beyond.max(axis=0)]) + more)) + seen_from.rounding
         holds = bound <= tolerance
@@ -187,7 +187,7 @@ class ChordProofs:
     def _between(self, intervals: Intervals, first: _Ends, last: _Ends, chords: _Chords) -> FloatArray:
         """Bound distances, (2, m), of parts of the curve from their chords, across and along; infinite for tails."""
         along = chords.along - (first.x + last.x) / 2
-        off = _norm(chords.across - (first.y + last.y)[:, None] / 2)
+        off = np.linalg.norm(chords.across - (first.y + last.y)[:, None] / 2, axis=0)
         width = intervals.end - intervals.start
         finite = np.isfinite(width)
         width = np.where(finite, width, 0.0)
@@ -239,8 +239,3 @@ class ChordProofs:
             )
             bounds[1, sign * speed * room > against + noise] = 0.0
         return np.where((room >= 0) & (base > 0), bounds, np.inf)
-
-
-def _norm(vectors: FloatArray) -> FloatArray:
-    """Return the lengths of (3, ...) vectors."""
-    return np.asarray(np.sqrt((vectors**2).sum(axis=0)))

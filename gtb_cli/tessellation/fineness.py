@@ -1,25 +1,17 @@
-"""How fine a mesh may be: numbers that make sense, a tolerance in model units, and how many faces there is room for."""
+"""How fine a mesh may be: numbers that make sense, and how many faces there is room for."""
 
 import math
 import os
-from typing import get_args
 
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.meshes.topology import are_used
-from gtb_cli.models.model import Model, joints_of
-from gtb_cli.tessellation.complexes import joined_complex
-from gtb_cli.tessellation.sampler import Sampler, evenly
-from gtb_cli.tessellation.welding import Weld
-from gtb_cli.theory.parametrization import Parametrization
-from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import percentage
+from gtb_cli.vocabulary import PARAMETRIZATIONS, percentage
 
 
 def check_fineness(resolution: int, tolerance: float | str | None, parametrization: str) -> None:
     """Raise `DomainError` for numbers that make no sense, and for a tolerance in toric parameters."""
     if isinstance(resolution, bool) or not hasattr(resolution, "__index__") or resolution < 1:
         raise DomainError(f"resolution: expected a whole number of at least 1, got {resolution!r}")
-    if parametrization not in get_args(Parametrization):
+    if parametrization not in PARAMETRIZATIONS:
         raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
     if isinstance(tolerance, str):
         percentage(tolerance)
@@ -27,22 +19,6 @@ def check_fineness(resolution: int, tolerance: float | str | None, parametrizati
         raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
     if tolerance is not None and parametrization == "toric":
         raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out toric")
-
-
-def tolerance_for(shape: Patch | Model, percent: str) -> float:
-    """Return a percentage, such as ``"1%"``, of the diagonal of a shape's bounding box in model units."""
-    share = percentage(percent) / 100
-    resolution = 16  # of the mesh whose bounding box is meant
-    joints = joints_of(shape)
-    mosaic = joined_complex(shape.patches, joints, resolution)
-    sampler = Sampler(shape.patches, evenly(resolution))
-    points = Weld(shape, joints).moved(mosaic, sampler.points(mosaic.patch, mosaic.parameters, mosaic.face))
-    cells, _ = mosaic.without_collapsed
-    used = points[are_used(cells, len(points))]
-    diagonal = math.dist(used.min(axis=0), used.max(axis=0))
-    if diagonal == 0:
-        raise DomainError(f"tolerance: {percent} of the size of a single point is nothing")
-    return share * diagonal
 
 
 def refuse_faces(faces: int, resolution: int, max_faces: int) -> None:

@@ -6,22 +6,18 @@ The command line reads its options with this module, so whatever computes is imp
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.values import by_value, frozen
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Rim, requirements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.models.model import Model
-    from gtb_cli.tessellation.solid_making import TubeMaker, WallMaker
+    from gtb_cli.tessellation.solid_making import Held
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
-
-    Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 
 
 @by_value
@@ -129,11 +125,13 @@ class Recipe:
                     "which get the mean of their neighbours'"
                 )
         size = self.thickness if self.radius is None else self.radius
-        maker = None if size is None else self._maker(spec, tolerance)
-        faults: list[str] = []
-        folds: list[str] = []
-        thin: list[str] = []
-        if maker and size is not None:
+        faults, folds, thin = list[str](), list[str](), list[str]()
+        if size is not None:
+            from gtb_cli.tessellation.solid_making import TubeMaker, WallMaker
+
+            maker: TubeMaker | WallMaker = WallMaker(spec, self.rim)
+            if self.radius is not None:
+                maker = TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
             mesh, faults, folds, thin = maker.solid(mesh, size)
         must_close = not mesh.is_curve and (self.thickness is not None or {"watertight", "solid"} & {*self.require})
         held = held or (lambda mesh: (mesh, ""))
@@ -142,7 +140,7 @@ class Recipe:
             from gtb_cli.tessellation.solid_making import crossings_of
 
             folds += crossings_of(mesh, stored, coarse)
-        if maker and size is not None and folds and not faults:
+        if size is not None and folds and not faults:
             folds[-1] += f"; {maker.smaller(surface, size, held)}"
         if self.require:
             from gtb_cli.tessellation.requirements import require
@@ -196,13 +194,6 @@ class Recipe:
             remarks += crowding(spec, self.resolution) if self.parametrization == "toric" else []
         return remarks
 
-    def _maker(self, spec: Patch | Model, tolerance: float | None) -> TubeMaker | WallMaker:
-        from gtb_cli.tessellation.solid_making import TubeMaker, WallMaker
-
-        if self.radius is None:
-            return WallMaker(spec, self.rim)
-        return TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
-
     def _fine(self, spec: Patch | Model, surface: Mesh) -> Mesh:
         """Return the mesh of a surface if it folds or is fine, else a finer one of at most half a million faces."""
         from gtb_cli.knots.triangulation import cell_count
@@ -221,7 +212,7 @@ class Recipe:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
         if not isinstance(self.tolerance, str):
             return self.tolerance
-        from gtb_cli.tessellation.fineness import tolerance_for
+        from gtb_cli.tessellation.tessellate import tolerance_for
 
         return tolerance_for(spec, self.tolerance)
 

@@ -1,5 +1,6 @@
 """Patches and models to meshes: uniform, or to a tolerance; patches that share edges are welded."""
 
+import math
 import os
 from collections.abc import Iterable
 from typing import TypeAlias
@@ -10,13 +11,13 @@ from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import coarse_complexes, joined_complex
-from gtb_cli.tessellation.fineness import check_fineness, refuse_faces, tolerance_for
+from gtb_cli.tessellation.fineness import check_fineness, refuse_faces
 from gtb_cli.tessellation.finished import finished
 from gtb_cli.tessellation.sampler import Sampler, evenly, torically, torically_inside
 from gtb_cli.tessellation.welding import Weld
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
 Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
 
@@ -110,3 +111,12 @@ def tessellate(
             if mosaic.is_whole:
                 break
     return finished(shape, joints, mosaic, weld.moved(mosaic, points), sampler, normals)
+
+
+def tolerance_for(shape: Patch | Model, percent: str) -> float:
+    """Return a percentage, such as ``"1%"``, of the diagonal of a shape's bounding box in model units."""
+    resolution = 16  # of the mesh whose bounding box is meant
+    diagonal = math.dist(*tessellate(shape, resolution, normals=False, max_faces=10**12).bounds)
+    if diagonal == 0:
+        raise DomainError(f"tolerance: {percent} of the size of a single point is nothing")
+    return percentage(percent) / 100 * diagonal
