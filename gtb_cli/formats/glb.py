@@ -10,15 +10,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.file_arrays import (
-    SINGLE_FLOAT,
-    FileArrays,
-    mark_of,
-    segments,
-    single_half_steps,
-    stacked,
-    triangles,
-)
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, segments, single_half_steps, triangles
 from gtb_cli.formats.glb_tree import HEADER_BYTES, accessor_values, glb_chunks, placed_meshes
 from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Mesh, Values
 from gtb_cli.meshes.topology import compacted
@@ -264,7 +256,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     if cells[2] and cells[3]:
         raise GtbError("has both triangles and lines: expected one of them")
     width = 2 if cells[2] else 3
-    points = stacked(vertices, 3, np.float64)
+    points = np.concatenate([np.empty((0, 3)), *vertices])
     extras = tree.get("asset", {}).get("extras")
     extras = extras if isinstance(extras, dict) else {}
     unit, is_z_up = extras.get("unit"), extras.get("up") == "z"
@@ -274,7 +266,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
     space = f"{unit if unit in UNITS else 'no unit'}, {'z' if is_z_up else 'y'} up"
     points += 0.0  # not -0
-    corners = stacked(cells[width], width, np.int32)
+    corners = np.concatenate([np.empty((0, width), dtype=np.int32), *cells[width]])
 
     @_tree_faults()
     def values() -> Values:

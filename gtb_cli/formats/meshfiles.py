@@ -6,6 +6,7 @@ takes 0.5 s to import.
 
 import os
 from codecs import BOM_UTF8
+from functools import partial
 from importlib import import_module
 
 import numpy as np
@@ -69,27 +70,28 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
     mesh = Mesh(content.vertices, content.cells, groups=groups)
     largest = largest_coordinates(mesh.used)
-
-    def values() -> Values:
-        try:
-            found = {_printable(name): values for name, values in content.values().items()}
-        except GtbError as error:
-            raise GtbError(f"{shown}: {_printable(str(error))}") from None
-        numbers = {name: number for number, name in enumerate(sorted({name for name, _, _ in groups}), 1)}
-        if len(numbers) > 1:
-            rows = np.zeros((len(mesh.cells), 1))  # in no group
-            for name, start, stop in groups:
-                rows[start:stop] = numbers[name]
-            found[GROUPS] = rows, np.repeat(np.arange(len(rows))[:, None], mesh.cells.shape[1], axis=1)
-        if width := max((len(row) for _, row in content.materials if row), default=0):
-            ends, marks = zip(*content.materials, strict=True)
-            part = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
-            rows = np.array([row or [np.nan] * width for row in marks])
-            found[f"{MATERIALS}{kind.upper()}"] = rows, np.repeat(part[:, None], mesh.cells.shape[1], axis=1)
-        return found
-
     half_steps = content.half_steps(largest) + rounding(largest)
-    return KnownMesh(mesh, half_steps, kind, _printable(content.space), values)
+    return KnownMesh(mesh, half_steps, kind, _printable(content.space), partial(_values, content, mesh, kind, shown))
+
+
+def _values(content: FileArrays, mesh: Mesh, kind: str, shown: str) -> Values:
+    """Return what a file holds at the corners of cells, with the numbers of their groups and their materials."""
+    try:
+        found = {_printable(name): values for name, values in content.values().items()}
+    except GtbError as error:
+        raise GtbError(f"{shown}: {_printable(str(error))}") from None
+    numbers = {name: number for number, name in enumerate(sorted({name for name, _, _ in mesh.groups}), 1)}
+    if len(numbers) > 1:
+        rows = np.zeros((len(mesh.cells), 1))  # in no group
+        for name, start, stop in mesh.groups:
+            rows[start:stop] = numbers[name]
+        found[GROUPS] = rows, np.broadcast_to(np.arange(len(rows))[:, None], mesh.cells.shape)
+    if width := max((len(row) for _, row in content.materials if row), default=0):
+        ends, marks = zip(*content.materials, strict=True)
+        part = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
+        rows = np.array([row or [np.nan] * width for row in marks])
+        found[f"{MATERIALS}{kind.upper()}"] = rows, np.broadcast_to(part[:, None], mesh.cells.shape)
+    return found
 
 
 def size_limit(start: bytes, otherwise: int) -> int:
@@ -110,6 +112,7 @@ def format_of(data: bytes) -> str | None:
     """Return the format of a mesh file, found from its content; None if it is not a known one."""
     if _is_facets(data):
         return "stl"
+    words_of_obj = (b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f", b"l")
     beginning = data[:65536].removeprefix(BOM_UTF8)
     if beginning.startswith(b"glTF"):
         return "glb"
@@ -123,16 +126,13 @@ def format_of(data: bytes) -> str | None:
     for line in beginning.splitlines():
         words = line.split(None, 1)
         if words and not words[0].startswith(b"#"):
-            return "obj" if words[0] in _OBJ_STARTS and b"=" not in line else None
+            return "obj" if words[0] in words_of_obj and b"=" not in line else None
     return None
 
 
 def _is_facets(data: bytes) -> bool:
     """Return whether a file has the size of the facets of a binary STL file, whatever it begins with."""
     return len(data) > STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + 50 * int.from_bytes(data[80:84], "little")
-
-
-_OBJ_STARTS = {b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f", b"l"}
 
 
 def _printable(text: str) -> str:

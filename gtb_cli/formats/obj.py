@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
-from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, stacked, triangles
+from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
 from gtb_cli.meshes.mesh import NORMALS, TEXTURE, Values
 
@@ -134,12 +134,12 @@ class _ObjLines:
         """The whole content."""
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
-        vertices = stacked(self.vertices, 3, np.float64)
+        vertices = np.concatenate([np.empty((0, 3)), *self.vertices])
         named, used = ([(n, start) for n, is_used, start in self.names if is_used == kind] for kind in (False, True))
         groups = [(name, a, b) for (name, a), (_, b) in pairwise([*named, ("", self.cell_count)]) if name and a < b]
         ends = [*(start for _, start in used), self.cell_count]
         materials = tuple(zip(ends, [None, *([mark_of(name)] for name, _ in used)], strict=True))
-        cells = stacked(self.cells[b"l"], 2, np.int32) if self.cells[b"l"] else stacked(self.cells[b"f"], 3, np.int32)
+        cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         return FileArrays(vertices, cells, partial(half_step, self.words), tuple(groups), materials=materials)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, single_half_steps, stacked
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, single_half_steps
 from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.vocabulary import PATCH_COLOURS
@@ -215,22 +215,18 @@ class _Reader:
             is_mirrored = np.linalg.det(place[:3, :3]) < 0  # then faces keep their outer sides
             cells.append((found[:, ::-1] if is_mirrored else found) + count)
             ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
-            for (start, part), end in zip(mesh.parts, ends, strict=False):
-                name, colour = self.material_of(part) or (mesh.name, b"")
+            for (start, (key_of_material, row)), end in zip(mesh.parts, ends, strict=False):
+                known = self.materials.get(key_of_material)
+                name, colour = known[int(row or 0)] if known else (mesh.name, b"")
                 groups.append((name or key, rows + start, rows + end))
                 materials.append((rows + end, [part / 255 for part in colour] or None))
             count, rows = count + len(vertices[-1]), rows + len(found)
             inner = reversed(self.components[key])
             stack += [(link, transformation @ place, order[key]) for link, transformation in inner]
-        arrays = stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32)
-        return FileArrays(
-            *arrays, single_half_steps, tuple(groups), ", ".join([self.unit, *sorted(self.kinds)]), materials=materials
-        )
-
-    def material_of(self, part: tuple[str | None, str | None]) -> tuple[str, bytes] | None:
-        """The name and the colour of a material."""
-        found = self.materials.get(part[0], [])
-        return found[int(part[1] or 0)] if found else None
+        points = np.concatenate([np.empty((0, 3)), *vertices])
+        corners = np.concatenate([np.empty((0, 3), dtype=np.int32), *cells])
+        space = ", ".join([self.unit, *sorted(self.kinds)])
+        return FileArrays(points, corners, single_half_steps, tuple(groups), space, materials=materials)
 
 
 def _matrix(text: str | None) -> FloatArray:
