@@ -74,7 +74,7 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int, list[str]]:
         unlike = " and ".join(map(str, degrees))
         warnings.append(f"cells have degrees {unlike}, and VTK cuts each by its own: it may draw slits between them")
     points = np.concatenate([cell.points for _, cell in whole])
-    data = {
+    data: dict[str, dict[str, FloatArray | IntArray]] = {
         'PointData RationalWeights="RationalWeights"': {"RationalWeights": points[:, 3:]},
         'CellData HigherOrderDegrees="HigherOrderDegrees"': {
             "HigherOrderDegrees": np.array([cell.degrees for _, cell in whole]),
@@ -119,8 +119,8 @@ def encode_quadratic(parts: Sequence[QuadraticCells]) -> bytes:
     fields = {name: np.concatenate([part.fields[name] for part in parts])[:, None] + 0.0 for name in parts[0].fields}
     patch = np.repeat(np.arange(len(parts)), [len(part.cells) for part in parts])
     ends = cells.shape[1] * np.arange(1, len(cells) + 1)
-    data = {"PointData": fields, "CellData": {"patch": patch[:, None]}}
-    return _encoded(data, points, cells.ravel(), ends, np.full(len(cells), kind))
+    kinds = np.full(len(cells), kind)
+    return _encoded({"PointData": fields, "CellData": {"patch": patch[:, None]}}, points, cells.ravel(), ends, kinds)
 
 
 def _encoded(

@@ -15,7 +15,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, as_indices, bou
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.shading import Normals
-from gtb_cli.meshes.topology import are_used, sides_of
+from gtb_cli.meshes.topology import are_used, runs_of, sides_of
 from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
@@ -274,9 +274,7 @@ class Mesh:
         import trimesh
 
         if self.is_curve:
-            breaks = np.flatnonzero(self.cells[1:, 0] != self.cells[:-1, 1]) + 1
-            runs = [np.append(run[:, 0], run[-1, 1]) for run in np.split(self.cells, breaks)]
-            lines = [trimesh.path.entities.Line(run) for run in runs]
+            lines = [trimesh.path.entities.Line(run) for run in runs_of(self.cells)]
             return trimesh.path.Path3D(entities=lines, vertices=self.vertices.copy(), process=False)
         return trimesh.Trimesh(
             vertices=self.vertices, faces=self.cells, vertex_normals=self.vertex_normals, process=False, validate=False
