@@ -51,8 +51,8 @@ class Mesh:
     vertices : (m, 3) float
         Positions, in model units.
     cells : (k, 2) or (k, 3) int
-        Segments of a polyline, or triangles, as indices into `vertices`; triangles
-        counter-clockwise in the domain. 32 bits, where these suffice for the vertices: products need more.
+        Segments of a polyline, or triangles, counter-clockwise in the domain, as indices into `vertices`. 32 bits,
+        where these suffice for the vertices: products need more.
     parameters : (m, d) float, optional
         Domain parameter of each vertex; for a model, in the patch given by `origin`.
     normals : (k, 3) float, or a function that returns `Normals` or None, optional
@@ -63,8 +63,7 @@ class Mesh:
     origin : Origin, optional
         For a model.
     normal_of : (f, 3) int, optional
-        The normal of each corner of each face: that of its vertex, or one of those behind. Default:
-        `cells`.
+        The normal of each corner of each face: that of its vertex, or one of those behind. Default: `cells`.
     exact_normals : bool
         Whether all normals are the surface's own, and none is estimated from facets.
     attributes : mapping of name to (m,) float

@@ -17,7 +17,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.plots.bases import draw_bases, draw_basis
 from gtb_cli.plots.domains import draw_decomposition, draw_domain, draw_lifted
-from gtb_cli.plots.look import Look, empty_figure, look_of, panels, settings, subscript, whole, with_numbers
+from gtb_cli.plots.look import Look, empty_figure, look_of, panels, settings, subscript, with_numbers
 from gtb_cli.plots.net_lines import is_flat
 from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_frames
 from gtb_cli.plots.plates import draw_all_decompositions
@@ -178,7 +178,7 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
             in_space |= _is_surface(thing) and (what == "basis" or (what == "decomposition" and look.lifted))
             if what == "curve" and not isinstance(thing, Mesh):
                 in_space = not is_flat([patch.control_points for patch in thing.patches])
-            _draw_on(whole(figure) if in_space else with_numbers(figure), thing, picture)
+            _draw_on(figure.add_axes((0.0, 0.0, 1.0, 1.0)) if in_space else with_numbers(figure), thing, picture)
         return figure
 
 
