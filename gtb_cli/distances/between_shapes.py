@@ -32,7 +32,12 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
     # Fraction of half the size below which surfaces cannot be told apart: with weights of 1e-12 beside 1e12, points of
     # one surface were up to 9e-11 from its other descriptions. Far from the origin, coordinates are rounded as well.
     blur, rounding = 2e-10, 16 * EPS
-    surfaces = [whole_surface(shape) for shape in (a, b)]
+    rough_cells, least = 512, 4  # in all, and along each edge
+    surfaces = []
+    for shape in (a, b):
+        resolution = cells_along_edges(shape.patches, rough_cells, least)
+        mosaic = joined_complex(shape.patches, joints_of(shape), resolution)
+        surfaces.append(surface_of(shape.patches, layered(mosaic, shape.patches)))
     found, at, errors = farthest(surfaces, [(0, 1), (1, 0)], 2)
     ways = [Farthest(float(distance), tuple(point.tolist())) for distance, point in zip(found, at, strict=True)]
     half = max(float(np.ptp(surface.points, axis=0).max()) for surface in surfaces) / 2
@@ -46,19 +51,9 @@ def farthest(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(k,) distances, (k, 3) points and (k,) errors as found by `FarthestSearch`, in model units."""
     frame = Frame.around(*(surface.points for surface in surfaces))
-    found, at, errors = FarthestSearch(
-        [surface.seen_from(frame) for surface in surfaces], ways, count, accuracy
-    ).farthest()
+    seen = [surface.seen_from(frame) for surface in surfaces]
+    found, at, errors = FarthestSearch(seen, ways, count, accuracy).farthest()
     return frame.length(found), frame.outside(at), frame.length(errors)
-
-
-def whole_surface(shape: Patch | Model) -> Surface:
-    """A patch or model with points all over it."""
-    rough_cells, least = 512, 4  # in all, and along each edge
-    resolution = cells_along_edges(shape.patches, rough_cells, least)
-    return surface_of(
-        shape.patches, layered(joined_complex(shape.patches, joints_of(shape), resolution), shape.patches)
-    )
 
 
 def layered(mosaic: Complex, patches: Sequence[Patch]) -> Complex:

@@ -5,7 +5,7 @@ from bisect import bisect_left
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cached_property
-from typing import TypeAlias, get_args
+from typing import IO, TypeAlias, get_args
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.between_shapes import shape_distance
 from gtb_cli.errors import DomainError, GtbError
 from gtb_cli.files import read_up_to
-from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
+from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, decode_mesh, format_of, size_limit
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
@@ -178,16 +178,20 @@ def operand(what: Comparable, recipe: Recipe) -> Operand:
     name = os.fspath(what)
     try:
         with open(name, "rb") as file:
-            start = file.read(BEGINNING_BYTES)
-            data = start + read_up_to(file, bytes_at_most(name, start) + 1 - len(start))
+            data = read_content(file, name)
     except OSError as error:
         raise GtbError(f"{name}: {error.strerror or error}") from None
     return decoded(data, name, recipe)
 
 
-def bytes_at_most(name: str, start: bytes) -> int:
-    """How many bytes are read of a file with this name and beginning."""
-    return MAX_SPEC_BYTES if suffix_of(name) in SPEC_FORMATS else size_limit(start, MAX_SPEC_BYTES)
+def read_content(file: IO[bytes], name: str, most: int = MAX_FILE_BYTES) -> bytes:
+    """Read a mesh or a spec of this name, at most one byte more than it may have, or than `most`."""
+    start = file.read(BEGINNING_BYTES)
+    limit = MAX_SPEC_BYTES if suffix_of(name) in SPEC_FORMATS else size_limit(start, MAX_SPEC_BYTES)
+    if file.seekable():  # so that a large file is in memory only once
+        file.seek(-len(start), os.SEEK_CUR)
+        start = b""
+    return start + read_up_to(file, min(limit, most) + 1 - len(start))
 
 
 def decoded(data: bytes, name: str, recipe: Recipe, reading: Reading = AS_SEEN) -> Operand:

@@ -28,14 +28,6 @@ class StratumPlaces(NamedTuple):
     s: FloatArray  # (m, 2) along an edge the second coordinate does not count, at a corner none does
 
 
-class Derivatives(NamedTuple):
-    """(3, m) points, (2, 3, m) first derivatives, and (3, 3, m) second ones: by both coordinates twice, and mixed."""
-
-    points: FloatArray
-    first: FloatArray
-    second: FloatArray
-
-
 @frozen
 class Strata:
     """Faces of one or many patches, in columns that are filled up to one number of knots."""
@@ -71,22 +63,17 @@ class Strata:
 
     def points(self, s: FloatArray) -> FloatArray:
         """(3, m) points, one in each column."""
-        return _sums(self.control_points, self.shares(s))
+        return np.asarray(np.einsum("xnm,nm->xm", self.control_points, self.shares(s)))
 
-    def derivatives(self, s: FloatArray) -> Derivatives:
-        """Points and derivatives by s, one point in each column."""
+    def derivatives(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(3, m) points, and (2, 3, m) first and (3, 3, m) second derivatives: by both coordinates twice, and mixed."""
         shares = self.shares(s)
-        points = _sums(self.control_points, shares)
+        points = np.einsum("xnm,nm->xm", self.control_points, shares)
         about = self.control_points - points[:, None]
         x, y = (a - (shares * a).sum(axis=0) for a in self.knots)
         sx, sy = shares * x, shares * y
         sums = np.einsum("xnm,wnm->wxm", about, np.array([sx, sy, sx * x, sy * y, sx * y]))
-        return Derivatives(points, sums[:2], sums[2:])
-
-
-def _sums(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """(3, m) sums of (3, n, m) values with (n, m) weights."""
-    return np.asarray(np.einsum("xnm,nm->xm", values, weights))
+        return points, sums[:2], sums[2:]
 
 
 @frozen
@@ -116,17 +103,13 @@ def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
     patch = np.concatenate([mosaic.patch, mosaic.cell_patch, own])
     strata, places = _located(patches, patch, parameters, face)
     points = strata.chosen(places.stratum).points(places.s.T).T
-    region, relative = _regions(patches, patch, parameters, face), _relative(parameters, patch)
-    middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
-    return Surface(strata, places, points, relative, region, np.column_stack([mosaic.cells, middles]))
-
-
-def _relative(parameters: FloatArray, patch: IntArray) -> FloatArray:
     low, high = bounds_of(parameters)
     relative = np.zeros((len(parameters), 3))
     relative[:, : parameters.shape[1]] = (parameters - low) / (high - low).max()
     relative[:, 2] = 0.01 * patch
-    return relative
+    region = _regions(patches, patch, parameters, face)
+    middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
+    return Surface(strata, places, points, relative, region, np.column_stack([mosaic.cells, middles]))
 
 
 def _regions(patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray) -> IntArray:

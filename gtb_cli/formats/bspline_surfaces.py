@@ -14,12 +14,6 @@ from gtb_cli.theory.patch import Patch
 
 SPANS = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted piece, tried in turn
 
-GAP = 1e-8  # of the size, between edges that should be exact
-
-ANGLE = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
-
-LOST, SEAM = 0.1, 0.1  # share of places with planes that no B-spline follows, and degrees that are enough then
-
 
 class SplineSurfaces(NamedTuple):
     """Surfaces for CAD, in the order of the patches, and how good the `fitted` ones are, at sample points.
@@ -61,48 +55,39 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
             reasons[index] = str(fault)
     if not reasons:
         return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, 0.0, ())
+    closest = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
+    much, enough = 0.1, 0.1  # a share of places with planes that no B-spline follows, and degrees that suffice then
+    names = {index: name_of(patches[index], index) for index in sorted(reasons)}
     edges = half_edges(spec, reasons)
+    halves = {i: [edges.get((i, k)) for k in range(len(patches[i].domain.vertices))] for i in reasons}
     # Of points, as control points inside may be far away
-    points = np.concatenate([patch.evaluate(patch.knots) for patch in patches])
-    size = float(np.ptp(points, axis=0).max())
-    allowed = 1e-4 * size if tolerance is None else tolerance
+    size = float(np.ptp(np.concatenate([patch.evaluate(patch.knots) for patch in patches]), axis=0).max())
+    allowed, gap_allowed = 1e-4 * size if tolerance is None else tolerance, 1e-8 * size
     best: dict[int, FittedPieces] = {}
-    total = np.inf
-    history = [(np.inf, np.inf)] * 2
+    reached, history = (np.inf, np.inf, np.inf), [(np.inf, np.inf)] * 2
     for spans in SPANS:
-        found = {
-            index: fitted_pieces(
-                patches[index],
-                name_of(patches[index], index),
-                spans,
-                [edges.get((index, k)) for k in range(len(patches[index].domain.vertices))],
-            )
-            for index in reasons
-        }
+        found = {index: fitted_pieces(patches[index], names[index], spans, halves[index]) for index in reasons}
         error, gap, bend, least, lost = (
             max(values) for values in zip(*(one[1:] for one in found.values()), strict=True)
         )
         history.append((bend, least))
-        wanted = angle if angle is not None else ANGLE if lost < LOST else SEAM
+        wanted = angle if angle is not None else closest if lost < much else enough
         is_met, pairs = max(bend, least) <= wanted, zip(history[-1], history[-3], strict=True)
-        if error <= allowed and gap <= GAP * size and (is_met or bend + least <= total):
-            best, total = found, bend + least
+        if error <= allowed and gap <= gap_allowed and (is_met or bend + least <= sum(reached[1:])):
+            best, reached = found, (error, bend, least)
         is_better = any(now > wanted and now <= before / 2 for now, before in pairs)
         if best and (is_met or (angle is None and not is_better)):
             break
     if not best:
         off = f"{error:.3g} off, more than {allowed:.3g}" if error > allowed else f"{gap:.3g} off along edges"
         raise ToleranceError(f"fitted surfaces of {SPANS[-1]} × {SPANS[-1]} spans are still {off}")
-    bend, least = (max(values) for values in zip(*(one[3:5] for one in best.values()), strict=True))
-    if angle is not None and max(bend, least) > angle:
+    if angle is not None and (apart := max(reached[1:])) > angle:
         raise ToleranceError(
-            f"tangent planes of fitted surfaces still differ by {max(bend, least):.3g} degrees, more than {angle:.3g}"
+            f"tangent planes of fitted surfaces still differ by {apart:.3g} degrees, more than {angle:.3g}"
         )
     return SplineSurfaces(
         tuple(chain.from_iterable(exact[i] if i in exact else best[i].surfaces for i in range(len(patches)))),
         sum(len(one.surfaces) for one in best.values()),
-        max(one.error for one in best.values()),
-        bend,
-        least,
-        tuple((name_of(patches[index], index), why) for index, why in sorted(reasons.items())),
+        *reached,
+        tuple((name, reasons[index]) for index, name in names.items()),
     )

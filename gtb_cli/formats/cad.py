@@ -18,8 +18,6 @@ from gtb_cli.formats.exact_surfaces import SplineSurface
 from gtb_cli.importers.cad_files import MISSING, kernel, parts, silence
 
 KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points
-SEWN, ROUGHLY_SEWN = 1e-6, 2e-5  # of the size: edges of neighbours agree to rounding, those of a part's splines to 1e-5
-
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # the kernel's names
 
 
@@ -49,31 +47,36 @@ def encode_cad(
         raise ExportError(f"{kind.upper()} {MISSING}") from None
     silence()
     size = float(np.ptp(np.concatenate([surface.net[..., :3].reshape(-1, 3) for surface in surfaces]), axis=0).max())
-    tolerance = SEWN * size
-    if tolerance < KERNEL_PRECISION:
+    sewn, roughly = 1e-6 * size, 2e-5 * size  # edges of neighbours agree to rounding, those of a part's splines to 1e-5
+    if sewn < KERNEL_PRECISION:
         raise ExportError(
             f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {KERNEL_PRECISION:g}"
         )
-    shape, faces, shells, solids = _sewn(surfaces, tolerance, part)
+    shape, faces, shells, solids = _sewn(surfaces, sewn, part)
     if part is not None and shells:
-        shape, faces, shells, solids = _sewn(surfaces, ROUGHLY_SEWN * size, part)
+        shape, faces, shells, solids = _sewn(surfaces, roughly, part)
     seams = None if part is None else seams_of(shape, [face for face, _ in faces])
     if not check(shape).IsValid():
         raise ExportError(
             f"{kind.upper()}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?"
         )
+    times = {  # of writing, without which the same surfaces give the same bytes
+        "step": (rb"'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d'", b"'1970-01-01T00:00:00'"),
+        "iges": (rb"15H\d{8}\.\d{6}", b"15H19700101.000000"),
+    }
     with tempfile.TemporaryDirectory(prefix=".gtb-") as folder:
         path = os.path.join(folder, f"x.{kind}")
         begin(folder)
         begin(path)
-        _WRITERS[kind](shape, faces, path, unit, name)
+        if not _WRITERS[kind](shape, faces, path, KERNEL_UNITS[unit], name):
+            raise ExportError(f"{kind.upper()}: the kernel cannot write it")
         with open(path, "rb") as file:
             data = file.read()
-    return Body(_without_time(data, kind), shells, solids, seams)
+    return Body(re.sub(*times[kind], data) if kind in times else data, shells, solids, seams)
 
 
 def _sewn(
-    surfaces: Sequence[SplineSurface], tolerance: float, part: Any = None
+    surfaces: Sequence[SplineSurface], tolerance: float, part: Any
 ) -> tuple[Any, list[tuple[Any, str]], int, int]:
     """Return a compound of solids and shells, its faces with their names, and the numbers of shells and solids."""
     builder, topology = kernel("BRepBuilderAPI"), kernel("TopoDS")
@@ -135,7 +138,7 @@ def _filled(kind: Any, values: list[float]) -> Any:
     return array
 
 
-def _write_step(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
+def _write_step(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> bool:
     text = kernel("TCollection").TCollection_ExtendedString
     document = kernel("TDocStd").TDocStd_Document(text("XmlXCAF"))
     main = document.Main()
@@ -150,40 +153,28 @@ def _write_step(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, 
     writer = kernel("STEPCAFControl").STEPCAFControl_Writer()
     statics = kernel("Interface").Interface_Static
     statics.SetIVal_s("write.stepcaf.subshapes.name", 1)
-    statics.SetCVal_s("xstep.cascade.unit", KERNEL_UNITS[unit])
-    statics.SetCVal_s("write.step.unit", KERNEL_UNITS[unit])
+    statics.SetCVal_s("xstep.cascade.unit", unit)
+    statics.SetCVal_s("write.step.unit", unit)
     kinds = kernel("STEPControl").STEPControl_StepModelType
-    if not writer.Transfer(document, kinds.STEPControl_AsIs) or int(writer.Write(path).value) != 1:
-        raise ExportError("STEP: the kernel cannot write it")
+    return writer.Transfer(document, kinds.STEPControl_AsIs) and int(writer.Write(path).value) == 1
 
 
-def _write_iges(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
+def _write_iges(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> bool:
     room = kernel("IGESControl")
     room.IGESControl_Controller.Init_s()
-    kernel("Interface").Interface_Static.SetCVal_s("xstep.cascade.unit", KERNEL_UNITS[unit])
-    writer = room.IGESControl_Writer(KERNEL_UNITS[unit], 1)
+    kernel("Interface").Interface_Static.SetCVal_s("xstep.cascade.unit", unit)
+    writer = room.IGESControl_Writer(unit, 1)
     if not writer.AddShape(shape):
-        raise ExportError("IGES: the kernel cannot write it")
+        return False
     writer.ComputeModel()
     header = writer.Model().GlobalSection()
     header.SetAuthorName(kernel("TCollection").TCollection_HAsciiString("gtb"))  # by default, the user's name
     writer.Model().SetGlobalSection(header)
-    if not writer.Write(path):
-        raise ExportError("IGES: the kernel cannot write it")
+    return bool(writer.Write(path))
 
 
-def _write_brep(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
-    if not kernel("BRepTools").BRepTools.Write_s(shape, path):
-        raise ExportError("BREP: the kernel cannot write it")
+def _write_brep(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> bool:
+    return bool(kernel("BRepTools").BRepTools.Write_s(shape, path))
 
 
 _WRITERS = {"step": _write_step, "iges": _write_iges, "brep": _write_brep}
-
-
-def _without_time(data: bytes, kind: str) -> bytes:
-    """Take the time of writing out of a file, so that the same surfaces give the same bytes."""
-    if kind == "step":
-        return re.sub(rb"'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d'", b"'1970-01-01T00:00:00'", data)
-    if kind == "iges":
-        return re.sub(rb"15H\d{8}\.\d{6}", b"15H19700101.000000", data)
-    return data

@@ -8,8 +8,6 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.importers.cad_files import face_frames, kernel, uses_of_edges
 
-PLACES = 64  # of each edge, closer together towards its ends
-
 
 class Seams(NamedTuple):
     """The largest angle in degrees, and the largest gap, of new faces to those of a part, and between new ones.
@@ -45,11 +43,12 @@ def _along(edge: Any, face: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
     curve, gp = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face), kernel("gp")
     first, last = curve.FirstParameter(), curve.LastParameter()
     rows = []
-    for share in (1 - np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES)) / 2:
-        at, way = gp.gp_Pnt2d(), gp.gp_Vec2d()
-        curve.D1(first + share * (last - first), at, way)
-        rows.append((at.X(), at.Y(), way.X(), way.Y()))
-    places, ways = np.split(np.array(rows), 2, axis=1)
-    points, along, across, normals = face_frames(face, places.tolist())
+    places = 64  # closer together towards the ends
+    for share in (1 - np.cos(np.pi * (np.arange(places) + 0.5) / places)) / 2:
+        place, way = gp.gp_Pnt2d(), gp.gp_Vec2d()
+        curve.D1(first + share * (last - first), place, way)
+        rows.append((place.X(), place.Y(), way.X(), way.Y()))
+    at, ways = np.split(np.array(rows), 2, axis=1)
+    points, along, across, normals = face_frames(face, at.tolist())
     tangents = ways[:, :1] * along + ways[:, 1:] * across
     return points, normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True)

@@ -120,9 +120,8 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
 def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> FloatArray:
     """Return the integer nearest to the exact product `fraction * scale`; ties go to the even one.
 
-    `scaled` is the product as rounded to double. Rounding is monotonic and k + 1/2 is
-    a double, so the rounded product lies on the same side of k + 1/2 as the exact one,
-    unless it *is* k + 1/2. Only then does the rounding error decide; Dekker's product gives it exactly.
+    `scaled` is the product as rounded to double. As k + 1/2 is a double, the exact product lies on the same side of it,
+    unless the rounded one *is* k + 1/2. Only then does the rounding error decide; Dekker's product gives it exactly.
     """
     nearest = np.rint(scaled)
     tie = np.abs(scaled - nearest) == 0.5
@@ -171,13 +170,9 @@ def _put_whole(words: Words, numbers: IntArray, head: Words, offset: IntArray | 
 def _lines(prefix: str, rows: int, columns: int, words: int) -> tuple[Words, Words]:
     """Return room for `words` words in each of `columns` numbers per row, and the text that contains it."""
     text = np.empty((rows, 1 + columns * words), dtype=_WORD)
-    text[:, 0] = _characters(b"\n" + prefix.encode("ascii"))
-    text[0, 0] = _characters(prefix.encode("ascii"))
+    text[:, 0] = int.from_bytes(b"\n" + prefix.encode("ascii"), "little")
+    text[0, 0] = int.from_bytes(prefix.encode("ascii"), "little")
     return text[:, 1:].reshape(rows, columns, words), text
-
-
-def _characters(text: bytes) -> int:
-    return int.from_bytes(text, "little")
 
 
 def _compressed(text: Words) -> bytes:

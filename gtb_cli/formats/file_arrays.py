@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import field
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,6 @@ from gtb_cli.values import frozen
 
 STL_HEADER_BYTES = 84  # bytes before the facets of a binary STL file; the last four are the number of facets
 SINGLE_FLOAT = np.dtype("<f4")  # numbers of binary files
-
-Scalar = TypeVar("Scalar", np.float64, np.signedinteger[Any])
 
 
 @frozen
@@ -96,8 +93,3 @@ def segments(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     inner = np.ones(len(corners), dtype=bool)
     inner[np.cumsum(counts) - 1] = False
     return as_indices(np.stack([corners[inner], corners[1:][inner[:-1]]], axis=1), np.int32)
-
-
-def stacked(parts: list[NDArray[Scalar]], width: int, kind: type[Scalar]) -> NDArray[Scalar]:
-    """Return the rows of all parts, in this type or a wider one of a part."""
-    return np.concatenate([np.empty((0, width), dtype=kind), *parts])

@@ -12,12 +12,6 @@ from gtb_cli.theory.patch import Patch
 
 DEGREE = 6
 
-PLANES = 3.0  # weight of conditions of planes, as derivatives by parameters in [0, 1], beside positions
-
-NEAR_PLANE = np.cos(np.radians(10))  # beyond it within the first pole, B-splines cannot follow a limit of normals
-
-GRADING = 2.0  # knots are (k / spans) ^ this: denser at the edges of Δ, where derivatives may have no bound
-
 EDGES = ((1, 0), (0, 0), (1, -1), (0, -1))  # of a piece: the axis across, and the row; two edges, then two seams
 
 
@@ -42,7 +36,7 @@ class _Splines:
 
     def __init__(self, degree: int, spans: int) -> None:
         self.degree = degree
-        ends = np.linspace(0.0, 1.0, spans + 1) ** GRADING
+        ends = np.linspace(0.0, 1.0, spans + 1) ** 2  # denser at the edges of Δ, where derivatives may have no bound
         starts, lengths = ends[:-1, None], np.diff(ends)[:, None]
         self.knots = np.pad(ends, degree, mode="edge")
         # Greville's points: an interpolating spline of any degree does not oscillate between them.
@@ -125,18 +119,14 @@ def fitted_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdg
     measured = [_grid(splines.along, zero), _grid(zero, splines.along)]
     *planes, first, second, ways = _normals(patch, quarters, [*rows, *measured, np.array([[1.0, 0.0], [1.0, 1.0]])])
     nets = _frames(quarters, splines, [(rim - origin) / size for rim in rims], ways)
-    followed = [
-        (close * normals).sum(axis=2) > NEAR_PLANE for close, normals in zip(planes[::2], planes[1::2], strict=True)
-    ]
+    least = np.cos(np.radians(10))  # if normals turn farther within the first pole, B-splines cannot follow their limit
+    followed = [(near * last).sum(axis=2) > least for near, last in zip(planes[::2], planes[1::2], strict=True)]
+    given = [np.where(kept[..., None], last, np.nan) for kept, last in zip(followed, planes[1::2], strict=True)]
     for k, net in enumerate(nets):
-        given = [
-            np.where(follow[k][:, None], normals[k], np.nan)
-            for follow, normals in zip(followed, planes[1::2], strict=True)
-        ]
-        _fit_inside(net, splines, (fitted[k] - origin) / size, given)
+        _fit_inside(net, splines, (fitted[k] - origin) / size, [normals[k] for normals in given])
     values = splines.values(splines.between)
-    error = gap = bend = angle = 0.0
     along = splines.values(splines.along)
+    error = gap = bend = angle = 0.0
     normals = [[_edge_normals(net, axis, last, splines) for axis, last in EDGES] for net in nets]
     surfaces = []
     for k, net in enumerate(nets):
@@ -222,6 +212,7 @@ def _fit_inside(net: FloatArray, splines: _Splines, points: FloatArray, planes: 
     With G = BᵀB of the inner B-splines, least squares of positions alone is G⁻¹Bᵀ along both axes, and conditions C
     move it by (G⊗G)⁻¹Cᵀλ, where (I + C (G⊗G)⁻¹Cᵀ) λ is what they lack: as many equations as there are conditions.
     """
+    share = 3.0  # weight of conditions of planes, as derivatives by parameters in [0, 1], beside positions
     values = splines.values(splines.fitted)
     inner = values[:, 1:-1]
     weights = values @ net[..., 3] @ values.T
@@ -235,7 +226,7 @@ def _fit_inside(net: FloatArray, splines: _Splines, points: FloatArray, planes: 
         known, found, following = net.swapaxes(0, axis), free.swapaxes(0, axis), (1, -2)[last]
         edge, across = values[kept] @ known[last], values[kept] @ known[following]
         lacks = edge[:, :3] / edge[:, 3:] * across[:, 3:] - across[:, :3] - inner[kept] @ found[last]
-        towards = normals[kept] * (splines.slopes[last] * PLANES * np.sqrt(len(values)))
+        towards = normals[kept] * (splines.slopes[last] * share * np.sqrt(len(values)))
         rows = np.zeros((len(edge), *free.shape))
         rows.swapaxes(1, 1 + axis)[:, last] = inner[kept][..., None] * towards[:, None]
         conditions.append(rows)

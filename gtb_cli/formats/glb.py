@@ -16,7 +16,6 @@ from gtb_cli.formats.file_arrays import (
     mark_of,
     segments,
     single_half_steps,
-    stacked,
     triangles,
     unreserved,
 )
@@ -124,9 +123,8 @@ def _gather(tree: dict[str, Any], name: str, extras: dict[str, Any]) -> None:
 
 def _coloured(material: dict[str, Any], number: int, name: str) -> dict[str, Any]:
     """Return a material with the colour of a patch, which glTF takes as linear light."""
-    hexadecimal = PATCH_COLOURS[number % len(PATCH_COLOURS)]
-    parts = [int(hexadecimal[k : k + 2], 16) / 255 for k in (1, 3, 5)]
-    linear = [round(((part + 0.055) / 1.055) ** 2.4, 6) for part in parts]  # sRGB; all are above its linear beginning
+    parts = bytes.fromhex(PATCH_COLOURS[number % len(PATCH_COLOURS)][1:])
+    linear = [round(((part / 255 + 0.055) / 1.055) ** 2.4, 6) for part in parts]  # sRGB; all above its linear beginning
     shading = material["pbrMetallicRoughness"] | {"baseColorFactor": [*linear, 1.0]}
     return material | {"name": name, "pbrMetallicRoughness": shading}
 
@@ -137,46 +135,20 @@ def _lines(parts: Sequence[Node], extras: dict[str, Any], root: str) -> list[byt
     trimesh's exporter writes every inner vertex of a polyline twice. Its reader takes the vertices for one polyline in
     their order, and reads these files correctly.
     """
-    file = GlbFile(
-        {
-            "asset": {"version": "2.0", **extras},
-            "scene": 0,
-            "scenes": [{"nodes": list(range(len(parts)))}],
-            "nodes": [{"name": part.name, "mesh": number} for number, part in enumerate(parts)],
-            "meshes": [],
-            "accessors": [],
-            "bufferViews": [],
-            "buffers": [{}],
-        }
-    )
-    for part in parts:
-        attributes = {"POSITION": file.add(part.vertices.astype(SINGLE_FLOAT), VERTICES)}
-        if part.uv is not None:
-            upwards = np.column_stack([part.uv[:, 0], 1.0 - part.uv[:, 1]])  # glTF counts from the top
-            attributes["TEXCOORD_0"] = file.add(upwards.astype(SINGLE_FLOAT), VERTICES)
-        indices = file.add(part.cells.astype("<u4").reshape(-1, 1), INDICES)
-        primitive = {"attributes": attributes, "indices": indices, "mode": 1}
-        file.tree["meshes"].append({"name": part.name, "primitives": [primitive]})
-    _gather(file.tree, root, extras)
-    return file.blocks()
+    chunks: list[bytes] = []
+    meshes: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    views: list[dict[str, int]] = []
+    length = 0
 
-
-class GlbFile:
-    """A glTF tree and its buffer, to which arrays of 32-bit numbers are added."""
-
-    def __init__(self, tree: dict[str, Any], body: bytes = b"") -> None:
-        self.tree = tree
-        self._chunks = [body]
-        self._length = len(body)
-
-    def add(self, values: NDArray[Any], target: int | None = None) -> int:
-        """Append (m, w) numbers for `VERTICES`, `INDICES` or anything else, and return their accessor."""
-        chunk = values.tobytes()
-        view = {"buffer": 0, "byteOffset": self._length, "byteLength": len(chunk)}
-        self.tree["bufferViews"].append(view if target is None else view | {"target": target})
-        self.tree["accessors"].append(
+    def add(values: NDArray[Any], target: int) -> int:
+        """Append (m, w) numbers of 32 bits, and return their accessor."""
+        nonlocal length
+        chunks.append(values.tobytes())
+        views.append({"buffer": 0, "byteOffset": length, "byteLength": len(chunks[-1]), "target": target})
+        accessors.append(
             {
-                "bufferView": len(self.tree["bufferViews"]) - 1,
+                "bufferView": len(views) - 1,
                 "componentType": 5126 if values.dtype.kind == "f" else 5125,
                 "count": len(values),
                 "type": ("SCALAR", "VEC2", "VEC3")[values.shape[1] - 1],
@@ -184,19 +156,34 @@ class GlbFile:
                 "max": values.max(axis=0).tolist(),
             }
         )
-        self._chunks.append(chunk)
-        self._length += len(chunk)
-        return len(self.tree["accessors"]) - 1
+        length += len(chunks[-1])
+        return len(accessors) - 1
 
-    def blocks(self) -> list[bytes]:
-        """Return the whole file."""
-        self.tree["buffers"][0]["byteLength"] = self._length
-        text = json.dumps(self.tree, separators=(",", ":")).encode("ascii")
-        text += b" " * (-len(text) % 4)
-        total = HEADER_BYTES + 8 + len(text) + 8 + self._length
-        _check_size(total)
-        whole, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), self._length))
-        return [b"glTF\2\0\0\0" + whole + text_size + b"JSON" + text + body_size + b"BIN\0", *self._chunks]
+    for part in parts:
+        attributes = {"POSITION": add(part.vertices.astype(SINGLE_FLOAT), VERTICES)}
+        if part.uv is not None:
+            upwards = np.column_stack([part.uv[:, 0], 1.0 - part.uv[:, 1]])  # glTF counts from the top
+            attributes["TEXCOORD_0"] = add(upwards.astype(SINGLE_FLOAT), VERTICES)
+        indices = add(part.cells.astype("<u4").reshape(-1, 1), INDICES)
+        primitive = {"attributes": attributes, "indices": indices, "mode": 1}
+        meshes.append({"name": part.name, "primitives": [primitive]})
+    tree = {
+        "asset": {"version": "2.0", **extras},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(parts)))}],
+        "nodes": [{"name": part.name, "mesh": number} for number, part in enumerate(parts)],
+        "meshes": meshes,
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": length}],
+    }
+    _gather(tree, root, extras)
+    text = json.dumps(tree, separators=(",", ":")).encode("ascii")
+    text += b" " * (-len(text) % 4)
+    total = HEADER_BYTES + 8 + len(text) + 8 + length
+    _check_size(total)
+    whole, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), length))
+    return [b"glTF\2\0\0\0" + whole + text_size + b"JSON" + text + body_size + b"BIN\0", *chunks]
 
 
 def _check_size(length: int) -> None:
@@ -265,7 +252,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     if cells[2] and cells[3]:
         raise GtbError("has both triangles and lines: expected one of them")
     width = 2 if cells[2] else 3
-    points = stacked(vertices, 3, np.float64)
+    points = np.concatenate([np.empty((0, 3)), *vertices])
     extras = tree.get("asset", {}).get("extras")
     extras = extras if isinstance(extras, dict) else {}
     unit, is_z_up = extras.get("unit"), extras.get("up") == "z"
@@ -275,13 +262,14 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
     space = f"{unit if unit in UNITS else 'no unit'}, {'z' if is_z_up else 'y'} up"
     points += 0.0  # not -0
-    corners = stacked(cells[width], width, np.int32)
+    corners = np.concatenate([np.empty((0, width), dtype=np.int32), *cells[width]])
 
     @_tree_faults()
     def values() -> Values:
+        known: dict[str, str] = {"NORMAL": NORMALS, "TEXCOORD_0": TEXTURE}
         found: Values = {}
         for name, parts in others.items():
-            label = _ATTRIBUTES.get(name) or unreserved(name.lower().strip("_"), found)
+            label = known.get(name) or unreserved(name.lower().strip("_"), found)
             found[label] = _values(tree, binary, name, parts, count, is_z_up), corners
         if rest := further_description(tree, binary):
             mark = np.array([[mark_of(json.dumps(rest, sort_keys=True))]])
@@ -311,9 +299,6 @@ def _material(tree: dict[str, Any], material: dict[str, Any]) -> list[float]:
 
     rest = told(material | {"pbrMetallicRoughness": shading, "name": None})
     return [*colour, mark_of(json.dumps(rest, sort_keys=True))]
-
-
-_ATTRIBUTES = {"NORMAL": NORMALS, "TEXCOORD_0": TEXTURE}
 
 
 def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], count: int, is_z: bool) -> FloatArray:

@@ -6,6 +6,7 @@ takes 0.5 s to import.
 
 import os
 from codecs import BOM_UTF8
+from functools import partial
 from importlib import import_module
 
 import numpy as np
@@ -69,29 +70,30 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
     mesh = Mesh(content.vertices, content.cells, groups=groups)
     largest = largest_coordinates(mesh.used)
-
-    def values() -> Values:
-        try:
-            found = {_printable(name): values for name, values in content.values().items()}
-        except GtbError as error:
-            raise GtbError(f"{shown}: {_printable(str(error))}") from None
-        ranges = dict(content.ranges)
-        names, held = {name for name, *_ in content.groups}, sum(stop - start for _, start, stop in groups)
-        if len(names) > 1 or 0 < held < len(mesh.cells):  # not the name of the whole mesh
-            ranges[GROUPS] = [([mark_of(name)], start, stop) for name, start, stop in content.groups]
-        for label, parts in ranges.items():
-            if width := max((len(row) for row, *_ in parts), default=0):
-                part = np.zeros(len(mesh.cells), dtype=np.int64)  # in none
-                for number, (_, start, stop) in enumerate(parts, 1):
-                    part[start:stop] = number
-                rows = np.full((len(parts) + 1, width), np.nan)
-                for number, (row, *_) in enumerate(parts, 1):
-                    rows[number, : len(row)] = row
-                found[label] = rows, np.repeat(part[:, None], mesh.cells.shape[1], axis=1)
-        return found
-
     half_steps = content.half_steps(largest) + rounding(largest)
-    return KnownMesh(mesh, half_steps, kind, _printable(content.space), values)
+    return KnownMesh(mesh, half_steps, kind, _printable(content.space), partial(_values, content, mesh, shown))
+
+
+def _values(content: FileArrays, mesh: Mesh, shown: str) -> Values:
+    """Return what a file holds at the corners of cells, with the numbers of their groups and their materials."""
+    try:
+        found = {_printable(name): values for name, values in content.values().items()}
+    except GtbError as error:
+        raise GtbError(f"{shown}: {_printable(str(error))}") from None
+    ranges = dict(content.ranges)
+    names, held = {name for name, *_ in content.groups}, sum(stop - start for _, start, stop in mesh.groups)
+    if len(names) > 1 or 0 < held < len(mesh.cells):  # not the name of the whole mesh
+        ranges[GROUPS] = [([mark_of(name)], start, stop) for name, start, stop in content.groups]
+    for label, parts in ranges.items():
+        if width := max((len(row) for row, *_ in parts), default=0):
+            part = np.zeros(len(mesh.cells), dtype=np.int64)  # in none
+            for number, (_, start, stop) in enumerate(parts, 1):
+                part[start:stop] = number
+            rows = np.full((len(parts) + 1, width), np.nan)
+            for number, (row, *_) in enumerate(parts, 1):
+                rows[number, : len(row)] = row
+            found[label] = rows, np.broadcast_to(part[:, None], mesh.cells.shape)
+    return found
 
 
 def size_limit(start: bytes, otherwise: int) -> int:
@@ -112,6 +114,7 @@ def format_of(data: bytes) -> str | None:
     """Return the format of a mesh file, found from its content; None if it is not a known one."""
     if _is_facets(data):
         return "stl"
+    words_of_obj = (b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f", b"l")
     beginning = data[:65536].removeprefix(BOM_UTF8)
     if beginning.startswith(b"glTF"):
         return "glb"
@@ -125,16 +128,13 @@ def format_of(data: bytes) -> str | None:
     for line in beginning.splitlines():
         words = line.split(None, 1)
         if words and not words[0].startswith(b"#"):
-            return "obj" if words[0] in _OBJ_STARTS and b"=" not in line else None
+            return "obj" if words[0] in words_of_obj and b"=" not in line else None
     return None
 
 
 def _is_facets(data: bytes) -> bool:
     """Return whether a file has the size of the facets of a binary STL file, whatever it begins with."""
     return len(data) > STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + 50 * int.from_bytes(data[80:84], "little")
-
-
-_OBJ_STARTS = {b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f", b"l"}
 
 
 def _printable(text: str) -> str:

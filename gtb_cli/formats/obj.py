@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
-from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, stacked, triangles
+from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
 from gtb_cli.meshes.mesh import COLOURS, MATERIALS, NORMALS, OBJECTS, TEXTURE, Values
 
@@ -146,14 +146,14 @@ class _ObjLines:
         """The whole content."""
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
-        vertices = stacked(self.vertices, 3, np.float64)
+        vertices = np.concatenate([np.empty((0, 3)), *self.vertices])
         groups, objects, materials = (
             [(name, a, b) for (_, name, a), (*_, b) in pairwise([*found, (b"", "", self.cell_count)]) if name and a < b]
             for found in ([each for each in self.names if each[0] in kinds] for kinds in (b"go", b"o", (b"usemtl",)))
         )
         ranges = {OBJECTS: objects if len({name for name, *_ in objects}) > 1 else [], f"{MATERIALS}OBJ": materials}
         marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
-        cells = stacked(self.cells[b"l"], 2, np.int32) if self.cells[b"l"] else stacked(self.cells[b"f"], 3, np.int32)
+        cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
         further = [np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan) for part in self.further]
 

@@ -76,11 +76,6 @@ class PlyColumn(NamedTuple):
     kind: str
     count_kind: str = ""
 
-    @property
-    def is_float(self) -> bool:
-        """Whether its numbers may have fractions."""
-        return self.kind.startswith("f")
-
 
 class Element(NamedTuple):
     """A table as the header describes it."""
@@ -183,7 +178,7 @@ def _numbers(
     item = element.properties.get(name)
     if item is None or bool(item.count_kind) != lists:
         raise GtbError(f"element {element.name}: has no {'list' if lists else 'property'} {name}")
-    if whole and item.is_float:
+    if whole and item.kind.startswith("f"):
         raise GtbError(f"{name}: expected whole numbers, got {item.kind}")
     return tables[element.name][name]
 
@@ -238,7 +233,7 @@ def _uneven(element: Element, rows: Iterable[list[list[float]]]) -> Columns:
             numbers.extend(found)
             counts.append(len(found))
     return {
-        name: (np.array(numbers, dtype=np.float64 if item.is_float else np.int64), np.array(counts))
+        name: (np.array(numbers, dtype=np.float64 if item.kind.startswith("f") else np.int64), np.array(counts))
         for (name, item), (numbers, counts) in zip(element.properties.items(), columns, strict=True)
     }
 
@@ -303,7 +298,7 @@ def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Colum
 
 
 def _text_block(lines: list[bytes], element: Element) -> Columns:
-    has_fractions = any(item.is_float for item in element.properties.values())
+    has_fractions = any(item.kind.startswith("f") for item in element.properties.values())
     text = b"\n".join(lines)
     numbers, widths = number_rows(text, np.float64) if has_fractions else number_rows(text, np.int64)
     left, place = widths, np.cumsum(widths) - widths

@@ -20,7 +20,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, stacked
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps
 from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.mesh import MATERIALS, OBJECTS, OTHER
 from gtb_cli.meshes.topology import are_proper, sides_of
@@ -248,10 +248,11 @@ class _Reader:
             cells.append((found[:, ::-1] if is_mirrored else found) + count)
             ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
             for (start, part), end in zip(mesh.parts, ends, strict=False):
-                name, colour = self.material_of(part) or (mesh.name, b"")
+                known = self.materials.get(part[0])
+                name, colour = known[int(part[1] or 0)] if known else (mesh.name, b"")
                 groups.append((name or f"{order[key] + 1}", rows + start, rows + end))
                 row = [share / 255 for share in colour]
-                if rest := part[2] + (f"{part[0]} {part[1]}" if part[0] and not self.materials.get(part[0]) else ""):
+                if rest := part[2] + (f"{part[0]} {part[1]}" if part[0] and not known else ""):
                     row += [*[math.nan] * (4 - len(row)), mark_of(rest)]
                 materials.append((row, rows + start, rows + end))
             if said := said + mesh.kind * is_mixed:
@@ -259,17 +260,13 @@ class _Reader:
             count, rows = count + len(vertices[-1]), rows + len(found)
             inner = reversed(self.components[key])
             stack += [(link, motion @ place, said + more, order[key]) for link, motion, more in inner]
-        arrays = stacked(vertices, 3, np.float64), stacked(cells, 3, np.int32)
+        points = np.concatenate([np.empty((0, 3)), *vertices])
+        corners = np.concatenate([np.empty((0, 3), dtype=np.int32), *cells])
         space = ", ".join([self.unit, *sorted(self.kinds)])
         ranges = {f"{MATERIALS}3MF": materials, f"{OBJECTS} that are not printed, or support": special}
         if self.extensions.digest() != hashlib.sha256().digest():
             ranges[f"{OTHER}extensions"] = [([mark_of(self.extensions.hexdigest())], 0, rows)]
-        return FileArrays(*arrays, single_half_steps, tuple(groups), space, ranges=ranges)
-
-    def material_of(self, part: _Part) -> tuple[str, bytes] | None:
-        """The name and the colour of a material."""
-        found = self.materials.get(part[0], [])
-        return found[int(part[1] or 0)] if found else None
+        return FileArrays(points, corners, single_half_steps, tuple(groups), space, ranges=ranges)
 
 
 def _matrix(text: str | None) -> FloatArray:

@@ -44,7 +44,8 @@ def cells_of(patch: Patch, index: int = 0) -> list[Cell | FloatArray]:
     lattice = lattice_of(patch.domain)
     if patch.dimension == 1:
         curves = [patch] if lattice else bezier_pieces(patch)
-        return [_curve(homogeneous_points(curve)[np.argsort(curve.knots[:, 0])]) for curve in curves]
+        ordered = [homogeneous_points(curve)[np.argsort(curve.knots[:, 0])] for curve in curves]
+        return [Cell(CURVE, (len(rows) - 1, 0, 0), np.vstack([rows[0], rows[-1], rows[1:-1]])) for rows in ordered]
     if lattice is not None and len(lattice) == 1:
         return [_triangle(homogeneous_points(patch), lattice[0])]
     return [surface.net for surface in exact_surfaces(patch, index)]
@@ -72,7 +73,17 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int, list[str]]:
     if len(degrees) > 1:  # triangles are not raised
         unlike = " and ".join(map(str, degrees))
         warnings.append(f"cells have degrees {unlike}, and VTK cuts each by its own: it may draw slits between them")
-    return "".join(f"{line}\n" for line in _lines(whole)).encode("ascii"), len(whole), warnings
+    points = np.concatenate([cell.points for _, cell in whole])
+    data: dict[str, dict[str, FloatArray | IntArray]] = {
+        'PointData RationalWeights="RationalWeights"': {"RationalWeights": points[:, 3:]},
+        'CellData HigherOrderDegrees="HigherOrderDegrees"': {
+            "HigherOrderDegrees": np.array([cell.degrees for _, cell in whole]),
+            "patch": np.array([[index] for index, _ in whole]),
+        },
+    }
+    ends = np.cumsum([len(cell.points) for _, cell in whole])
+    kinds = np.array([cell.kind for _, cell in whole])
+    return _encoded(data, points[:, :3], np.arange(len(points)), ends, kinds), len(whole), warnings
 
 
 def _raised(nets: Sequence[FloatArray]) -> list[FloatArray]:
@@ -99,61 +110,44 @@ def _elevation(degree: int, higher: int) -> FloatArray:
     return shares
 
 
-def _lines(cells: Sequence[tuple[int, Cell]]) -> Iterator[str]:
-    table = np.concatenate([cell.points for _, cell in cells])
-    yield from _head(len(table), len(cells))
-    yield '<PointData RationalWeights="RationalWeights">'
-    yield from _array("Float64", "RationalWeights", table[:, 3:])
-    yield '</PointData>\n<CellData HigherOrderDegrees="HigherOrderDegrees">'
-    yield from _array("Float64", "HigherOrderDegrees", np.array([cell.degrees for _, cell in cells]))
-    yield from _array("Int32", "patch", np.array([[index] for index, _ in cells]))
-    ends = np.cumsum([len(cell.points) for _, cell in cells])
-    yield from _tail(table[:, :3], np.arange(len(table)), ends, np.array([cell.kind for _, cell in cells]))
-
-
 def encode_quadratic(parts: Sequence[QuadraticCells]) -> bytes:
     """Return a VTU file of quadratic cells, with the fields of their points, and the number of their patch."""
     points = np.concatenate([part.points for part in parts])
-    counts, starts = [len(part.cells) for part in parts], np.cumsum([0, *(len(part.points) for part in parts)])
+    starts = np.cumsum([0, *(len(part.points) for part in parts)])
     cells = np.concatenate([part.cells + start for part, start in zip(parts, starts, strict=False)])
     kind = QUADRATIC_EDGE if cells.shape[1] == 3 else QUADRATIC_TRIANGLE
-    lines = [*_head(len(points), len(cells)), "<PointData>"]
-    for name in parts[0].fields:
-        lines += _array("Float64", name, np.concatenate([part.fields[name] for part in parts])[:, None] + 0.0)
-    lines += ["</PointData>\n<CellData>"]
-    lines += _array("Int32", "patch", np.repeat(np.arange(len(parts)), counts)[:, None])
+    fields = {name: np.concatenate([part.fields[name] for part in parts])[:, None] + 0.0 for name in parts[0].fields}
+    patch = np.repeat(np.arange(len(parts)), [len(part.cells) for part in parts])
     ends = cells.shape[1] * np.arange(1, len(cells) + 1)
-    lines += _tail(points, cells.ravel(), ends, np.full(len(cells), kind))
-    return "".join(f"{line}\n" for line in lines).encode("ascii")
+    kinds = np.full(len(cells), kind)
+    return _encoded({"PointData": fields, "CellData": {"patch": patch[:, None]}}, points, cells.ravel(), ends, kinds)
 
 
-def _head(points: int, cells: int) -> Iterator[str]:
-    yield '<?xml version="1.0"?>'
-    yield '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
-    yield "<UnstructuredGrid>"
-    yield f'<Piece NumberOfPoints="{points}" NumberOfCells="{cells}">'
-
-
-def _tail(points: FloatArray, connectivity: IntArray, ends: IntArray, kinds: IntArray) -> Iterator[str]:
-    yield "</CellData>\n<Points>"
-    yield from _array("Float64", "Points", points + 0.0)  # no negative zeros
-    yield "</Points>\n<Cells>"
-    yield from _array("Int64", "connectivity", connectivity[:, None])
-    yield from _array("Int64", "offsets", ends[:, None])
-    yield from _array("UInt8", "types", kinds[:, None])
-    yield "</Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>"
-
-
-def _array(kind: str, name: str, rows: FloatArray | IntArray) -> Iterator[str]:
-    components = f' NumberOfComponents="{rows.shape[1]}"' if rows.shape[1] > 1 else ""
-    yield f'<DataArray type="{kind}" Name="{name}"{components} format="ascii">'
-    yield from (" ".join(map(repr, row)) for row in rows.tolist())
-    yield "</DataArray>"
-
-
-def _curve(points: FloatArray) -> Cell:
-    degree = len(points) - 1
-    return Cell(CURVE, (degree, 0, 0), points[[0, degree, *range(1, degree)]])
+def _encoded(
+    data: Mapping[str, Mapping[str, FloatArray | IntArray]],
+    points: FloatArray,
+    connectivity: IntArray,
+    ends: IntArray,
+    kinds: IntArray,
+) -> bytes:
+    """Return a VTU file of cells of some kinds, with the tables of their points and of themselves by their elements."""
+    cells = {"connectivity": connectivity[:, None], "offsets": ends[:, None], "types": kinds[:, None]}
+    whole = {"patch": "Int32", "connectivity": "Int64", "offsets": "Int64", "types": "UInt8"}  # the others are Float64
+    lines = [
+        '<?xml version="1.0"?>',
+        '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
+        "<UnstructuredGrid>",
+        f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(kinds)}">',
+    ]
+    for element, tables in {**data, "Points": {"Points": points + 0.0}, "Cells": cells}.items():  # no negative zeros
+        lines.append(f"<{element}>")
+        for name, rows in tables.items():
+            components = f' NumberOfComponents="{rows.shape[1]}"' if rows.shape[1] > 1 else ""
+            lines.append(f'<DataArray type="{whole.get(name, "Float64")}" Name="{name}"{components} format="ascii">')
+            lines += (" ".join(map(repr, row)) for row in rows.tolist())
+            lines.append("</DataArray>")
+        lines.append(f"</{element.partition(' ')[0]}>")
+    return "\n".join([*lines, "</Piece>", "</UnstructuredGrid>", "</VTKFile>\n"]).encode("ascii")
 
 
 def _triangle(points: FloatArray, lattice: Direction) -> Cell:

@@ -6,7 +6,8 @@ name`` names those that follow. A ``.bpt`` file has the number of patches and, f
 one patch: two degrees, and the points row by row, the second index running fastest.
 """
 
-from gtb_cli.arrays import FloatArray
+import math
+
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.importers.classical_nets import MAX_DEGREE, dehomogenized, polygon, rectangle, triangle
 from gtb_cli.importers.words import Words
@@ -25,8 +26,8 @@ def read_bpt(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     patches = []
     for _ in range(words.whole("the number of patches", 1, MAX_PATCHES)):
         m, n = _degree(words), _degree(words)
-        points = words.rows((m + 1) * (n + 1), 3, "control points x y z")
-        patches.append(rectangle(points.reshape(n + 1, m + 1, 3).transpose(1, 0, 2)))
+        net = words.rows((m + 1) * (n + 1), 3, "control points x y z").reshape(n + 1, m + 1, 3)
+        patches.append(rectangle(net.swapaxes(0, 1)))
     words.end()
     return patches, []
 
@@ -67,36 +68,30 @@ def read_bv(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
 
 
 def _segment(words: Words, kind: int, line: int) -> list[Patch]:
-    match kind:
-        case 1:
-            return _polyhedron(words)
-        case 3 | 9 | 11:
-            degree = _degree(words)
-            normals = _degree(words) if kind == 9 else None
-            count = (degree + 1) * (degree + 2) // 2
-            points, weights = _points(words, count, kind == 11)
-            if normals is not None:
-                words.rows((normals + 1) * (normals + 2) // 2, 3, "normals x y z")
-            return [triangle(degree, points, weights)]
-        case 4 | 5 | 8 | 10:
-            m = _degree(words)
-            n = m if kind == 4 else _degree(words)
-            degrees = (_degree(words), _degree(words)) if kind == 10 else None
-            points, weights = _points(words, (m + 1) * (n + 1), kind == 8)
-            if degrees is not None:
-                words.rows((degrees[0] + 1) * (degrees[1] + 1), 3, "normals x y z")
-            return [rectangle(points.reshape(m + 1, n + 1, 3), weights)]
-    words.fail(f"expected the kind of a segment ({SEGMENT_KINDS}), got {kind}", line)
+    if kind == 1:
+        return _polyhedron(words)
+    if kind not in (3, 4, 5, 8, 9, 10, 11):
+        words.fail(f"expected the kind of a segment ({SEGMENT_KINDS}), got {kind}", line)
+    is_triangle, number = kind in (3, 9, 11), 1 if kind in (3, 4, 9, 11) else 2  # of degrees
+    degrees = [_degree(words) for _ in range(number)]
+    normals = [_degree(words) for _ in range(number)] if kind in (9, 10) else []
+
+    def count(degrees: list[int]) -> int:
+        return math.comb(degrees[0] + 2, 2) if is_triangle else (degrees[0] + 1) * (degrees[-1] + 1)
+
+    if kind in (8, 11):
+        points, weights = dehomogenized(words.rows(count(degrees), 4, "homogeneous control points x y z w"))
+    else:
+        points, weights = words.rows(count(degrees), 3, "control points x y z"), None
+    if normals:
+        words.rows(count(normals), 3, "normals x y z")
+    if is_triangle:
+        return [triangle(degrees[0], points, weights)]
+    return [rectangle(points.reshape(degrees[0] + 1, degrees[-1] + 1, 3), weights)]
 
 
 def _degree(words: Words) -> int:
     return words.whole("a degree", 1, MAX_DEGREE)
-
-
-def _points(words: Words, count: int, rational: bool) -> tuple[FloatArray, FloatArray | None]:
-    if not rational:
-        return words.rows(count, 3, "control points x y z"), None
-    return dehomogenized(words.rows(count, 4, "homogeneous control points x y z w"))
 
 
 def _polyhedron(words: Words) -> list[Patch]:

@@ -31,11 +31,7 @@ MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]
 
 SHAPELESS = 3  # exit status of a process that finds no shape in a file
 
-PROBE = "import sys; from gtb_cli.importers.cad_files import probe; sys.exit(probe(*sys.argv[1:]))"
-
 SEWN = 1e-6  # of the size: distance within which edges of neighbouring faces are one
-
-UNTRIMMED = 1e-7  # relative difference of a face's area to that between its bounds: the kernel's precision
 
 
 def kernel(room: str) -> Any:
@@ -58,7 +54,8 @@ def read_shape(data: bytes, kind: str, source: str) -> Any:
         begin(path)
         with open(path, "wb") as file:
             file.write(data)
-        probed = subprocess.run([sys.executable, "-c", PROBE, kind, path], capture_output=True, check=False)
+        code = "import sys; from gtb_cli.importers.cad_files import probe; sys.exit(probe(*sys.argv[1:]))"
+        probed = subprocess.run([sys.executable, "-c", code, kind, path], capture_output=True, check=False)
         if probed.returncode < 0:
             raise SpecError(f"{source}: Open CASCADE breaks down when it reads this file")
         if probed.returncode == SHAPELESS:
@@ -198,8 +195,8 @@ def face_pieces(face: Any) -> list[FloatArray] | None:
     whole = kernel("BRepBuilderAPI").BRepBuilderAPI_MakeFace(surface, *bounds, 1e-9)
     if not whole.IsDone():
         return None
-    areas = [abs(extent_of(one, "Surface")) for one in (face, whole.Face())]
-    if abs(areas[0] - areas[1]) > UNTRIMMED * areas[1]:
+    area, untrimmed = (abs(extent_of(one, "Surface")) for one in (face, whole.Face()))
+    if abs(area - untrimmed) > 1e-7 * untrimmed:  # the kernel's precision
         return None
     convert = kernel("GeomConvert")
     spline = convert.GeomConvert.SurfaceToBSplineSurface_s(

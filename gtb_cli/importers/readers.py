@@ -83,14 +83,9 @@ def import_data(path: str, data: bytes, format: str | None = None) -> Imported:
 def _read(path: str, data: bytes, format: str | None) -> tuple[list[Patch], list[str]]:
     format = format or cad_kind(data, path) or suffix_of(path)
     if format in READERS:
-        return _with(format, data, path)
+        room = import_module(f"gtb_cli.importers.{READERS[format]}")
+        return getattr(room, f"read_{format}")(data, path)  # type: ignore[no-any-return]
     if kind := kind_of(data):
         why = ": triangles cannot become patches" if kind.endswith("mesh") else ""
         raise SpecError(f"{path}: is {kind}, and holds no patches{why}")
     raise SpecError(f"{path}: is in no format that is known by its content or suffix; name one of {', '.join(READERS)}")
-
-
-def _with(format: str, data: bytes, path: str) -> tuple[list[Patch], list[str]]:
-    found: tuple[list[Patch], list[str]]
-    found = getattr(import_module(f"gtb_cli.importers.{READERS[format]}"), f"read_{format}")(data, path)
-    return found

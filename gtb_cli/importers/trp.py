@@ -48,23 +48,16 @@ def read_trp(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
 def edge_coefficients(shape: Domain) -> FloatArray:
     """Return (n,) coefficients: C(d, k) after k of d lattice steps along an edge, and 1 inside."""
     coefficients = np.ones(len(shape.knots))
-    for edge in range(len(shape.vertices)):
-        start = shape.vertices[edge]
-        way = shape.vertices[(edge + 1) % len(shape.vertices)] - start
-        steps = math.gcd(*(int(x) for x in way))
+    for edge, (members, fractions, _) in enumerate(shape.edge_fractions):
+        steps = math.gcd(*(int(x) for x in shape.knots[members[-1]] - shape.knots[members[0]]))
         if steps > MAX_KNOTS:
             raise DomainError(f"knots: edge {edge} has {steps} lattice steps, at most {MAX_KNOTS} are supported")
-        for i in shape.edge_knots(edge).tolist():
-            place = round(steps * float((shape.knots[i] - start) @ way) / float(way @ way))
-            coefficients[i] = _binomial(steps, place)
+        for i, k in zip(members, np.rint(steps * fractions).astype(int).tolist(), strict=True):
+            try:
+                coefficients[i] = math.comb(steps, k)
+            except OverflowError:
+                raise DomainError(f"coefficients: C({steps}, {k}) is beyond the range of floats") from None
     return coefficients
-
-
-def _binomial(n: int, k: int) -> float:
-    try:
-        return float(math.comb(n, k))
-    except OverflowError:
-        raise DomainError(f"coefficients: C({n}, {k}) is beyond the range of floats") from None
 
 
 def _lattice_points(points: FloatArray, words: Words, line: int) -> FloatArray:

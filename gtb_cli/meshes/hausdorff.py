@@ -91,12 +91,7 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     frame = Frame.around(*used)
     first, second, allowed = frame.inside(a.vertices), frame.inside(b.vertices), float(frame.length(accuracy, -1))
     cells, others = distinct
-    # Where vertices are numbered alike, cells of the same vertex are near.
-    likely = [_holders(each, len(first)) if len(first) == len(second) else None for each in distinct]
-    searches = (
-        _directed(first, cells, second[others], allowed, likely[1]),
-        _directed(second, others, first[cells], allowed, likely[0]),
-    )
+    searches = _directed(first, cells, second[others], allowed), _directed(second, others, first[cells], allowed)
     forward, backward = (
         Farthest(float(frame.length(found.found)), tuple(frame.outside(found.place).tolist())) for found in searches
     )
@@ -115,17 +110,8 @@ def _distinct(cells: IntArray, used: int) -> IntArray:
     return cells[np.unique(np.sort(cells, axis=1), axis=0, return_index=True)[1]]
 
 
-def _holders(cells: IntArray, count: int) -> IntArray:
-    """(count,) a cell with each vertex; cell 0 for one without."""
-    result = np.zeros(count, dtype=np.int64)
-    result[cells] = np.arange(len(cells))[:, None]
-    return result
-
-
-def _directed(
-    vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float, likely: IntArray | None
-) -> _FarthestPoint:
-    """Search cells for the point farthest from those with the corners `other`; `likely` may be near each vertex."""
+def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float) -> _FarthestPoint:
+    """Search cells for the point farthest from those with the corners `other`."""
     cell_batch, cut_batch = 1 << 16, 20_000  # cells bounded together, and pieces cut together: they bound the memory
     cells_per_cut = 4  # that cost as much as a cut; a large mesh leaves less for cuts …
     least_share = 0.16  # … but this part of the effort
@@ -134,7 +120,7 @@ def _directed(
     used = used[spatial_order(vertices[used])]
     search = _FarthestPoint(NearestCells(other), accuracy, vertices[used[0]])
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
-    distances[used], nearest[used] = search.look_at(vertices[used], None if likely is None else likely[used])
+    distances[used], nearest[used] = search.look_at(vertices[used])
     # Few cells that need many cuts have whole lines as far as the farthest point, where the bound falls slowly.
     effort = min(MAX_CUTS, 20_000 + 50 * max(len(cells), len(other)))
     effort = max(effort - len(cells) // cells_per_cut, round(effort * least_share))

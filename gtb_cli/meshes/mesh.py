@@ -15,7 +15,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, as_indices, bou
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.shading import Normals
-from gtb_cli.meshes.topology import are_used, sides_of
+from gtb_cli.meshes.topology import are_used, runs_of, sides_of
 from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ class Mesh:
     vertices : (m, 3) float
         Positions, in model units.
     cells : (k, 2) or (k, 3) int
-        Segments of a polyline, or triangles, as indices into `vertices`; triangles
-        counter-clockwise in the domain. 32 bits, where these suffice for the vertices: products need more.
+        Segments of a polyline, or triangles, counter-clockwise in the domain, as indices into `vertices`. 32 bits,
+        where these suffice for the vertices: products need more.
     parameters : (m, d) float, optional
         Domain parameter of each vertex; for a model, in the patch given by `origin`.
     normals : (k, 3) float, or a function that returns `Normals` or None, optional
@@ -65,8 +65,7 @@ class Mesh:
     origin : Origin, optional
         For a model.
     normal_of : (f, 3) int, optional
-        The normal of each corner of each face: that of its vertex, or one of those behind. Default:
-        `cells`.
+        The normal of each corner of each face: that of its vertex, or one of those behind. Default: `cells`.
     exact_normals : bool
         Whether all normals are the surface's own, and none is estimated from facets.
     attributes : mapping of name to (m,) float
@@ -276,9 +275,7 @@ class Mesh:
         import trimesh
 
         if self.is_curve:
-            breaks = np.flatnonzero(self.cells[1:, 0] != self.cells[:-1, 1]) + 1
-            runs = [np.append(run[:, 0], run[-1, 1]) for run in np.split(self.cells, breaks)]
-            lines = [trimesh.path.entities.Line(run) for run in runs]
+            lines = [trimesh.path.entities.Line(run) for run in runs_of(self.cells)]
             return trimesh.path.Path3D(entities=lines, vertices=self.vertices.copy(), process=False)
         return trimesh.Trimesh(
             vertices=self.vertices, faces=self.cells, vertex_normals=self.vertex_normals, process=False, validate=False

@@ -15,9 +15,7 @@ SHARPEST = 35.0  # largest angle in degrees between facets of a mesh of a file t
 class Normals(NamedTuple):
     """Unit normals of a mesh."""
 
-    vectors: (
-        FloatArray  # (k, 3) first those of the m vertices; then more of some, as of further patches that meet there
-    )
+    vectors: FloatArray  # (k, 3) first those of the m vertices, then more of some, as where further patches meet
     corners: IntArray | None = None  # (f, 3) the normal of each corner of each face; None: that of its vertex
     are_exact: bool = False  # all are the surface's own, and none is estimated from facets
 

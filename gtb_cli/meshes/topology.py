@@ -5,6 +5,7 @@ triangle runs from its vertex i to the next.
 """
 
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -75,12 +76,15 @@ def adjacent(cells: IntArray) -> tuple[IntArray, IntArray]:
     return np.stack([order[first] // 3, order[first + 1] // 3], axis=1), ordered[first]
 
 
+def runs_of(segments: IntArray) -> list[IntArray]:
+    """The vertices along each run of segments, (k, 2), each of which begins where the one before ends."""
+    breaks = np.flatnonzero(segments[1:, 0] != segments[:-1, 1]) + 1
+    return [np.append(run[:, 0], run[-1, 1]) for run in np.split(segments, breaks)]
+
+
 def are_proper(cells: IntArray) -> BoolArray:
     """(k,) true where all vertices of a cell differ."""
-    start, end = cells.T[:2]
-    if cells.shape[1] == 2:
-        return np.asarray(start != end)
-    return np.asarray((start != end) & (end != cells[:, 2]) & (cells[:, 2] != start))
+    return np.asarray(np.logical_and.reduce([one != other for one, other in combinations(cells.T, 2)]))
 
 
 def are_used(cells: IntArray, count: int) -> BoolArray:

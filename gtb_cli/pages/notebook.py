@@ -16,17 +16,14 @@ SIDE, MARGIN = 220, 16  # of a picture in pixels
 
 def frame(thing: Patch | Model | Mesh | RegularDecomposition | Domain) -> str:
     """Return HTML for a notebook."""
-    if isinstance(thing, RegularDecomposition):
-        return _of_decomposition(thing)
     if isinstance(thing, Domain):
-        corners = thing.vertices if thing.dimension == 2 else thing.vertices[:, [0, 0]] * [1, 0]
-        places = thing.knots if thing.dimension == 2 else thing.knots[:, [0, 0]] * [1, 0]
+        corners, places = (
+            rows if thing.dimension == 2 else rows[:, [0, 0]] * [1, 0] for rows in (thing.vertices, thing.knots)
+        )
         return _picture(places, [corners], range(len(places)))
-    return page_frame(thing)
-
-
-def _of_decomposition(thing: RegularDecomposition) -> str:
-    """Cells, coloured in turn, and knots, hollow in none; of a curve, the lifted knots and their upper hull."""
+    if not isinstance(thing, RegularDecomposition):
+        return page_frame(thing)
+    # Cells, coloured in turn, and knots, hollow in none; of a curve, the lifted knots and their upper hull.
     places = thing.knots
     if thing.dimension == 1:
         span = float(np.ptp(thing.knots[:, 0]))

@@ -52,10 +52,9 @@ class Content:
     sides: ``border`` between groups and at sharp edges, ``open`` without a neighbour, and ``folds`` within a group,
     where the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150 at
     an edge; and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface at the knots, and
-    `scalars` its "mean" and "gaussian" curvature, or the "wall" of a solid, None if there are too many
-    triangles. A vertex with several normals is several
-    rows of a keyframe: `vertices` is how many there are. `normals` is a word about the normals, and `remarks` say what
-    is unusual about the shape.
+    `scalars` its "mean" and "gaussian" curvature, or the "wall" of a solid, None if there are too many triangles. A
+    vertex with several normals is several rows of a keyframe: `vertices` is how many there are. `normals` is a word
+    about the normals, and `remarks` say what is unusual about the shape.
     """
 
     name: str
@@ -90,7 +89,7 @@ def content_of(
     """
     patches = shape.patches
     quick = quick and shape.dimension == 2
-    mesh, remarks, tolerance = _sketched(shape, recipe) if quick else _made(shape, recipe)
+    mesh, remarks, tolerance = _made(shape, recipe, quick)
     solid = recipe is not None and (recipe.radius is not None or recipe.thickness is not None)
     surface = shape.dimension == 2 and not solid and not quick
     if surface:
@@ -128,20 +127,20 @@ def content_of(
     )
 
 
-def _made(shape: Patch | Model, recipe: Recipe | None) -> tuple[Mesh, list[str], float]:
-    """Return a mesh, what is unusual about it, and its tolerance, if it has one: without a recipe, that of a screen."""
+def _made(shape: Patch | Model, recipe: Recipe | None, quick: bool) -> tuple[Mesh, list[str], float]:
+    """Return a mesh, what is unusual about it, and its tolerance, if it has one: without a recipe, that of a screen.
+
+    A quick one is a coarse mesh of a surface, with the normals of its triangles.
+    """
+    if quick:
+        mesh, remarks = Recipe(16, weld=None if recipe is None else recipe.weld).mesh(shape)
+        return with_normals(mesh), remarks, 0.0
     if recipe is None:
         with suppress(ToleranceError):
-            return _made(shape, _fine(shape))
+            return _made(shape, _fine(shape), quick)
         recipe = Recipe(14)
     mesh, remarks = replace(recipe, normals=True).mesh(shape)
     return mesh, remarks, recipe.tolerance_for(shape) or 0.0
-
-
-def _sketched(shape: Patch | Model, recipe: Recipe | None) -> tuple[Mesh, list[str], float]:
-    """Return a coarse mesh of a surface, with the normals of its triangles."""
-    mesh, remarks = Recipe(16, weld=None if recipe is None else recipe.weld).mesh(shape)
-    return with_normals(mesh), remarks, 0.0
 
 
 def _fine(shape: Patch | Model) -> Recipe:
@@ -213,24 +212,19 @@ def joined(contents: Sequence[Content]) -> Content:
         raise DomainError("curves and surfaces are not shown on one page")
     if len(contents) > 1 and any(len(content.keyframes) > 1 for content in contents):
         raise DomainError("a sequence is shown on a page of its own")
-    return reduce(_beside, map(_with_names, contents) if len(contents) > 1 else contents)
-
-
-def _with_names(content: Content) -> Content:
-    """Return contents whose groups, where there are several, have names that begin with the content's own."""
-    if len(content.groups) == 1:
-        return content
-    named = tuple((f"{content.name}: {name}", start, stop) for name, start, stop in content.groups)
-    return replace(content, groups=named)
+    named = []
+    for content in contents:
+        before = f"{content.name}: " if len(contents) > 1 and len(content.groups) > 1 else ""
+        groups = tuple((before + name, start, stop) for name, start, stop in content.groups)
+        named.append(replace(content, groups=groups))
+    return reduce(_beside, named)
 
 
 def _beside(one: Content, other: Content) -> Content:
     (frame,), (further,) = one.keyframes, other.keyframes
     vertices, cells = len(frame.vertices), len(one.cells)
     points, groups = len(frame.net_points), len(one.groups)
-    behind = {name: np.array([vertices, vertices, groups, groups]) for name in one.lines} | {
-        "net": np.array([points] * 2)
-    }
+    behind = {key: [vertices, vertices, groups, groups] for key in one.lines} | {"net": [points] * 2}
     return Content(
         f"{one.name}, {other.name}",
         (rows_joined([frame, further]),),

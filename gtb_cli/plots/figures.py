@@ -17,9 +17,9 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.plots.bases import draw_bases, draw_basis
 from gtb_cli.plots.domains import draw_decomposition, draw_domain, draw_lifted
-from gtb_cli.plots.look import Look, empty_figure, look_of, panels, settings, subscript, whole, with_numbers
+from gtb_cli.plots.look import Look, empty_figure, look_of, panels, settings, subscript, with_numbers
 from gtb_cli.plots.net_lines import is_flat
-from gtb_cli.plots.panels import Approach, Frames, default_resolution, default_values, figure_of_frames
+from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_frames
 from gtb_cli.plots.plates import draw_all_decompositions
 from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
 from gtb_cli.theory.patch import Patch
@@ -28,8 +28,6 @@ from gtb_cli.vocabulary import PLOT_KINDS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-OF_ONE_PATCH = ("basis", "domain", "decomposition", "decompositions", "sequence", "distance")
 
 
 class Variation(NamedTuple):
@@ -146,7 +144,7 @@ def _check(thing: Patch | Model | Mesh, picture: Picture) -> None:
             raise DomainError(f"`{name}` is for `what` {cells_too}sequence and distance")
     if what in ("curve", "surface") and kind != what:
         raise DomainError(f"is a {kind}, and has no picture as a {what}: expected `what` {kind}")
-    if what in OF_ONE_PATCH and isinstance(thing, Model):
+    if what not in ("curve", "surface") and isinstance(thing, Model):
         raise DomainError(f"is a model of {len(thing.patches)} patches, and `what` {what} is for one")
     if vary is not None and (what not in ("curve", "surface", "basis") or not isinstance(thing, Patch)):
         raise DomainError("`vary` is for a single curve or surface, or its basis")
@@ -156,8 +154,8 @@ def makes_figure(thing: Patch | Model | Mesh, picture: Picture) -> bool:
     """Tell whether a picture has axes of its own."""
     if picture.what in ("decompositions", "sequence", "distance"):
         return True
-    several = len(picture.look.index) != 1 or picture.vary is not None
-    return _is_surface(thing) and (picture.vary is not None or (picture.what == "basis" and several))
+    several = picture.what == "basis" and len(picture.look.index) != 1
+    return _is_surface(thing) and (several or picture.vary is not None)
 
 
 def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
@@ -176,9 +174,11 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
             else:
                 draw_surfaces(panels(figure, names), variants, look)
         else:
-            in_space = what in ("mesh", "surface") or (what == "curve" and not _is_plane(thing))
+            in_space = isinstance(thing, Mesh) or what == "surface"
             in_space |= _is_surface(thing) and (what == "basis" or (what == "decomposition" and look.lifted))
-            _draw_on(whole(figure) if in_space else with_numbers(figure), thing, picture)
+            if what == "curve" and not isinstance(thing, Mesh):
+                in_space = not is_flat([patch.control_points for patch in thing.patches])
+            _draw_on(figure.add_axes((0.0, 0.0, 1.0, 1.0)) if in_space else with_numbers(figure), thing, picture)
         return figure
 
 
@@ -186,7 +186,7 @@ def frames_of_picture(thing: Patch | Model | Mesh, picture: Picture, kind: str |
     """Return the meshes of a sequence, its distances, or of the kind "film"."""
     assert isinstance(thing, Patch)
     xs, steps = default_values(kind or picture.what)
-    resolution = picture.look.resolution or default_resolution(thing.dimension)
+    resolution = picture.look.resolution or (128 if thing.dimension == 1 else 24)  # segments of each edge of a cell
     return picture.approach.frames(thing, resolution, x=xs, steps=steps, distances=picture.what == "distance")
 
 
@@ -242,9 +242,3 @@ def default_picture(thing: Patch | Model | Mesh) -> str:
 
 def _is_surface(thing: Patch | Model | Mesh) -> bool:
     return not isinstance(thing, Mesh) and thing.dimension == 2
-
-
-def _is_plane(thing: Patch | Model | Mesh) -> bool:
-    """Tell whether it is a curve in a plane of constant height, or several."""
-    curve = not isinstance(thing, Mesh) and thing.dimension == 1
-    return curve and is_flat([patch.control_points for patch in thing.patches])

@@ -155,11 +155,6 @@ def empty_figure(look: Look) -> Figure:
     return Figure(figsize=(look.size[0], look.size[1]), dpi=look.dpi)
 
 
-def whole(figure: Figure) -> Axes:
-    """Return axes that fill a figure."""
-    return figure.add_axes((0.0, 0.0, 1.0, 1.0))
-
-
 def with_numbers(figure: Figure) -> Axes:
     """Return axes with room for numbers and names at the left and below."""
     width, height = figure.get_size_inches()

@@ -12,8 +12,6 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.patch import Patch
 
-LINE_SEGMENTS = 96  # segments of a line along a surface
-
 
 def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, int]]:
     """Return the pairs of knots whose control points are joined by a line: by an (n,) lifting, or the patch's own.
@@ -47,7 +45,7 @@ def bowl(domain: Domain) -> FloatArray:
 
 def edge_path(patch: Patch, edge: int) -> FloatArray:
     """Return (m, 3) points along an edge, at the vertices of a mesh: evenly spread in the linear parametrisation."""
-    return edge_points_at(patch, edge, np.linspace(0, 1, LINE_SEGMENTS + 1))
+    return edge_points_at(patch, edge, np.linspace(0, 1, 97))
 
 
 def curve_path(curve: Patch) -> FloatArray:

@@ -17,6 +17,7 @@ from gtb_cli.files import read_file
 from gtb_cli.limits.degeneration import heights_of
 from gtb_cli.limits.knot_limit import knot_limit
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import runs_of
 from gtb_cli.plots.look import Look, empty_figure, panels, settings, with_numbers
 from gtb_cli.plots.net_lines import is_flat, net_of
 from gtb_cli.plots.palette import LINE_COLOURS, NET
@@ -114,19 +115,16 @@ def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Fi
                 view.points(spots, edge=NET, size=3.6 if mesh.is_curve else 2.6)
             if mesh.is_curve:
                 beside = limit if mesh is not limit else film
-                if beside is not None:
-                    view.lines(_paths(beside), colour=LINE_COLOURS[1], width=1.4, dashes="--", order=4)
-                view.lines(_paths(mesh), colour=LINE_COLOURS[0], width=1.8, order=4)
+                if beside is not None:  # along whole pieces, so that dashes run on from segment to segment
+                    dashed = [beside.vertices[run] for run in runs_of(beside.cells)]
+                    view.lines(dashed, colour=LINE_COLOURS[1], width=1.4, dashes="--", order=4)
+                view.lines(
+                    [mesh.vertices[run] for run in runs_of(mesh.cells)], colour=LINE_COLOURS[0], width=1.8, order=4
+                )
             else:
                 view.lines(list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
         views[0].triad()
         return figure
-
-
-def _paths(curve: Mesh) -> list[FloatArray]:
-    """Return (m, 3) points along each piece of a curve, so that dashes run on from segment to segment."""
-    breaks = np.flatnonzero(curve.cells[1:, 0] != curve.cells[:-1, 1]) + 1
-    return [curve.vertices[[*run[:, 0], run[-1, 1]]] for run in np.split(curve.cells, breaks)]
 
 
 def _with_film(surface: ShadedTriangles, film: Mesh) -> ShadedTriangles:
@@ -182,11 +180,6 @@ def default_values(what: str) -> tuple[list[float], list[float]]:
     return [1.0, 10.0, 100.0], [0.0, 0.4, 0.8]
 
 
-def default_resolution(dimension: int) -> int:
-    """Return the segments of each edge of a cell in pictures of sequences."""
-    return 128 if dimension == 1 else 24
-
-
 @dataclass(frozen=True)
 class Approach:
     """The degeneration (x, lifting) or knot limit (merge, steps) that a sequence shows; empty or None is what suits.
@@ -203,9 +196,8 @@ class Approach:
     @property
     def given(self) -> list[str]:
         """The names of what is given."""
-        named = {"x": len(self.x) > 0, "lifting": self.lifting is not None}
-        named |= {"merge": bool(self.merge), "steps": self.steps is not None}
-        return [name for name, is_given in named.items() if is_given]
+        is_given = len(self.x) > 0, self.lifting is not None, bool(self.merge), self.steps is not None
+        return [name for name, given in zip(("x", "lifting", "merge", "steps"), is_given, strict=True) if given]
 
     def frames(
         self, patch: Patch, resolution: int, *, x: Sequence[float], steps: Sequence[float], distances: bool

@@ -17,15 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_SHOWN = 100
-
 
 def draw_all_decompositions(figure: Figure, patch: Patch) -> None:
     """Draw regular decompositions in lexicographic order of their cells: all, or the first, and how many there are."""
-    most_found = 20_000  # so that a picture takes seconds, whatever the number of knots
+    most_shown, most_found = 100, 20_000  # so that a picture takes seconds, whatever the number of knots
     found = list(islice(regular_decompositions(patch.knots), most_found + 1))
     count = f"{len(found)}" if len(found) <= most_found else f"more than {most_found}"
-    shown = sorted(found[:most_found], key=lambda cone: cone.cells)[:MOST_SHOWN]
+    shown = sorted(found[:most_found], key=lambda cone: cone.cells)[:most_shown]
     title = f"{count} regular decompositions" if len(found) > 1 else "1 regular decomposition"
     if len(shown) < len(found):
         title = f"{len(shown)} of {title}" if len(found) > most_found else f"The first {len(shown)} of {title}"

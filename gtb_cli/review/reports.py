@@ -44,6 +44,9 @@ def page(review: Review) -> str:
 
 
 def _data(change: Change) -> dict[str, Any]:
+    uncoloured = "no distances" if change.found is None else "nowhere farther apart than the tolerance"
+    if change.found is not None and not change.found.same_kind:
+        uncoloured = "no distances of a curve from a surface"
     data: dict[str, Any] = {
         "name": printable(change.name),
         "verdict": change.verdict.word,
@@ -51,7 +54,7 @@ def _data(change: Change) -> dict[str, Any]:
         "amount": amount(change),
         "tolerance": "" if change.found is None else f"{change.found.tolerance:.3g}",
         "rows": [(row.label, row.old, row.new) for row in rows(change)],
-        "uncoloured": _why_uncoloured(change),
+        "uncoloured": uncoloured,  # why there are no distances to be shown, if there are none
         "old": None,
         "new": None,
     }
@@ -86,12 +89,3 @@ def _data(change: Change) -> dict[str, Any]:
                 "place": " ".join(f"{x:.6g}" for x in change.largest),
             }
     return data
-
-
-def _why_uncoloured(change: Change) -> str:
-    """Say why there are no distances to be shown, if there are none."""
-    if change.found is None:
-        return "no distances"
-    if not change.found.same_kind:
-        return "no distances of a curve from a surface"
-    return "nowhere farther apart than the tolerance"

@@ -136,23 +136,14 @@ def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, 
 
 def mesh_or_spec(path: str) -> bytes:
     """Read a mesh file, or a spec, or standard input; at most one byte more than it may have."""
-    from gtb_cli.distances.comparison import BEGINNING_BYTES, bytes_at_most
-    from gtb_cli.files import read_up_to
-    from gtb_cli.formats.meshfiles import MAX_STREAM_BYTES
+    from gtb_cli.distances.comparison import read_content
+    from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES
 
     with opened(path) as file:
-        start = file.read(BEGINNING_BYTES)
-        limit = bytes_at_most(path, start)
-        stream = not is_regular(file)
-        if stream:
-            limit = min(limit, MAX_STREAM_BYTES)
-        if file.seekable():  # so that a large file is in memory only once
-            file.seek(-len(start), os.SEEK_CUR)
-            start = b""
-        data = start + read_up_to(file, limit + 1 - len(start))
-    if stream and len(data) > MAX_STREAM_BYTES:
-        limit = MAX_STREAM_BYTES >> 20
-        raise GtbError(f"{shown_input(path)}: does not end within {limit} MB; more is read only from files")
+        most = MAX_FILE_BYTES if is_regular(file) else MAX_STREAM_BYTES
+        data = read_content(file, path, most)
+    if len(data) > most == MAX_STREAM_BYTES:
+        raise GtbError(f"{shown_input(path)}: does not end within {most >> 20} MB; more is read only from files")
     return data
 
 

@@ -83,16 +83,14 @@ def _part_report(data: bytes, kind: str, source: str) -> dict[str, Any]:
         }
 
 
-def _digest(*arrays: NDArray[Any]) -> str:
-    """Return sixteen characters that change with the numbers of arrays, and with nothing else."""
+def _digest(array: NDArray[Any]) -> str:
+    """Return sixteen characters that change with the numbers of an array, and with nothing else."""
     import hashlib
 
     import numpy as np
 
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(np.ascontiguousarray(array + 0.0, dtype="<f8").data)  # not -0
-    return digest.hexdigest()[:16]
+    numbers = np.ascontiguousarray(array + 0.0, dtype="<f8")  # not -0
+    return hashlib.sha256(numbers.data).hexdigest()[:16]
 
 
 def mesh_line(name: str, report: dict[str, Any]) -> str:
@@ -127,8 +125,7 @@ def mesh_text(report: dict[str, Any]) -> str:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
     lines = [*labelled(shown).items(), *(("hole", text) for text in holes)]
     lines += [(f"digest of {name}", digest) for name, digest in digests.items()]
-    for name, count in [group.values() for group in groups[:max_groups_shown]]:
-        lines.append(("group", f"{name}: {count}"))
+    lines += [("group", ": ".join(map(str, group.values()))) for group in groups[:max_groups_shown]]
     if groups[max_groups_shown:]:
         lines.append(("and more", f"{len(groups) - max_groups_shown} groups"))
     return "".join(f"{label:21} {_text(value)}\n" for label, value in lines)

@@ -60,9 +60,8 @@ class Verdict:
         if self.word in ("missing", "extra"):
             there, other = self.paths if self.word == "missing" else self.paths[::-1]
             renamed = f", where it is called {self.renamed}" if self.renamed else ""
-            return (
-                f"{printable(f'{self.word}: {there} is not in {other[: -len(self.name)].rstrip(os.sep)}{renamed}')}\n"
-            )
+            folder = other[: -len(self.name)].rstrip(os.sep)
+            return f"{printable(f'{self.word}: {there} is not in {folder}{renamed}')}\n"
         text = difference_text(self.found) if self.found else f"{'equal' if self.same else 'other'} bytes\n"
         return f"{printable(f'{self.word}: {self.paths[0]} and {self.paths[1]}')}: {without_commands(text)}"
 
