@@ -214,7 +214,7 @@ class FarthestSearch:
         nearest = StratumPlaces(np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2)))
 
         def search(rows: IntArray, stratum: IntArray, s: FloatArray) -> None:
-            """FarthestSearch from (r, w) places for each of r points."""
+            """Search from (r, w) places for each of r points."""
             again = np.repeat(rows, stratum.shape[1])
             distance, s = projected(
                 self.strata, points[again], stratum.ravel(), s.reshape(-1, 2), self.accuracy, enough[again]

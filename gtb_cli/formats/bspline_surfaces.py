@@ -57,12 +57,13 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
         return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, 0.0, ())
     closest = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
     much, enough = 0.1, 0.1  # a share of places with planes that no B-spline follows, and degrees that suffice then
-    names = {index: name_of(patches[index], index) for index in sorted(reasons)}
+    names = {index: name_of(patches[index], index) for index in reasons}
     edges = half_edges(spec, reasons)
     halves = {i: [edges.get((i, k)) for k in range(len(patches[i].domain.vertices))] for i in reasons}
     # Of points, as control points inside may be far away
     size = float(np.ptp(np.concatenate([patch.evaluate(patch.knots) for patch in patches]), axis=0).max())
-    allowed, gap_allowed = 1e-4 * size if tolerance is None else tolerance, 1e-8 * size
+    allowed = 1e-4 * size if tolerance is None else tolerance
+    gap_allowed = 1e-8 * size  # between edges that should be exact
     best: dict[int, FittedPieces] = {}
     reached, history = (np.inf, np.inf, np.inf), [(np.inf, np.inf)] * 2
     for spans in SPANS:

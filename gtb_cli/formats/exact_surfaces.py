@@ -63,8 +63,7 @@ def homogeneous_points(patch: Patch) -> FloatArray:
 
 def _bezier(name: str, net: FloatArray) -> SplineSurface:
     m, n = net.shape[:2]
-    knots = tuple(np.repeat([0.0, 1.0], count) for count in (m, n))
-    return SplineSurface(name, (m - 1, n - 1), (knots[0], knots[1]), net)
+    return SplineSurface(name, (m - 1, n - 1), (np.repeat([0.0, 1.0], m), np.repeat([0.0, 1.0], n)), net)
 
 
 def name_of(patch: Patch, index: int) -> str:

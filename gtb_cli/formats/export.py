@@ -45,7 +45,7 @@ def write_mesh(
         Write PLY and STL as text, with numbers that read back exactly, instead of 32-bit binary. OBJ is always text.
     normals : bool, optional
         Write normals; by default GLB has those that the mesh has, and the others have none. Where patches meet, OBJ and
-        GLB (whose nodes have their own vertices) hold each patch's own, PLY the mean. STL always has those of facets.
+        GLB (whose nodes have their own vertices) hold each patch's own, PLY the mean. STL always has normals of facets.
     uv : bool
         Write `mesh.parameters`, unchanged, as texture coordinates: OBJ, PLY, GLB. The second coordinate is 0 for a
         curve.

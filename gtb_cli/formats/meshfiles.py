@@ -18,8 +18,7 @@ from gtb_cli.meshes.mesh import GROUPS, KnownMesh, Mesh, Values, largest_coordin
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
 MAX_FILE_BYTES = 1 << 31  # largest size of a file in bytes; larger ones are refused
-# Largest number of bytes read from a stream, which may have no end. Five million faces, the default limit, take 200 MB
-# of OBJ.
+# Bytes read from a stream, which may have no end: five million faces, the default limit, take 200 MB of OBJ
 MAX_STREAM_BYTES = 1 << 28
 
 

@@ -72,7 +72,8 @@ def _segment(words: Words, kind: int, line: int) -> list[Patch]:
         return _polyhedron(words)
     if kind not in (3, 4, 5, 8, 9, 10, 11):
         words.fail(f"expected the kind of a segment ({SEGMENT_KINDS}), got {kind}", line)
-    is_triangle, number = kind in (3, 9, 11), 1 if kind in (3, 4, 9, 11) else 2  # of degrees
+    is_triangle = kind in (3, 9, 11)
+    number = 1 if is_triangle or kind == 4 else 2  # of degrees
     degrees = [_degree(words) for _ in range(number)]
     normals = [_degree(words) for _ in range(number)] if kind in (9, 10) else []
 

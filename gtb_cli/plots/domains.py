@@ -158,14 +158,11 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     colours = np.array([rgb(patch_colour(k)) for k in cell.tolist()])
     vertices = np.concatenate([lifted, ground])
     faces = np.concatenate([upper, upper + len(lifted)])
-    (view,) = space_views(
-        [ax], look.camera, [ShadedTriangles(vertices, faces, None, np.concatenate([colours, colours]))]
-    )
-    heights_above = [f"λ={value:.4g}" for value in found.lifting]
-    names_below = [subscript("a", i) for i in range(len(flat))]
+    surface = ShadedTriangles(vertices, faces, None, np.concatenate([colours, colours]))
+    (view,) = space_views([ax], look.camera, [surface])
     for level, width, texts, up, colour in (
-        (lifted, 1.2, heights_above, 6, INK),
-        (ground, 0.9, names_below, -6, LINE_COLOURS[0]),
+        (lifted, 1.2, [f"λ={value:.4g}" for value in found.lifting], 6, INK),
+        (ground, 0.9, [subscript("a", i) for i in range(len(flat))], -6, LINE_COLOURS[0]),
     ):
         view.lines([level[[*polygon, polygon[0]]] for polygon in found.polygons], width=width, hidden=HIDDEN_STRENGTH)
         _draw_knots(view, level, found.absent)
