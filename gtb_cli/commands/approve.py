@@ -175,7 +175,8 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
         count = f"{made.new.faces} {'segments' if new.is_curve else 'faces'}"
         return f"new, {count}" if verdict.word == "extra" else count
     what = [f"{row.label} {row.old or '–'} → {row.new or '–'}" for row in rows(made) if row.is_changed]
-    apart = [f"{verdict.found.distance:.3g} apart", *verdict.found.faults] if verdict.found is not None else []
+    found = verdict.found
+    apart = [f"{found.distance:.3g} apart", *found.words, *found.faults] if found is not None else []
     return ", ".join(apart + what) or "the same measures"
 
 

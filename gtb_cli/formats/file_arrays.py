@@ -40,9 +40,12 @@ def unreserved(name: str, taken: Container[str]) -> str:
     return name if is_free else unreserved(f"attribute {name}", taken)
 
 
-def mark_of(text: str) -> float:
-    """A number that differs where texts do, which stands for one among numbers."""
-    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4]) / 2**32
+def mark_of(*contents: str | bytes) -> float:
+    """A whole number that differs where texts, or bytes, do, which stands for them among numbers."""
+    found = hashlib.sha256()
+    for each in contents:
+        found.update(each.encode() if isinstance(each, str) else each)
+    return float(int.from_bytes(found.digest()[:6]))
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -202,7 +203,7 @@ def _tree_faults() -> Iterator[None]:
     """Turn what a wrong type raises, as the tree may hold anything anywhere, into a `GtbError`."""
     try:
         yield
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
+    except (LookupError, TypeError, AttributeError, ValueError, OverflowError, RecursionError) as error:
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
 
@@ -215,6 +216,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     groups = []
     others: dict[str, list[_Part]] = {}
     materials: list[tuple[list[float], int, int]] = []
+    row_of = cache(lambda number: [] if number is None else _material(tree, tree["materials"][number]))
     count = rows = used = 0
     for mesh, name, place in placed_meshes(tree):
         before = rows
@@ -230,7 +232,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
                 corners = accessor_values(tree, binary, primitive["indices"])
             if corners.shape[1] != 1 or corners.dtype.kind not in "iu":
                 raise GtbError("indices: expected whole numbers")
-            used += len(positions) + len(corners) + effort
+            used += len(positions) * (4 * len(primitive["attributes"]) - 3) + len(corners) + effort
             if used > most:
                 raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
             if len(corners) and not 0 <= corners.min() <= corners.max() < len(positions):
@@ -244,8 +246,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
                     others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
             count += len(positions)
             rows += len(found)
-            row = _material(tree, tree["materials"][primitive["material"]]) if "material" in primitive else []
-            materials.append((row, rows - len(found), rows))
+            materials.append((row_of(primitive.get("material")), rows - len(found), rows))
         name = name or str(mesh.get("name", ""))
         if name and rows > before:
             groups.append((name, before, rows))
@@ -304,14 +305,14 @@ def _material(tree: dict[str, Any], material: dict[str, Any]) -> list[float]:
 def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], count: int, is_z: bool) -> FloatArray:
     """(count, w) numbers of an attribute at the vertices of all parts, which is NaN in those without it."""
     found = []
-    for _, _, number, _ in parts:
+    for _, length, number, _ in parts:
+        if tree["accessors"][number]["count"] != length:  # before it is read: few bytes may name many
+            raise GtbError(f"{name}: {tree['accessors'][number]['count']} rows for {length} vertices")
         rows = accessor_values(tree, binary, number)
         largest = float(np.iinfo(rows.dtype).max) if tree["accessors"][number].get("normalized") else 1.0
         found.append(np.maximum(rows.astype(np.float64) / largest, -np.inf if largest == 1 else -1.0))
     result = np.full((count, max(rows.shape[1] for rows in found)), np.nan)
     for rows, (start, length, _, turn) in zip(found, parts, strict=True):
-        if len(rows) != length:
-            raise GtbError(f"{name}: {len(rows)} rows for {length} vertices")
         if name == "NORMAL":
             rows = rows @ (np.linalg.inv(turn) if np.linalg.det(turn) else turn)
         result[start : start + length, : rows.shape[1]] = rows

@@ -1,7 +1,9 @@
 """The tree of a GLB file: its description and buffer, the places of its meshes, and the numbers of its accessors."""
 
+import hashlib
 import json
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -101,6 +103,10 @@ def further_description(tree: dict[str, Any], binary: bytes) -> list[Any]:
     placing = {"mesh", "matrix", "translation", "rotation", "scale", "children", "name"}
     drawing = {"attributes", "indices", "material", "mode"}
 
+    @cache
+    def digest(number: int) -> str:
+        return hashlib.sha256(accessor_values(tree, binary, number).tobytes()).hexdigest()
+
     def told(value: Any, key: str = "", above: str = "") -> Any:
         if key == "extras":
             return value
@@ -110,7 +116,7 @@ def further_description(tree: dict[str, Any], binary: bytes) -> list[Any]:
         if isinstance(value, list):
             return [inner for each in value if (inner := told(each, key, above)) not in ({}, [], None)]
         if key in ("input", "output", "inverseBindMatrices") or {key, above} & {"targets", "attributes"}:
-            return accessor_values(tree, binary, value).tobytes().hex()
+            return digest(_index(value))
         return value
 
     def without(table: dict[str, Any], names: set[str]) -> dict[str, Any]:

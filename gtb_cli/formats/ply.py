@@ -150,7 +150,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     for name in tables.keys() - {"vertex", "edge" if is_curve else "face"}:
         rest |= {f"{column} of {name}": found for column, found in tables[name].items()}
     for label, found in rest.items():
-        mark = mark_of(repr([column.astype(np.float64).tobytes() for column in found]))
+        mark = mark_of(*(column.astype(np.float64).tobytes() for column in found))
         values[f"{OTHER}{label}"] = np.array([[mark]]), np.zeros(cells.shape, dtype=np.int64)
     return values
 

@@ -35,8 +35,8 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
             if a.format == b.format:
-                gone, come = (_listed(sorted({*one} - {*other})) for one, other in ((old, new), (new, old)))
-                remarks.append(f"{name}: {gone} only in the first, {come} only in the second")
+                lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
+                remarks += [f"{name}: {_listed(sorted(names))} only in the {which}" for which, names in lone if names]
         elif name in here and name in there:
             if slots is None:
                 continue
@@ -52,7 +52,7 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
 def _listed(names: list[str]) -> str:
     most = 5
     rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest or "none"
+    return ", ".join(names[:most]) + rest
 
 
 def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots) -> Slots:

@@ -12,6 +12,7 @@ from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
+from gtb_cli.meshes.motions import told_motion
 from gtb_cli.meshes.nearest import NearestCells, middles
 from gtb_cli.meshes.topology import are_used, component_count, components_of, sides_of
 
@@ -40,9 +41,9 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
     if a.mesh.cells.shape != b.mesh.cells.shape:
         return None
     first = turned = None
-    may_be_near = _may_be_near(a.mesh, b.mesh, tolerance)
+    least, has_numbers = _least_distance(a.mesh, b.mesh), a.has_indices and b.has_indices
     are_short = not {a.format, b.format} <= {"obj", "spec"}  # numbers of 32 bits
-    for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short, may_be_near):
+    for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short):
         found = _matched(a, b, cells, other_cells)
         if found is None:
             continue
@@ -50,32 +51,41 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
             return found
         if found.distances.max() <= tolerance:  # faces that are there twice may look to both sides
             turned = turned or found
-        first = first or (found if is_certain else None)
-        if is_certain and not may_be_near:
+        if (
+            is_certain
+            and (first is None)
+            and ((cells is a.mesh.cells and has_numbers) or _is_likely(a, b, found, least, tolerance))
+        ):
+            first = found
+        if is_certain and least > tolerance:
             break
     return turned or first
 
 
-def _may_be_near(a: Mesh, b: Mesh, tolerance: float) -> bool:
-    """Tell whether each vertex may be within the tolerance of its own one of the other mesh, by sorted coordinates."""
+def _is_likely(a: KnownMesh, b: KnownMesh, found: Matching, least: float, tolerance: float) -> bool:
+    """Tell whether cells that are used in the same order may be the same: equal parts may stand in another one.
+
+    Then places are the same, or vertices are farther apart than any need be, though they have not moved together.
+    """
+    points, others = a.mesh.vertices[found.vertices], b.mesh.vertices[found.others]
+    return least > tolerance and (found.distances.max() <= 2 * least or bool(told_motion(points, others, tolerance)))
+
+
+def _least_distance(a: Mesh, b: Mesh) -> float:
+    """Return a distance that some vertex has from its own one of the other mesh in any match, by sorted coordinates."""
     here, there = a.used, b.used
     if len(here) != len(there):
-        return True
-    return all(np.abs(np.sort(x) - np.sort(y)).max() <= tolerance for x, y in zip(here.T, there.T, strict=True))
+        return 0.0
+    return max(float(np.abs(np.sort(x) - np.sort(y)).max()) for x, y in zip(here.T, there.T, strict=True))
 
 
-def _numberings(
-    a: Mesh, b: Mesh, tolerance: float, are_short: bool, may_be_near: bool
-) -> Iterator[tuple[IntArray, IntArray, bool]]:
-    """Yield the cells of both meshes in common numbers of places, and whether distance is no reason for doubt.
-
-    If each place has one of the other mesh nearby, cells that use them in the same order have not moved: they differ.
-    """
+def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator[tuple[IntArray, IntArray, bool]]:
+    """Yield the cells of both meshes in common numbers of places, and whether distance is no reason for doubt."""
     if len(a.vertices) == len(b.vertices):
         yield a.cells, b.cells, True
     own = _places(a), _places(b)
     if np.array_equal(own[0][1], own[1][1]):
-        yield own[0][1], own[1][1], not may_be_near
+        yield own[0][1], own[1][1], True
     if are_short:  # 32-bit numbers of one file may coincide, those of the other not
         with np.errstate(over="ignore", under="ignore"):
             (_, cells), (_, others) = (_places(mesh, np.float32) for mesh in (a, b))
@@ -229,6 +239,7 @@ class Lone:
 
     is_first: bool  # whether the first mesh has them
     absent: IntArray  # numbers of cells that the other one has not
+    turned: int  # how many of the others look to the other side
     doubled: int  # how many others are there twice in it, and once in the other one
     repeated: int  # how many more there are of the rest
     near: tuple[IntArray, IntArray]  # cells of both meshes by which alone the absent ones are told how far they are
@@ -258,7 +269,7 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
         beyond = np.packbits(np.concatenate([points < low - reach, points > high + reach], axis=1), axis=1)[:, 0]
         one, other = (np.flatnonzero(reduce(np.bitwise_and, beyond[each.T]) == 0) for each in (cells, others))
         near = one, other
-    return Lone(is_first, absent, doubled, repeated, near)
+    return Lone(is_first, absent, faces.turned, doubled, repeated, near)
 
 
 def _unequal(cells: IntArray, others: IntArray, count: int) -> tuple[IntArray, IntArray]:
@@ -302,6 +313,10 @@ def unlike(
     if bool(thin.sum()) != bool(others_thin.sum()):
         rows.append(("cells without extent", int(thin.sum()), int(others_thin.sum())))
     told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
+    extent, others_extent = (each.length or each.area or 0.0 for each in (first, second))
+    reach = sum(float(np.ptp(each.mesh.vertices[each.mesh.cells], axis=1).sum()) for each in (a, b))
+    if not abs(extent - others_extent) <= 2 * tolerance * (len(a.mesh.cells) if first.is_curve else reach):
+        told.append(f"{extent:.9g} against {others_extent:.9g} in {'length' if first.is_curve else 'area'}")
     cells, others, *_ = _by_nearness(a.mesh, b.mesh, close)
     faces = _faces(cells, others)
     only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0

@@ -208,7 +208,7 @@ def difference(
     if found is None or found.distance <= allowed:  # then others, too, may be as far
         found = _decided(a.mesh, b.mesh, allowed)
     same_kind = a.mesh.is_curve == b.mesh.is_curve
-    turned, remarks = 0, tuple[str, ...]()
+    turned, remarks = 0 if lone is None else lone.turned, tuple[str, ...]()
     if same_kind and found.distance <= allowed:
         turned, remarks = unlike(a, b, allowed, min(allowed, max(resolution, 1e-6 * diagonal)), lone is None)
     return made(

@@ -103,8 +103,10 @@ def mesh_line(name: str, report: dict[str, Any]) -> str:
         return f"{name}: {report['fault']}"
     cells = "segments" if "segments" in report else "faces"
     faults = ("open_ends", "open_edges", "crowded_edges", "turned_edges")
-    state = ", ".join(f"{report[key]} {key.replace('_', ' ')}" for key in faults if report.get(key)) or "closed"
-    return f"{name}: mesh of {report[cells]} {cells}, {state}"
+    found = [(key.replace("_", " ").removesuffix("s"), report[key]) for key in faults if report.get(key)]
+    state = ", ".join(f"{count} {what}{'s' * (count > 1)}" for what, count in found)
+    state = state or ("closed" if report["components"] else "without extent")
+    return f"{name}: mesh of {report[cells]} {cells if report[cells] > 1 else cells[:-1]}, {state}"
 
 
 def mesh_text(report: dict[str, Any]) -> str:

@@ -9,8 +9,12 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
 
 
+OTHER_KIND = "one is a curve, the other a surface"
+
+
 def difference_record(found: Difference) -> dict[str, Any]:
     """Return a difference as plain data, ready for ``json.dumps``."""
+    kinds = () if found.same_kind else (OTHER_KIND,)
     return {
         "same": found.same,
         "distance": found.distance,
@@ -19,7 +23,7 @@ def difference_record(found: Difference) -> dict[str, Any]:
         "bound": found.bound,
         "proved": found.is_proved,
         "turned_faces": found.turned,
-        "remarks": [*found.words, *found.units, *found.remarks, *found.values],
+        "remarks": [*kinds, *found.words, *found.units, *found.remarks, *found.values],
         "ignored": list(found.ignored),
         "mean": found.mean,
         "asked_tolerance": found.asked,

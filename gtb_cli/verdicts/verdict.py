@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from gtb_cli.errors import Fault
 from gtb_cli.shell.console import error_record
-from gtb_cli.verdicts.telling import difference_record, difference_text
+from gtb_cli.verdicts.telling import OTHER_KIND, difference_record, difference_text
 from gtb_cli.vocabulary import printable, without_commands
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class Verdict:
     found: Difference | None = None
     warnings: tuple[str, ...] = ()  # where the answer does not quite fit the question
     notes: tuple[str, ...] = ()  # what else could be asked
+    is_rounded: bool = False  # whether bytes differ in last digits of numbers alone
     errors: tuple[Fault, ...] = ()  # why a file is unreadable
     renamed: str = ""  # the name of a file in the other folder with equal bytes, if this one is missing there
     meshes: tuple[Mesh | None, Mesh | None] = (None, None)  # None if they are the same, or not meshes
@@ -49,7 +50,7 @@ class Verdict:
         if self.word == "different" and self.found is None:
             reasons.append("other bytes")
         if self.found is not None and not self.found.same_kind:
-            reasons.append("one is a curve, the other a surface")
+            reasons.append(OTHER_KIND)
         return tuple(reasons)
 
     @property
@@ -62,7 +63,8 @@ class Verdict:
             renamed = f", where it is called {self.renamed}" if self.renamed else ""
             folder = other[: -len(self.name)].rstrip(os.sep)
             return f"{printable(f'{self.word}: {there} is not in {folder}{renamed}')}\n"
-        text = difference_text(self.found) if self.found else f"{'equal' if self.same else 'other'} bytes\n"
+        equal = "the same numbers but for last digits" if self.is_rounded else "equal bytes"
+        text = difference_text(self.found) if self.found else f"{equal if self.same else 'other bytes'}\n"
         return f"{printable(f'{self.word}: {self.paths[0]} and {self.paths[1]}')}: {without_commands(text)}"
 
     @property
