@@ -21,8 +21,6 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
 
-RIDGE_FRACTION = 1e-12  # of the mean energy is added: a control point without influence on it stays where it is
-
 LEFT_OUT = (1e-2, 1e-3)
 """Outermost parts of the way to the middle without which figures must not rise; those of the first are reported."""
 
@@ -224,9 +222,9 @@ def agreed_text(value: float, error: float) -> str:
 
 def _least(matrix: FloatArray, given: FloatArray, free: IntArray) -> FloatArray:
     """Return control points of which the free ones make a quadratic form least."""
-    points = given.copy()
+    points, fraction = given.copy(), 1e-12  # of the mean energy: a control point without influence stays where it is
     if len(free):
-        ridge = RIDGE_FRACTION * np.trace(matrix) / len(matrix)
+        ridge = fraction * np.trace(matrix) / len(matrix)
         form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
         points[free] -= np.linalg.solve(form, matrix[free] @ points)
     return points
