@@ -21,6 +21,8 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
 
+RIDGE_FRACTION = 1e-12  # of the mean energy is added: a control point without influence on it stays where it is
+
 LEFT_OUT = (1e-2, 1e-3)
 """Outermost parts of the way to the middle without which figures must not rise; those of the first are reported."""
 
@@ -222,9 +224,9 @@ def agreed_text(value: float, error: float) -> str:
 
 def _least(matrix: FloatArray, given: FloatArray, free: IntArray) -> FloatArray:
     """Return control points of which the free ones make a quadratic form least."""
-    points, fraction = given.copy(), 1e-12  # of the mean energy: a control point without influence stays where it is
+    points = given.copy()
     if len(free):
-        ridge = fraction * np.trace(matrix) / len(matrix)
+        ridge = RIDGE_FRACTION * np.trace(matrix) / len(matrix)
         form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
         points[free] -= np.linalg.solve(form, matrix[free] @ points)
     return points
