@@ -22,8 +22,6 @@ from gtb_cli.theory.patch import Patch
 
 MAX_DEGREE = 25  # of a piece, by default
 
-MAX_SHIFT = 1e-9  # of a curve's size, by which rounding may move the point where it is split
-
 MAX_SEARCHED_DEGREE = 2000  # so that a message can name a degree above the allowed one
 
 
@@ -67,6 +65,7 @@ def split_curve(patch: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
     form, with zeros for missing knots. `DomainError` is raised for a surface, for another parameter, and without a
     Bézier form.
     """
+    max_shift = 1e-9  # of the curve's size, by which rounding may move the point
     if patch.dimension != 1:
         raise DomainError("split: is for curves, and this is a surface")
     low, high = patch.domain.vertices[:, 0].tolist()
@@ -78,9 +77,9 @@ def split_curve(patch: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
     logs = np.log(heights)
     s = float(patch.domain.normals[:, 0] @ logs)
     terms = float(np.abs(patch.domain.normals[:, 0]) @ (np.abs(logs) + 1))
-    if 2 * EPS * terms * float(np.ptp(patch.knots)) > MAX_SHIFT:
+    if 2 * EPS * terms * float(np.ptp(patch.knots)) > max_shift:
         raise DomainError(
-            f"split: rounding may move the point at {at:g} by more than {MAX_SHIFT:g} of the curve's size, "
+            f"split: rounding may move the point at {at:g} by more than {max_shift:g} of the curve's size, "
             f"as knots {high - low:g} apart are exponents; divide all knots by the same number"
         )
     return Model(_halves(patch, s, max_degree), patch.name)

@@ -40,9 +40,7 @@ def toric_degeneration(probe: Probe) -> Finding:
     faded_log = 30 * math.log(10)  # logarithm of the factor by which the nearest knot under a cell's plane has faded
     sufficient_log = 14 * math.log(10)  # if the range of the lifting is thousands of times its smallest gap
     max_log_range = 1000.0  # of weights: exponents of this size have rounding errors far below the tolerance
-    cell_scale = (
-        0.98  # towards a cell's middle: samples stay in Δ, and away from other cells, where convergence is slow
-    )
+    cell_scale = 0.98  # so that samples of a cell stay in Δ, and away from other cells, where convergence is slow
     limit_tolerance = 1e-6  # of the extent; the usual measured distance is 1e-12
     cell_samples, max_cells = 100, 50  # roughly: an evenly spread choice of more cells is compared
     patch = probe.patch

@@ -155,9 +155,7 @@ def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Se
                 shared.append(Joint(first, (index, edge), opposite=decomposition.dimension == 2))
     inner = {joint.first for joint in shared}
     alone = tuple(ref for ref in seen.values() if ref not in inner)
-    return Joints(
-        tuple(shared), alone, collapsed=(), crowded=(), almost=(), flipped=(False,) * len(cells), one_sided=()
-    )
+    return Joints(tuple(shared), alone, (), (), (), flipped=(False,) * len(cells), one_sided=())
 
 
 def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequence[int]) -> IntArray:

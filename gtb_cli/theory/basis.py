@@ -82,7 +82,7 @@ def unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray
         u = domain.center + domain.size / 2 * np.cos(angle)[:, None]
     elif u is None:
         u = domain.knots + 0.1 * (domain.center - domain.knots)
-    parameters = domain.grid(u)[0]
+    parameters = domain.columns(u)
     if len(parameters) != n:
         raise DomainError(f"parameters: expected {n}, one per knot, got {len(parameters)}")
     matrix = gt_bernstein(domain, np.ones(n), parameters)

@@ -71,11 +71,11 @@ class DerivativeField:
         return len(self.basis.domain.knots) if self.values is None else self.values.shape[1]
 
     def _columns(self, k: int) -> FloatArray:
-        """Return the values of each knot less that of knot k, (k, n), or those of T_i, 0 and 1."""
+        """Return the values of the functions at n knots less those at knot k, or the values 0 and 1 of the T_i."""
         return np.eye(self._count) if self.values is None else np.asarray((self.values - self.values[k]).T)
 
     def _sums(self, k: int) -> Callable[[FloatArray], FloatArray]:
-        """Return the function from (n, m) terms to (k, m) sums of such values."""
+        """Return the function that weights these values by (n, m) terms and adds them up."""
         return (lambda terms: terms) if self.values is None else self._columns(k).__matmul__
 
     @cached_property

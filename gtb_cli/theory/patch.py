@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 from dataclasses import field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
     from gtb_cli.theory.curvature import Curvature
-    from gtb_cli.theory.derivatives import Order
+    from gtb_cli.theory.derivatives import DerivativeField, Order
 
 
 @by_value
@@ -267,22 +268,24 @@ class Patch:
         ----------
         Eq. (202), eq. (205), by the quotient rule.
         """
-        return self._derivatives_of(self.control_points, u, order, parametrization)
+        columns, grid = self.domain.grid(u)
+        found = self._derivatives[0].at(columns, order, parametrization)
+        return found.reshape(*grid, *found.shape[1:])
 
     def basis_derivatives(
         self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric"
     ) -> FloatArray:
         """Differentiate the T_i once, (…, n, d), or twice, (…, n, d, d); everything else is as in `derivatives`."""
-        return self._derivatives_of(None, u, order, parametrization)
+        columns, grid = self.domain.grid(u)
+        found = self._derivatives[1].at(columns, order, parametrization)
+        return found.reshape(*grid, *found.shape[1:])
 
-    def _derivatives_of(
-        self, values: FloatArray | None, u: ArrayLike, order: Order, parametrization: Parametrization
-    ) -> FloatArray:
+    @cached_property
+    def _derivatives(self) -> tuple[DerivativeField, DerivativeField]:
+        """Of points, and of the basis."""
         from gtb_cli.theory.derivatives import DerivativeField
 
-        columns, grid = self.domain.grid(u)
-        found = DerivativeField(self.rational_basis, values).at(columns, order, parametrization)
-        return found.reshape(*grid, *found.shape[1:])
+        return DerivativeField(self.rational_basis, self.control_points), DerivativeField(self.rational_basis, None)
 
     def normals(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """Unit normals of a surface, in the direction of ∂P/∂u_0 × ∂P/∂u_1, with their limits on the boundary.

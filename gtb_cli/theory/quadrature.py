@@ -9,8 +9,6 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
 
-GRADING = 5  # power of Gauss's nodes that is the distance from an edge or corner
-
 
 class Quadrature(NamedTuple):
     """A rule ``∫ f ≈ Σ_q weights_q f(parameters_q)`` over Δ: (m, d) parameters inside, and (m,) positive weights."""
@@ -61,7 +59,8 @@ def quadrature(patch: Patch, order: int = 24) -> Quadrature:
     shape = patch.domain
     nodes, gauss = np.polynomial.legendre.leggauss(int(order))
     y = (1 + nodes) / 2
-    distance, steps = y**GRADING, gauss / 2 * GRADING * y ** (GRADING - 1)
+    power = 5  # of the nodes, that is the distance from an edge or corner
+    distance, steps = y**power, gauss / 2 * power * y ** (power - 1)
     v, middle = shape.vertices, shape.vertices.mean(axis=0)
     if shape.dimension == 1:
         places, weights = v[:, None] + distance[:, None] * (middle - v)[:, None], np.tile(steps * shape.size / 2, 2)
