@@ -15,7 +15,7 @@ from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
-from gtb_cli.shell.options import check_folder, console_option, mesh_options, output_to, reading_option
+from gtb_cli.shell.options import check_outputs, console_option, mesh_options, output_to, reading_option
 from gtb_cli.shell.streams import Streams, about, file_stem, is_device, is_folder, shown_input, versioned, write_text
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
@@ -73,7 +73,7 @@ class SequenceOutput:
         names = [f"{stem}-{label}.{kind}" for label in labels]
         folder, console = self.streams.output, self.streams.console
         *places, record = [os.path.join(folder, name) for name in [*names, SEQUENCE_RECORD]]
-        check_folder(*places, record)
+        check_outputs(*places, record)
         from gtb_cli.files import StagedFiles
 
         entries, members = [], iter(sequence)
