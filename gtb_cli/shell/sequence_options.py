@@ -90,8 +90,7 @@ class SequenceOutput:
             files.add(record, [(json.dumps(versioned(content), indent=2) + "\n").encode("ascii")])
         if rate := content["rate"]["predicted"]:
             power = "(1 − step)^" if sequence.key == "step" else "x^" if sequence.values[-1] == 0 else "x^-"
-            name = file_stem(sequence.name)
-            console.note(f"{name}: distances from the limit fall as {power}{rate:.3g} or faster in theory")
+            console.note(f"{stem}: distances from the limit fall as {power}{rate:.3g} or faster in theory")
 
     def _report(self, place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str]) -> None:
         if member.doubt:

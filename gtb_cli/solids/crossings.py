@@ -75,6 +75,7 @@ def _near_pairs(corners: FloatArray, depth: float) -> Iterator[IntArray]:
     boxes = [(low.T.copy(), high.T + depth) for low, high in tree.boxes]  # an axis at a time is several times faster
 
     def near(level: int, a: IntArray, b: IntArray) -> Iterator[IntArray]:
+        """Compare pairs of boxes of a level, and those in boxes that are near each other."""
         left = np.flatnonzero(a <= b if level else a < b)
         for least, most in zip(*boxes[level], strict=True):
             a, b = a[left], b[left]
@@ -85,7 +86,9 @@ def _near_pairs(corners: FloatArray, depth: float) -> Iterator[IntArray]:
             return
         for begin in range(0, len(a), pair_batch):
             rows = slice(begin, begin + pair_batch)
-            yield from near(level - 1, *tree.inside(level, *tree.inside(level, a[rows], b[rows])[::-1])[::-1])
+            one, other = tree.inside(level, a[rows], b[rows])
+            other, one = tree.inside(level, other, one)
+            yield from near(level - 1, one, other)
 
     top = np.arange(len(tree.boxes[-1][0]))
     yield from near(len(boxes) - 1, np.repeat(top, len(top)), np.tile(top, len(top)))
