@@ -27,7 +27,9 @@ def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
     shown = os.fspath(path)
     try:
         if _target(shown) is None:
-            with _opened(shown) as file:
+            # Opening /dev/stdout by name would restart at the beginning of a redirected file.
+            descriptor = _descriptor(shown)
+            with open(os.open(shown, os.O_WRONLY) if descriptor is None else os.dup(descriptor), "wb") as file:
                 _write(file, blocks)
             return
     except BrokenPipeError:
@@ -171,8 +173,7 @@ class StagedFiles:
 
     def _abandon(self) -> None:
         """Remove the files without a final name, and the folders made for them."""
-        for place in (*self._staged.values(), *reversed(self._made)):
-            _discard(place)
+        discard([*self._made, *self._staged.values()])
 
 
 def discard_unfinished() -> None:
@@ -236,13 +237,6 @@ def _descriptor(path: str) -> int | None:
             return None
         path = os.path.normpath(os.path.join(os.path.dirname(path), os.readlink(path)))
     return None
-
-
-def _opened(path: str) -> IO[bytes]:
-    """Open a path that is not a regular file for writing, without making or emptying anything."""
-    descriptor = _descriptor(path)
-    # Opening /dev/stdout by name would restart at the beginning of a redirected file.
-    return open(os.open(path, os.O_WRONLY) if descriptor is None else os.dup(descriptor), "wb")
 
 
 def _temporary_name(target: str) -> str:

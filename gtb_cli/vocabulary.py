@@ -26,6 +26,20 @@ def percentage(text: str) -> float:
     return value
 
 
+def check_fineness(resolution: int, tolerance: float | str | None, parametrization: str) -> None:
+    """Raise `DomainError` for numbers that make no sense, and for a tolerance in toric parameters."""
+    if isinstance(resolution, bool) or not hasattr(resolution, "__index__") or resolution < 1:
+        raise DomainError(f"resolution: expected a whole number of at least 1, got {resolution!r}")
+    if parametrization not in PARAMETRIZATIONS:
+        raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
+    if isinstance(tolerance, str):
+        percentage(tolerance)
+    elif tolerance is not None and not 0 < tolerance < math.inf:
+        raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
+    if tolerance is not None and parametrization == "toric":
+        raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out toric")
+
+
 def requirements(words: Sequence[str]) -> dict[str, float]:
     """Read requirements: the name of each, with the angle of "smooth" in degrees, and 0 for the others.
 

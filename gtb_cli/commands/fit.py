@@ -31,17 +31,12 @@ def fit(points: str, knots: tuple[float, ...] | None, streams: Streams) -> None:
     from gtb_cli.fairing.fit import fit as fitted
     from gtb_cli.language.writer import dump
 
-    rows = _points(points)
+    max_points = 1_000_000
+    with opened(points) as file:
+        rows = [row for _, row in islice(number_rows(file, shown_input(points), (2, 3)), max_points + 1)]
+    if not 0 < len(rows) <= max_points:
+        raise SpecError(f"{shown_input(points)}: has {f'more than {max_points}' if rows else 'no'} points")
     with about(shown_input(points)):
         found = fitted(rows, knots)
     streams.write(dump(found.curve.replace(name=stem_of(points))))
     streams.console.note(f"{len(rows)} points, {found.rounds} rounds, {found.distance:.3g} left")
-
-
-def _points(path: str) -> list[list[float]]:
-    max_points = 1_000_000
-    with opened(path) as file:
-        rows = [row for _, row in islice(number_rows(file, shown_input(path), (2, 3)), max_points + 1)]
-    if not 0 < len(rows) <= max_points:
-        raise SpecError(f"{shown_input(path)}: has {f'more than {max_points}' if rows else 'no'} points")
-    return rows

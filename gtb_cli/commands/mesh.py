@@ -19,7 +19,7 @@ from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import (
     INPUT,
     OUTPUT,
-    check_folder,
+    check_outputs,
     console_option,
     mesh_options,
     output_option,
@@ -234,7 +234,7 @@ def _check_targets(plan: Iterable[Task]) -> None:
             name = os.path.basename(task.output)
             raise click.UsageError(f"{sources[task.output]} and {task.path} would both be written to {name}")
         sources[task.output] = task.path
-    check_folder(*sources)
+    check_outputs(*sources)
 
 
 def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | GtbError:

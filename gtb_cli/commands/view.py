@@ -13,7 +13,7 @@ from gtb_cli.language.reading import Numbers, Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.gathering import gathered
-from gtb_cli.shell.limit_options import limit_options, refuse_limit
+from gtb_cli.shell.limit_options import limit_options
 from gtb_cli.shell.options import (
     INPUT,
     WholeNumber,
@@ -141,8 +141,10 @@ def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach
     stem = os.path.splitext(os.path.basename(os.path.abspath(path)))[0]
     is_sequence, is_mesh = os.path.isdir(path) or os.path.basename(path) == SEQUENCE_RECORD, suffix_of(path) in FORMATS
     if is_sequence or is_mesh:
-        refuse_limit(limit, path)
-        _refuse_solid(recipe, f"is for specs, and {path} is not a spec")
+        why = f"is for specs, and {path} is not a spec"
+        if limit.given:
+            raise click.UsageError(f"{in_options(f'`{limit.given[0]}`')} {why}")
+        _refuse_solid(recipe, why)
     if is_sequence:
         from gtb_cli.plots.panels import read_frames
 

@@ -121,16 +121,13 @@ def _model() -> Schema:
     moved = {"properties": {"name": _ref("name"), **_moves(), **file}, "required": ["file"]}
     entry = _any(file["file"], {"type": "object", **moved, "additionalProperties": False})
     percentage = {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"}
+    copy = _told({"copy": {"type": "string"}, "hidden": {"type": "boolean"}}) | _moves()
     keys = {
         "include": _array(entry, 0, MAX_FILES),
         "weld": _any(_ref("positive"), percentage),
-        "patches": _array(_either(_copy(), {"required": ["copy"]}, shared=("hidden",)), 1, MAX_PATCHES),
+        "patches": _array(_either(copy, {"required": ["copy"]}, shared=("hidden",)), 1, MAX_PATCHES),
     }
     return {"let": _ref("let"), **_told(keys)}
-
-
-def _copy() -> Schema:
-    return _told({"copy": {"type": "string"}, "hidden": {"type": "boolean"}}) | _moves()
 
 
 def _moves() -> Schema:

@@ -35,8 +35,7 @@ def bytes_from(text: str) -> int:
         raise click.BadParameter(f"expected a size such as 500M or 2G, got {text[:60]!r}")
     size = int(float(match[1]) * 1024 ** " KMG".index(match[2].upper() or " "))
     if size < LEAST_BYTES:
-        least = f"gtb needs at least {LEAST_BYTES >> 20}M"
-        raise click.BadParameter(f"{least}, got {text}")
+        raise click.BadParameter(f"gtb needs at least {LEAST_BYTES >> 20}M, got {text}")
     return size
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.options import numbers_of, reads
 
@@ -47,13 +46,6 @@ def moves_of(texts: Sequence[str]) -> dict[int, int]:
         if moves.setdefault(k, q) != q:
             raise ValueError(f"knot {k} cannot move to both {moves[k]} and {q}")
     return moves
-
-
-def refuse_limit(limit: Approach, path: str) -> None:
-    """Refuse the options of a limit if the input is not a spec."""
-    if limit.given:
-        option = in_options(f"`{limit.given[0]}`")
-        raise click.UsageError(f"{option} is for specs, and {path} is not a spec")
 
 
 def _approach(

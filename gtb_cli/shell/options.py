@@ -123,15 +123,13 @@ def named_files(kind: click.Path) -> list[str]:
     return [path for value in given if value is not None for path in ((value,) if isinstance(value, str) else value)]
 
 
-def check_outputs(*outputs: str) -> None:
-    """Refuse outputs that are also inputs of the running command, before anything is written."""
-    refuse_overwriting(named_files(INPUT), outputs)
+def check_outputs(*inside: str) -> None:
+    """Refuse outputs of the running command, and files inside a folder of them, that are also its inputs.
 
-
-def check_folder(*outputs: str) -> None:
-    """Refuse files of a folder of outputs that `check_outputs` refuses, and those that are links out of the folder."""
-    check_outputs(*named_files(OUTPUT), *outputs)
-    for output in outputs:
+    Files inside that are links out of the folder are refused, too.
+    """
+    refuse_overwriting(named_files(INPUT), [*named_files(OUTPUT), *inside])
+    for output in inside:
         if os.path.islink(output) and leads_out(output):
             raise ExportError(f"cannot write {output}: it is a link that leads out of its folder")
 
@@ -255,7 +253,7 @@ ignore_option = click.option(
 
 
 def _console(quiet: bool) -> Console:
-    check_outputs(*named_files(OUTPUT))  # so that a command is not called if it would overwrite what it reads
+    check_outputs()  # so that a command is not called if it would overwrite what it reads
     output = click.get_current_context().params.get("output") or ""
     place = os.path.dirname(output)
     # Other names may be those of folders, which are made if missing. Refused before the work, not after it.

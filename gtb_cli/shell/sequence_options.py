@@ -15,7 +15,7 @@ from gtb_cli.language.reading import Reading
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
-from gtb_cli.shell.options import check_folder, console_option, mesh_options, output_to, reading_option
+from gtb_cli.shell.options import check_outputs, console_option, mesh_options, output_to, reading_option
 from gtb_cli.shell.streams import Streams, about, file_stem, is_device, is_folder, shown_input, versioned, write_text
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
@@ -73,7 +73,7 @@ class SequenceOutput:
         names = [f"{stem}-{label}.{kind}" for label in labels]
         folder, console = self.streams.output, self.streams.console
         *places, record = [os.path.join(folder, name) for name in [*names, SEQUENCE_RECORD]]
-        check_folder(*places, record)
+        check_outputs(*places, record)
         from gtb_cli.files import StagedFiles
 
         entries, members = [], iter(sequence)
@@ -90,8 +90,7 @@ class SequenceOutput:
             files.add(record, [(json.dumps(versioned(content), indent=2) + "\n").encode("ascii")])
         if rate := content["rate"]["predicted"]:
             power = "(1 − step)^" if sequence.key == "step" else "x^" if sequence.values[-1] == 0 else "x^-"
-            name = file_stem(sequence.name)
-            console.note(f"{name}: distances from the limit fall as {power}{rate:.3g} or faster in theory")
+            console.note(f"{stem}: distances from the limit fall as {power}{rate:.3g} or faster in theory")
 
     def _report(self, place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str]) -> None:
         if member.doubt:

@@ -69,11 +69,7 @@ class ReportRequest:
     @property
     def in_lines(self) -> bool:
         """True if each of several specs gets one line."""
-        return self._are_several and not self.in_full and not self.as_json
-
-    @property
-    def _are_several(self) -> bool:
-        return are_several(self.specs)
+        return are_several(self.specs) and not self.in_full and not self.as_json
 
     def found(self, report: Callable[..., Found], meshes: bool = False) -> tuple[list[tuple[str, Found]], list[Fault]]:
         """Return what ``report(path, reading=…, weld=…)`` returns for each spec, or mesh, by name, and the errors.
@@ -105,15 +101,16 @@ class ReportRequest:
         gap: str = "",
     ) -> None:
         """Write the reports as JSON, in full, or with a line for each of several specs; `gap` stands between texts."""
+        several = are_several(self.specs)
         if not self.as_json:  # "::" at the beginning of a line, also after spaces, is a command of GitHub's
             rows = [(f"./{name}" if name.lstrip().startswith("::") else name, found) for name, found in rows]
         if self.as_json:
-            data = [({"file": name} if self._are_several else {}) | record(found) for name, found in rows]
-            write_json(self.streams.output, data if self._are_several else data[0])
+            data = [({"file": name} if several else {}) | record(found) for name, found in rows]
+            write_json(self.streams.output, data if several else data[0])
         elif self.in_lines:
             self.streams.write("".join(f"{line(printable(name), found)}\n" for name, found in rows))
         else:
-            texts = [(f"{printable(name)}\n" if self._are_several else "") + text(found) for name, found in rows]
+            texts = [(f"{printable(name)}\n" if several else "") + text(found) for name, found in rows]
             self.streams.write(without_commands(gap.join(texts)))
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Spec: TypeAlias = "Patch | Model"
 STDIN = "<stdin>"  # name of standard input in messages
+MAX_STEM_BYTES = 200  # longest stem of a file name, in bytes: every file system allows it with a suffix
 
 
 @dataclass(frozen=True)
@@ -279,11 +280,10 @@ def refuse_terminal(output: str, kind: str, way_out: str) -> None:
 def file_stem(name: str | None) -> str:
     """Turn any name into the stem of a file name that stays in its folder and is not hidden."""
     unsafe_characters = '/\\:*?"<>|'  # characters that some file systems do not allow in names
-    max_bytes = 200  # of the stem: every file system allows them with a suffix
     kept = "".join(c if c.isprintable() and c not in unsafe_characters else "_" for c in name or "").strip()
     if kept.startswith((".", "-")):
         kept = "_" + kept[1:]
-    return kept.encode("utf-8")[:max_bytes].decode("utf-8", "ignore").rstrip() or "patch"
+    return kept.encode("utf-8")[:MAX_STEM_BYTES].decode("utf-8", "ignore").rstrip() or "patch"
 
 
 def stem_of(path: str) -> str | None:

@@ -73,8 +73,13 @@ def _near_pairs(corners: FloatArray, depth: float) -> Iterator[IntArray]:
     pair_batch = 1 << 13  # pairs of boxes whose boxes inside, 64 times as many, are compared at a time
     tree = NearestCells(corners)
     boxes = [(low.T.copy(), high.T + depth) for low, high in tree.boxes]  # an axis at a time is several times faster
-
-    def near(level: int, a: IntArray, b: IntArray) -> Iterator[IntArray]:
+    root = np.zeros(1, dtype=np.int64)  # a box above the highest level
+    stack = [(len(boxes), root, root)]
+    while stack:
+        level, a, b = stack.pop()
+        a, b = tree.inside(level, a, b)
+        b, a = tree.inside(level, b, a)
+        level -= 1
         left = np.flatnonzero(a <= b if level else a < b)
         for least, most in zip(*boxes[level], strict=True):
             a, b = a[left], b[left]
@@ -82,13 +87,9 @@ def _near_pairs(corners: FloatArray, depth: float) -> Iterator[IntArray]:
         a, b = a[left], b[left]
         if level == 0:
             yield tree.order[np.stack([a, b], axis=1)]
-            return
-        for begin in range(0, len(a), pair_batch):
-            rows = slice(begin, begin + pair_batch)
-            yield from near(level - 1, *tree.inside(level, *tree.inside(level, a[rows], b[rows])[::-1])[::-1])
-
-    top = np.arange(len(tree.boxes[-1][0]))
-    yield from near(len(boxes) - 1, np.repeat(top, len(top)), np.tile(top, len(top)))
+            continue
+        starts = range(0, len(a), pair_batch)
+        stack += [(level, a[start : start + pair_batch], b[start : start + pair_batch]) for start in starts]
 
 
 def _cross(corners: FloatArray, normals: FloatArray, across: IntArray, pairs: IntArray, depth: float) -> BoolArray:

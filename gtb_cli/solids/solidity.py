@@ -10,7 +10,6 @@ from gtb_cli.meshes.topology import adjacent, are_proper
 from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs
 
 CROSSES = "the solid passes through itself"
-LIES = f"the solid lies upon itself, to {CROSSING_DEPTH:g} of its size"
 
 
 def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
@@ -57,7 +56,8 @@ def crossing_remarks(mesh: Mesh) -> list[str]:
         one, other = np.moveaxis(mesh.vertices[mesh.faces[crossing]], 1, 0)
         normals = unit(cross(one[:, 1] - one[:, 0], one[:, 2] - one[:, 0]))
         heights = np.einsum("pcx,px->pc", other - one[:, :1], normals)
-        what = CROSSES if np.abs(heights).max() > CROSSING_DEPTH * np.ptp(mesh.bounds, axis=0).max() else LIES
+        lies = f"the solid lies upon itself, to {CROSSING_DEPTH:g} of its size"
+        what = CROSSES if np.abs(heights).max() > CROSSING_DEPTH * np.ptp(mesh.bounds, axis=0).max() else lies
         remarks.append(f"{what}: {where(mesh, distinct(crossing.ravel()))}")
     if not is_complete:
         remarks.append("not checked: whether more distant parts of the solid meet, too many faces are near each other")

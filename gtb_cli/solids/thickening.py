@@ -36,9 +36,7 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     Notes
     -----
     If patches meet at an angle, the vertex moves to where the offsets of all patches meet, but at most by `MAX_MITRE`
-    times the thickness. The facets decide in two cases: if a normal disagrees with the facets around the vertex and the
-    surface's own normals are not given, and if the normal turns within a facet of the boundary; the offset then
-    continues as inside. Coincident ends of a boundary edge become one vertex. If the surface bends more sharply than
+    times the thickness. Coincident ends of a boundary edge become one vertex. If the surface bends more sharply than
     the thickness, the offset folds: see `folded_faces`. `gtb_cli.solids.crossings` finds distant parts that meet.
     """
     mesh = _welded(_checked(mesh, thickness))

@@ -183,11 +183,8 @@ def _sweep(
     vertices whose normals the corners have: in a cap, its centre.
     """
     rings, across, shift = _rings(sections, radius, sides)
-    vertices, normals, owners = (
-        rings.reshape(-1, 3),
-        across.reshape(-1, 3),
-        np.repeat(path.vertices[sections.at], sides),
-    )
+    vertices, normals = rings.reshape(-1, 3), across.reshape(-1, 3)
+    owners = np.repeat(path.vertices[sections.at], sides)
     index = np.arange(len(vertices)).reshape(-1, sides)
     ahead = _ahead(index, shift, path.closed)
     behind = index[: len(ahead)]

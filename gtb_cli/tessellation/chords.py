@@ -166,10 +166,8 @@ class ChordProofs:
         spent_share = 0.02  # of the tolerance: a bound that is known this well, yet does not hold, will not hold
         seen_from = self._seen_from(chords)
         first, last = ends = [self._at(s, seen_from) for s in (intervals.start, intervals.end)]
-        across, beyond = np.zeros((2, 2, len(chords)))  # of both ends
-        for k, end in enumerate(ends):
-            across[k] = np.linalg.norm(end.y, axis=0)
-            beyond[k] = np.maximum(np.maximum(-end.x, end.x - seen_from.length), 0.0)
+        across = np.stack([np.linalg.norm(end.y, axis=0) for end in ends])
+        beyond = np.stack([np.maximum(np.maximum(-end.x, end.x - seen_from.length), 0.0) for end in ends])
         # By how much the points between may be farther than both ends, across and along the chord.
         more = self._between(intervals, first, last, seen_from)
         for side, (at, other) in enumerate(((first, last), (last, first))):
@@ -234,8 +232,6 @@ class ChordProofs:
         speed = ahead[first].sum(axis=0)
         noise = (len(self.knots) + 16) * EPS * np.abs(ahead[~at]).sum(axis=0)
         for sign in (1.0, -1.0):
-            against = (np.where((gaps > least)[:, None], np.maximum(-sign * ahead, 0.0), 0.0) * gaps[:, None]).sum(
-                axis=0
-            )
+            against = (np.maximum(-sign * ahead[gaps > least], 0.0) * gaps[gaps > least, None]).sum(axis=0)
             bounds[1, sign * speed * room > against + noise] = 0.0
         return np.where((room >= 0) & (base > 0), bounds, np.inf)

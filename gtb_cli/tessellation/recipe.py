@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.values import by_value, frozen
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Rim, requirements
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Rim, check_fineness, requirements
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
@@ -72,8 +72,6 @@ class Recipe:
     weld: float | str | None = None
 
     def __post_init__(self) -> None:
-        from gtb_cli.tessellation.fineness import check_fineness
-
         check_fineness(self.resolution, self.tolerance, self.parametrization)
         if isinstance(self.max_faces, bool) or not hasattr(self.max_faces, "__index__") or self.max_faces < 1:
             raise DomainError(f"max_faces: expected a whole number of at least 1, got {self.max_faces!r}")
@@ -260,6 +258,6 @@ class Recipe:
         """Raise `ToleranceError` for more faces than are allowed, or than the machine's memory holds."""
         if self.tolerance is not None:
             return
-        from gtb_cli.tessellation.fineness import refuse_faces
+        from gtb_cli.tessellation.tessellate import refuse_faces
 
         refuse_faces(self.faces(spec), self.resolution, self.max_faces)

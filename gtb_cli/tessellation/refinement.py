@@ -128,10 +128,9 @@ class _Refinement:
             why = "is not reached where parameters are too close to tell apart"
         if why:
             farthest = float(edges.error.max())  # faces may be farther from the surface than their edges are
-            still = (
-                f"; with {now} samples are still up to {farthest:.3g} from their edges" if farthest > self.asked else ""
-            )
-            raise ToleranceError(f"tolerance: {self.asked:g} {why}{still}")
+            if farthest > self.asked:
+                why += f"; with {now} samples are still up to {farthest:.3g} from their edges"
+            raise ToleranceError(f"tolerance: {self.asked:g} {why}")
 
     def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
         """Mark the edge that is farthest from the surface in each cell that fails and has no marked edge yet."""
@@ -228,8 +227,10 @@ class _Refinement:
                 finer = doubts & ~fails & (steps_at < steps)
                 fails[finer], doubts[finer] = self.sample(rows[finer], steps)
             doubts[:] = False
-        row, u = peaks.inside(rows_of(self.mesh.cells, rows))
-        fails[row[self.samples.at(rows[row], u, self.nearby) > self.tolerance]] = True
+        cells = rows_of(self.mesh.cells, rows)
+        row, u = peaks.inside(cells)
+        sample = self.sampler.points(cells.patch.take(row), u, np.full(len(row), INTERIOR), self.nearby)
+        fails[row[cell_distances(sample, *self.mesh.corners(rows[row])) > self.tolerance]] = True
         return rows[fails], rows[doubts]
 
     def sample(self, rows: IntArray, steps: int) -> tuple[BoolArray, BoolArray]:

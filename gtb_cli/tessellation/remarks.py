@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, dot, point_text
-from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
@@ -107,7 +106,10 @@ def sharpest_bend(
         part = triangulation(domain, count)
         u = part.parameters[part.cells].mean(axis=1)  # inside, also in triangles with corners on the boundary
         offset = -thickness if is_turned else thickness
-        bend = _bends(patch, u, offset)
+        gaussian, mean = curvature(patch, u, "linear")
+        mean = -math.copysign(1.0, offset) * mean
+        bend = mean + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))  # largest principal curvature towards the offset
+        bend = np.where(np.isfinite(bend), bend, 0.0)
         folded = np.flatnonzero(bend * abs(thickness) >= 1)
         if not len(folded):
             continue
@@ -118,14 +120,6 @@ def sharpest_bend(
     return radius, place
 
 
-def _bends(patch: Patch, u: FloatArray, offset: float) -> FloatArray:
-    """Return the largest principal curvatures towards an offset, (m,); 0 where the surface is not regular."""
-    gaussian, mean = curvature(patch, u, "linear")
-    mean = -math.copysign(1.0, offset) * mean
-    bends = mean + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))
-    return np.where(np.isfinite(bends), bends, 0.0)
-
-
 def _is_nearer(patch: Patch, u: FloatArray, offset: float, step: float) -> BoolArray:
     """Mark parameters, (k,), at which the offset point is nearer by 2 % to another point of the surface."""
     rounds, share = 6, 0.98
@@ -133,18 +127,14 @@ def _is_nearer(patch: Patch, u: FloatArray, offset: float, step: float) -> BoolA
     pattern = np.stack(np.meshgrid([-2, -1, 0, 1, 2], [-2, -1, 0, 1, 2]), axis=-1).reshape(-1, 2)
     best, rows = u, np.arange(len(u))
     nearest = np.full(len(u), np.inf)
+    least = 1e-6 * patch.domain.size * patch.domain.normal_lengths  # height over each edge of what is clearly inside Δ
     for _ in range(rounds):
-        around = _inside(patch.domain, best[:, None] + step * pattern, best)
+        around = best[:, None] + step * pattern
+        heights = np.einsum("kprd,rd->kpr", around[:, :, None] - patch.domain.vertices, patch.domain.normals)
+        around = np.where((heights > least).all(axis=2)[:, :, None], around, best[:, None])
         found = patch.evaluate(around.reshape(-1, 2), "linear").reshape(len(u), -1, 3) - points[:, None]
         squares = dot(found.reshape(-1, 3), found.reshape(-1, 3)).reshape(len(u), -1)
         chosen = squares.argmin(axis=1)
         best, nearest = around[rows, chosen], squares[rows, chosen]
         step /= 2
     return np.asarray(np.sqrt(nearest) < share * abs(offset))
-
-
-def _inside(domain: Domain, around: FloatArray, instead: FloatArray) -> FloatArray:
-    """Replace each of (k, p, 2) parameters that is not clearly inside Δ by its row's one of (k, 2)."""
-    least = 1e-6 * domain.size * domain.normal_lengths
-    heights = np.einsum("kprd,rd->kpr", around[:, :, None] - domain.vertices, domain.normals)
-    return np.where((heights > least).all(axis=2)[:, :, None], around, instead[:, None])

@@ -84,12 +84,6 @@ class Sampling:
 
         return self._in_blocks(sample, rows, len(weights))[1]
 
-    def at(self, cell: IntArray, u: FloatArray, within: float) -> FloatArray:
-        """Measure the distances of the surface at (m, 2) parameters from the cells that hold them."""
-        inner = np.full(len(cell), INTERIOR)
-        sample = self.sampler.points(self.mesh.cells.patch.take(cell), u, inner, within)
-        return cell_distances(sample, *self.mesh.corners(cell))
-
     def folded_or_uncovered(self, rows: IntArray, steps_at: IntArray, within: float, tolerance: float) -> BoolArray:
         """Mark cells of a flat patch that are turned over, or have samples farther than the tolerance from all cells.
 
