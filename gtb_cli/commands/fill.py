@@ -135,7 +135,7 @@ def fill(
         name = None if isinstance(found, Model) else named or stem_of(loop)
         filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)
     if kind is not None and not filling.fault:
-        from gtb_cli.formats.kinds_of_surfaces import encode_surfaces
+        from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
 
         part = found.shape if isinstance(found, Part) else None
         with about(source):

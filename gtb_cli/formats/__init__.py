@@ -1,1 +1,1 @@
-"""Mesh to bytes and back, and what each format can hold; surfaces for CAD programs."""
+"""Mesh to bytes and back, and what each format can hold."""

@@ -25,7 +25,7 @@ def write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, stream
     check_unit(options, kind)
     if kind in CELL_FORMATS:
         options.refuse(f"is for meshes, and cells of {kind.upper()} share no vertices", "require")
-    from gtb_cli.formats.kinds_of_surfaces import encode_surfaces, with_y_up
+    from gtb_cli.cad.kinds_of_surfaces import encode_surfaces, with_y_up
     from gtb_cli.tessellation.curved_cells import encode_cells, unused
 
     recipe = options.recipe

@@ -3,9 +3,9 @@
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.cad.kinds_of_surfaces import shortened
+from gtb_cli.cad.vtu import QuadraticCells, encode_quadratic, encode_vtu
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.formats.kinds_of_surfaces import shortened
-from gtb_cli.formats.vtu import QuadraticCells, encode_quadratic, encode_vtu
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.attributes import QUALITY_NAME, with_attributes

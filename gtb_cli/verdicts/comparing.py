@@ -13,8 +13,6 @@ from itertools import combinations, groupby
 from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import GtbError
-from gtb_cli.files import read_file
-from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import pairs
@@ -129,6 +127,9 @@ class Comparing:
 
 def _are_alike(first: str, second: str) -> bool:
     """Tell whether two files of JSON hold the same but for last digits, which other processors find otherwise."""
+    from gtb_cli.files import read_file
+    from gtb_cli.language.document import MAX_BYTES
+
     digits = 1e-6  # relative; the distances in a sequence are known to less
 
     def alike(one: Any, other: Any) -> bool:

@@ -69,8 +69,8 @@ def by_open_cascade(model: Model, tolerance: float, folder: Path) -> Callable[[]
     from OCP.TopLoc import TopLoc_Location
     from OCP.TopoDS import TopoDS, TopoDS_Shape
 
-    from gtb_cli.formats.bspline_surfaces import spline_surfaces
-    from gtb_cli.formats.cad import encode_cad
+    from gtb_cli.cad.bspline_surfaces import spline_surfaces
+    from gtb_cli.cad.kernel import encode_cad
 
     path, shape = folder / "x.brep", TopoDS_Shape()
     path.write_bytes(encode_cad(spline_surfaces(model).surfaces, "brep").data)

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gtb_cli.bezier.pieces import bezier_pieces
+from gtb_cli.cad.vtu import encode_vtu
 from gtb_cli.formats.export import standing
-from gtb_cli.formats.vtu import encode_vtu
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh

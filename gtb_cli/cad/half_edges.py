@@ -9,8 +9,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.pieces import bezier_pieces
+from gtb_cli.cad.exact_surfaces import homogeneous_points
 from gtb_cli.errors import DomainError
-from gtb_cli.formats.exact_surfaces import homogeneous_points
 from gtb_cli.models.joints import Joint, unjoined
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import EdgeRef

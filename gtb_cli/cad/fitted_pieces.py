@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.formats.exact_surfaces import SplineSurface
-from gtb_cli.formats.half_edges import HalfEdge
+from gtb_cli.cad.exact_surfaces import SplineSurface
+from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch
 

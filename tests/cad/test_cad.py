@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from gtb_cli.bezier.elevation import elevate
+from gtb_cli.cad.bspline_surfaces import spline_surfaces
+from gtb_cli.cad.exact_surfaces import exact_surfaces
+from gtb_cli.cad.kernel import KERNEL_UNITS, encode_cad
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
-from gtb_cli.formats.bspline_surfaces import spline_surfaces
-from gtb_cli.formats.cad import KERNEL_UNITS, encode_cad
-from gtb_cli.formats.exact_surfaces import exact_surfaces
 from gtb_cli.formats.threemf import UNIT_NAMES
 from gtb_cli.importers import cad_files
 from gtb_cli.importers.cad_files import kernel

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gtb_cli.bezier.pieces import bezier_pieces
+from gtb_cli.cad.vtu import CURVE, QUADRATIC_TRIANGLE, QUADRILATERAL, TRIANGLE, encode_quadratic, encode_vtu
 from gtb_cli.errors import DomainError
-from gtb_cli.formats.vtu import CURVE, QUADRATIC_TRIANGLE, QUADRILATERAL, TRIANGLE, encode_quadratic, encode_vtu
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.curved_cells import quadratic_cells
 from gtb_cli.tessellation.recipe import Recipe

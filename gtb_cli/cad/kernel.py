@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gtb_cli.cad.cad_seams import Seams, seams_of
+from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.errors import ExportError
 from gtb_cli.files import begin
-from gtb_cli.formats.cad_seams import Seams, seams_of
-from gtb_cli.formats.exact_surfaces import SplineSurface
 from gtb_cli.importers.cad_files import MISSING, kernel, parts, silence
 
 KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points

@@ -8,8 +8,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.bezier.pieces import bezier_pieces
+from gtb_cli.cad.exact_surfaces import exact_surfaces, homogeneous_points
 from gtb_cli.errors import DomainError
-from gtb_cli.formats.exact_surfaces import exact_surfaces, homogeneous_points
 from gtb_cli.knots.lattice import Direction, lattice_of
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import patch_name
