@@ -39,6 +39,7 @@ from tests.specs import load
 HERE = Path(__file__).parent
 CUP = HERE / "cagd86.gbp"
 
+ONCE = 1  # raises of degrees where they are not what is tested: more of them take three times as long
 PLANES = 1e-9  # degrees between normals along filled edges and the given ones, away from the corners
 
 
@@ -79,14 +80,14 @@ def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
 
 
 # Seeds of loops by their number of sides: few of many sides, which take long. Some patches turn sharply.
-SEEDS = {n: range(3) for n in (5, 3, 4, 6, 7)} | {8: (0, 7), 9: (3, 7), 10: (0,), 12: (3,)}
+SEEDS = {n: range(3) for n in (3, 4, 5, 6, 7)} | {8: (0, 7), 9: (3, 7), 10: (0,), 12: (3,)}
 
 
 @pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
 def test_random_loops_are_filled(n, seed):
     """Planes of some turn by 180 degrees along one side: the patch follows them, and says where it turns sharply."""
     sides = random_sides(n, seed)
-    filling = fill_loop(sides)
+    filling = fill_loop(sides, raises=None if seed == SEEDS[n][0] else ONCE)
     assert_fills(filling, sides)
     said = any("its tangent planes turn by 1" in remark for remark in filling.remarks)
     assert said == bool(filling.sharp_turns)
@@ -139,7 +140,7 @@ def test_no_plane_patch_that_passes_is_folded(seed):
     n = int(rng.integers(3, 8))
     angles, radii = (np.arange(n) + 0.6 * rng.random(n)) * 2 * np.pi / n, rng.uniform(0.25, 1, n)
     corners = np.column_stack([radii * np.cos(angles), radii * np.sin(angles), np.zeros(n)])
-    filling = fill_loop([HoleSide(f"{k}", homogeneous(corners[[k, (k + 1) % n]])) for k in range(n)])
+    filling = fill_loop([HoleSide(f"{k}", homogeneous(corners[[k, (k + 1) % n]])) for k in range(n)], raises=0)
     if filling.fault is None:
         p = energy_samples(filling.patch.domain, 40)[0]
         assert (filling.patch.normals(p, "linear")[:, 2] > 0).all()
@@ -165,12 +166,12 @@ def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
 def test_loops_of_all_kinds_are_filled(n, seed, degrees, kind):
     """Many sides with quiet planes, rational sides, high and low degrees."""
     sides = random_sides(n, seed, degrees, **kind)
-    assert_fills(fill_loop(sides), sides)
+    assert_fills(fill_loop(sides, raises=ONCE if n < 12 else None), sides)
 
 
 def test_at_corners_the_normal_is_that_of_the_sides():
     sides = random_sides(3, 3, (2, 3))
-    filling = fill_loop(sides)
+    filling = fill_loop(sides, raises=ONCE)
     patch = filling.patch
     normals = patch.normals(patch.domain.vertices)
     for k, side in enumerate(filling.sides):
@@ -201,7 +202,10 @@ def loop_of_five(kind: str) -> Filling:
 
 @pytest.mark.parametrize("kind", mostly_long(["planes", "an edge only", "edges only"]))
 def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
-    patch = loop_of_five(kind).patch
+    filling = loop_of_five(kind)
+    patch = filling.patch
+    if kind == "planes":
+        assert_fills(filling, random_sides(5, 0, (2, 3)))
     found = [corner_limits(patch, corner) for corner in range(5)]
     assert max(each.angle for each in found) < 1e-6
     assert [each.curvature_exponent for each in found] == [0] * 5
@@ -234,7 +238,7 @@ def test_at_smooth_corners_the_patch_does_not_fold():
 def test_corners_where_ribbons_disagree_are_said(tmp_path):
     sides = random_sides(4, 4, (2, 3))
     turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
-    filling = fill_loop([turned, *sides[1:]])
+    filling = fill_loop([turned, *sides[1:]], raises=ONCE)
     assert filling.angle < PLANES
     assert filling.corner_angles[0] > 5
     assert filling.corner_angles[1] > 5
@@ -252,7 +256,7 @@ def test_any_size_and_place(scale, shift):
         weights = side.curve[:, 3:]
         curve = np.column_stack([side.curve[:, :3] * scale + shift * weights, weights])
         moved.append(HoleSide(side.name, curve, side.across * scale))
-    one, other = fill_loop(plain).patch, fill_loop(moved).patch
+    one, other = (fill_loop(each, raises=ONCE).patch for each in (plain, moved))
     back = other.replace(control_points=(other.control_points - shift) / scale)
     places = energy_samples(one.domain, 8)[0]
     tolerance = 1e-6 if shift else 1e-7  # a form is least up to the root of its rounding
@@ -263,7 +267,7 @@ def test_any_size_and_place(scale, shift):
 def test_the_order_and_direction_of_sides_do_not_matter():
     sides = random_sides(4, 6, (2, 2))
     mixed = [sides[0], sides[2].reversed(), sides[3], sides[1].reversed()]
-    one, other = fill_loop(sides), fill_loop(mixed)
+    one, other = fill_loop(sides, raises=ONCE), fill_loop(mixed, raises=ONCE)
     assert any("other end" in remark for remark in other.remarks)
     np.testing.assert_allclose(one.patch.control_points, other.patch.control_points, atol=1e-9)
 
@@ -362,7 +366,7 @@ def test_a_side_that_is_a_point_is_left_out():
     sides = random_sides(4, 9)
     corner = sides[2].ends[0]
     point = HoleSide("tip", homogeneous(np.tile(corner, (4, 1))))
-    filling = fill_loop([*sides[:2], point, *sides[2:]])
+    filling = fill_loop([*sides[:2], point, *sides[2:]], raises=ONCE)
     assert filling.remarks[0] == "tip is a point and is left out"
     assert_fills(filling, sides)
 
