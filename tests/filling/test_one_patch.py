@@ -80,14 +80,14 @@ def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
 
 
 # Seeds of loops by their number of sides: few of many sides, which take long. Some patches turn sharply.
-SEEDS = {n: range(3) for n in (3, 4, 5, 6, 7)} | {8: (0, 7), 9: (3, 7), 10: (0,), 12: (3,)}
+SEEDS = {n: range(3) for n in (3, 4, 5, 6, 7)} | {8: (0, 7), 9: (3, 7)}
 
 
 @pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
 def test_random_loops_are_filled(n, seed):
     """Planes of some turn by 180 degrees along one side: the patch follows them, and says where it turns sharply."""
     sides = random_sides(n, seed)
-    filling = fill_loop(sides, raises=None if seed == SEEDS[n][0] else ONCE)
+    filling = fill_loop(sides)
     assert_fills(filling, sides)
     said = any("its tangent planes turn by 1" in remark for remark in filling.remarks)
     assert said == bool(filling.sharp_turns)
@@ -130,7 +130,7 @@ def test_a_ribbon_that_points_out_of_the_hole_makes_no_corner_concave():
     ],
 )
 def test_a_refusal_names_what_turns_the_patch_over(sign, what, way_out):
-    assert re.match(f"the patch {what}: {way_out}", fill_loop(plane_sides(L, [sign] * 6)).fault)
+    assert re.match(f"the patch {what}: {way_out}", fill_loop(plane_sides(L, [sign] * 6), raises=0).fault)
 
 
 @pytest.mark.parametrize("seed", mostly_long([2, 1, 0, *range(3, 8)]))  # refused, as 1 is, and not
@@ -589,8 +589,6 @@ def test_the_corner_of_a_box_is_what_fill_makes(box):
     assert (filling.angle < PLANES, filling.folds, filling.patch.name) == (True, 0, "hole")
     assert filling.model.patches[:-1] == rest.patches
     assert len(filling.model.joints.shared) == 12
-    far = Model([patch.replace(control_points=patch.control_points + 1e7) for patch in rest])
-    assert abs(fill(far, hole="rounding-x edge 0", raises=0).bending.variation / filling.bending.variation - 1) < 1e-3
     made = filling.patch
     np.testing.assert_allclose(kept.knots, made.knots, atol=1e-12)
     np.testing.assert_allclose(kept.log_products, made.log_products, atol=1e-8)
@@ -613,6 +611,8 @@ def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():
     filling = fill(rest, hole="post edge 2")
     plain = fill(rest, hole="post edge 2", raises=0)
     assert plain.raises == (0,) * 3
+    far = Model([patch.replace(control_points=patch.control_points + 1e7) for patch in rest])
+    assert abs(fill(far, hole="post edge 2", raises=0).bending.variation / plain.bending.variation - 1) < 1e-3
     assert filling.raises == (4,) * 3
     assert filling.model.patches[:-1] == rest.patches
     assert len(filling.model.joints.shared) == 3
@@ -663,7 +663,7 @@ def bent_beside(patch):
 
 
 @pytest.mark.parametrize("raises", mostly_long([None, 2]))
-@pytest.mark.parametrize("name", mostly_long(["pentagon-1", "hexagon", "square-1", "triangle-1"]))
+@pytest.mark.parametrize("name", mostly_long(["triangle-1", "pentagon-1", "hexagon", "square-1"]))
 def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
     """Its neighbours have real knots; where degrees are raised, so are theirs, and the model closes all the same."""
     model = load(SPECS / "hebesphenorotunda.toml")

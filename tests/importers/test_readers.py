@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gtb_cli.errors import SpecError
-from gtb_cli.importers.readers import READERS, import_data
+from gtb_cli.importers.readers import READERS, Imported, import_data
 from gtb_cli.language.loading import parse
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.models.model import Model
@@ -19,11 +20,18 @@ from tests.foreign import FILES
 from tests.marks import mostly_long
 from tests.shell import gtb
 
+pytestmark = pytest.mark.usefixtures("probed_here")
+
 PLACES = [(Fraction(1, 3), Fraction(1, 7)), (Fraction(4, 5), Fraction(2, 3)), (Fraction(1, 9), Fraction(8, 9))]
 
 
+@cache
+def imported(name: str) -> Imported:
+    return import_data(name, FILES[name])
+
+
 def patches_of(name: str) -> tuple[Patch, ...]:
-    return import_data(name, FILES[name]).shape.patches
+    return imported(name).shape.patches
 
 
 def assert_near(found: np.ndarray, expected: Sequence[Fraction]) -> None:
@@ -81,7 +89,7 @@ def test_nurbs_surfaces_are_their_spans() -> None:
 
 
 def test_iges_says_what_is_left_out() -> None:
-    found = import_data("part.igs", FILES["part.igs"])
+    found = imported("part.igs")
     assert found.remarks == ("lengths are millimetres", "5 curves beside the surfaces are left out")
 
 
