@@ -5,6 +5,7 @@ import os
 import subprocess
 from collections.abc import Iterator
 from functools import partial
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import settings
@@ -43,15 +44,12 @@ def _failures_are_looked_at() -> Iterator[None]:
 
 @pytest.fixture
 def probed_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Good CAD files break no kernel: no process of their own, which takes a second to start, reads them first."""
+    """Good CAD files, which break no kernel, are not read by another process first, that starts in a second."""
 
-    class Here:
-        @staticmethod
-        def run(words: list[str], **options: bool) -> subprocess.CompletedProcess[bytes]:
-            good = cad_files.probe(*words[-2:]) == 0
-            return subprocess.CompletedProcess(words, 0) if good else subprocess.run(words, **options)
+    def run(words: list[str], **options: bool) -> object:
+        return SimpleNamespace(returncode=0) if cad_files.probe(*words[-2:]) == 0 else subprocess.run(words, **options)
 
-    monkeypatch.setattr(cad_files, "subprocess", Here)
+    monkeypatch.setattr(cad_files, "subprocess", SimpleNamespace(run=run))
 
 
 @pytest.fixture

@@ -54,22 +54,13 @@ def test_the_volume_in_closed_patches(size):
     assert abs(volume.value / size**3 - (6 + 4 * 2 / 9)) <= volume.error / size**3 <= 1e-5
 
 
-def steep_curve() -> Patch:
-    random = np.random.default_rng(3)
-    return Patch(np.sort(random.uniform(size=5)), random.normal(size=(5, 3)), 10 ** random.normal(scale=3, size=5))
-
-
-def steep_sheet() -> Patch:
-    random = np.random.default_rng(4)
-    knots = random.uniform(size=(8, 2)).round(2)
-    points = np.column_stack([3 * knots, random.normal(size=8)])
-    return Patch(knots, points, 10 ** random.normal(scale=4, size=8))
-
-
-@pytest.mark.parametrize(("shape", "fine"), mostly_long([(steep_curve(), 7.885258), (steep_sheet(), 3.70528)]))
-def test_steep_weights_make_no_false_digits(shape, fine):
+@pytest.mark.parametrize(("seed", "fine"), mostly_long([(3, 7.885258), (4, 3.70528)]))
+def test_steep_weights_make_no_false_digits(seed, fine):
     """Beside the sums of meshes within 1e-8 and 3e-4: they were 268 and 4 times as far away as was said."""
-    (found,) = extents(shape).values()
+    random = np.random.default_rng(seed)
+    knots = np.sort(random.uniform(size=5)) if seed == 3 else random.uniform(size=(8, 2)).round(2)
+    points = random.normal(size=(5, 3)) if seed == 3 else np.column_stack([3 * knots, random.normal(size=8)])
+    (found,) = extents(Patch(knots, points, 10 ** random.normal(scale=seed, size=len(knots)))).values()
     assert abs(found.value - fine) <= found.error < 0.01 * fine
 
 

@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gtb_cli.errors import SpecError
-from gtb_cli.importers.readers import READERS, Imported, import_data
+from gtb_cli.importers.readers import READERS, import_data
 from gtb_cli.language.loading import parse
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.models.model import Model
@@ -25,13 +24,8 @@ pytestmark = pytest.mark.usefixtures("probed_here")
 PLACES = [(Fraction(1, 3), Fraction(1, 7)), (Fraction(4, 5), Fraction(2, 3)), (Fraction(1, 9), Fraction(8, 9))]
 
 
-@cache
-def imported(name: str) -> Imported:
-    return import_data(name, FILES[name])
-
-
 def patches_of(name: str) -> tuple[Patch, ...]:
-    return imported(name).shape.patches
+    return import_data(name, FILES[name]).shape.patches
 
 
 def assert_near(found: np.ndarray, expected: Sequence[Fraction]) -> None:
@@ -89,7 +83,7 @@ def test_nurbs_surfaces_are_their_spans() -> None:
 
 
 def test_iges_says_what_is_left_out() -> None:
-    found = imported("part.igs")
+    found = import_data("part.igs", FILES["part.igs"])
     assert found.remarks == ("lengths are millimetres", "5 curves beside the surfaces are left out")
 
 
