@@ -208,6 +208,7 @@ def test_a_dozen_fillings_are_tried_and_no_more():
     assert len(tried) == 12
 
 
+@long
 def test_a_corner_of_190_degrees_is_cut():
     polygon = np.array([[0.0, 0], [1, 0.1], [2, 0], [2, 1], [0, 1]])[:, :2]
     assert len(filled(graph_sides(0.4 * polygon), None, None, raises=ONCE).parts) == 2

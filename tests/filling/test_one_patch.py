@@ -146,6 +146,7 @@ def test_no_plane_patch_that_passes_is_folded(seed):
         assert (filling.patch.normals(p, "linear")[:, 2] > 0).all()
 
 
+@long
 def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
     """Control points of the pentagon's boundary crowd at corners: a mesh of the patch is not folded there."""
     pentagon = load(SPECS / "pentagon.toml")
@@ -363,7 +364,7 @@ def test_options_that_make_no_sense(options):
 
 
 def test_a_side_that_is_a_point_is_left_out():
-    sides = random_sides(4, 9)
+    sides = random_sides(4, 9, (2, 2))
     corner = sides[2].ends[0]
     point = HoleSide("tip", homogeneous(np.tile(corner, (4, 1))))
     filling = fill_loop([*sides[:2], point, *sides[2:]], raises=ONCE)
@@ -405,6 +406,7 @@ def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
 # --- files
 
 
+@long
 def test_the_cup_is_filled():
     sides = loop_from_text(CUP.read_bytes(), str(CUP))
     filling = fill_loop(sides)
@@ -542,7 +544,7 @@ def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
     loop = tmp_path / "loop.toml"
     turned = "[[patches]]\ncopy = 'side'\nrepeat = 3\nrotate = {axis = 'z', degrees = '90*k'}\n"
     loop.write_text(f"name = 'square'\ninclude = ['side.toml']\n{turned}", encoding="utf-8")
-    assert 'name = "square"' in gtb("fill", loop, status=0).text
+    assert 'name = "square"' in gtb("fill", loop, "--elevate", ONCE, status=0).text
     found, _ = read_loop(loop.read_bytes(), str(loop))
     direct = loop_from_curves(
         [[[1, -1, 0], [1, 1, 0]], [[1, 1, 0], [-1, 1, 0]], [[-1, 1, 0], [-1, -1, 0]], [[-1, -1, 0], [1, -1, 0]]]
@@ -582,6 +584,7 @@ def box() -> Model:
     return found
 
 
+@long
 def test_the_corner_of_a_box_is_what_fill_makes(box):
     kept, rest = box.patches[0], Model(box.patches[1:])
     assert [len(ring.edges) for ring in model_rings(rest)] == [6, 6]

@@ -64,7 +64,7 @@ def test_a_curve_bends_at_each_inner_knot_or_is_straight_there_or_leaves_it_out(
         ([0, 0, 0, 1], (3, 7)),  # the faces of a triangle
         ([[0, 0], [1, 0], [2, 0], [0, 1]], (2, 3)),  # the knot inside an edge: bent, flat, left out
         ([[0, 0], [0.1, 0.3], [0.2, 0.6], [0.3, 0.9], [0, 1]], (4, 9)),  # collinear to rounding
-        ([*polygon(6), [0, 0]], (32, 155)),
+        pytest.param([*polygon(6), [0, 0]], (32, 155), marks=long),
     ],
 )
 def test_repeated_and_collinear_knots(knots, count):

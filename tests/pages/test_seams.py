@@ -171,7 +171,7 @@ def test_normals_turn_where_edges_are_sharper_than_35_degrees():
 def test_a_smooth_joint_has_one_normal_a_vertex():
     """So has a vertex without normals in several patches, where the means of their facets agree."""
     for name in ("teapot", "rounded-cube", "box-corner"):
-        mesh = tessellate(load(SPECS / f"{name}.toml"), 6)
+        mesh = tessellate(load(SPECS / f"{name}.toml"), 3)
         assert len(mesh.normals) == len(mesh.vertices)
         assert warnings_for(mesh, "obj", normals=True) == []
     mesh = tessellate(bent(90), SIDES)
