@@ -28,11 +28,11 @@ def triangle() -> Model:
 def test_fill_takes_curves_and_ribbons():
     inwards = [1 / 3 - curve.control_points.mean(axis=0) + 0.1 for curve in triangle()]
     ribbons = [curve.control_points + step for curve, step in zip(triangle(), inwards, strict=True)]
-    filling = gtb_cli.fill(triangle(), ribbons, name="lid")
+    filling = gtb_cli.fill(triangle(), ribbons, name="lid", raises=1)
     assert filling.patch.name == "lid"
     assert filling.angle < 1e-9
     assert filling.model is None
-    bare = gtb_cli.fill(triangle())
+    bare = gtb_cli.fill(triangle(), raises=1)
     points = bare.patch.evaluate(bare.patch.domain.center[None])
     assert points.sum() == pytest.approx(1, abs=1e-6)
 
