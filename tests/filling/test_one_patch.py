@@ -214,6 +214,7 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert not any(each.folds for each in found)
 
 
+@long
 def test_at_smooth_corners_the_patch_does_not_fold():
     """A flask's shoulder: arcs run on into lines, so that ways to first knots share half a turn, and each has some."""
     arc, high = [[1, 0.75], [1, 0.888075], [0.888075, 1], [0.75, 1]], 0.193305
