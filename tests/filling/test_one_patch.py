@@ -133,7 +133,7 @@ def test_a_refusal_names_what_turns_the_patch_over(sign, what, way_out):
     assert re.match(f"the patch {what}: {way_out}", fill_loop(plane_sides(L, [sign] * 6), raises=0).fault)
 
 
-@pytest.mark.parametrize("seed", mostly_long([2, 1, 0, *range(3, 8)]))  # refused, as 1 is, and not
+@pytest.mark.parametrize("seed", mostly_long([2, 1, 0, *range(3, 8)], 0))  # refused, as 1 is, and not
 def test_no_plane_patch_that_passes_is_folded(seed):
     """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
     rng = np.random.default_rng(seed)
