@@ -153,6 +153,7 @@ def test_a_broken_spec_and_one_without_a_golden_mesh_hide_no_other(checkout):
     assert str(checkout) not in (checkout / "runner" / "gtb-report" / "changes.html").read_text("utf-8")
 
 
+@long
 def test_the_job_of_gitlab_makes_a_page(checkout):
     page = (SPECS / "COMMANDS.md").read_text(encoding="utf-8")
     lines = re.search(r"^## In GitLab\n.*?^```yaml\n(.*?)^```", page, re.M | re.S)[1]

@@ -103,7 +103,7 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -
         angle = math.degrees(2 * math.asin(min(chords[most] / 2, 1.0)))
         told = f"up to {angle:.3g} degrees apart (tolerance {NORMALS_TOLERANCE:g})"
         return [f"{name}: {told}, most at vertex {vertex[most]}"] if angle > NORMALS_TOLERANCE else []
-    size = np.maximum(np.abs(rows), np.abs(others))
+    size = np.where(np.isnan(rows), 0.0, np.maximum(np.abs(rows), np.abs(others)))
     largest, further = [*np.unique(size[np.isfinite(size)])[:-3:-1], 0.0, 0.0][:2]
     far = 100  # times as large as all others, a value stands for none, as -9999 does
     allowed = VALUES_TOLERANCE * (further if 0 < far * further < largest else largest)

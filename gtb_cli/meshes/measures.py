@@ -150,8 +150,8 @@ def moments(mesh: Mesh) -> tuple[list[float] | None, list[float] | None]:
     both = np.concatenate([corners, corners.sum(axis=1, keepdims=True)], axis=1)
     width = mesh.cells.shape[1]
     spread = np.einsum("k,kci,kcj->ij", weights, both, both) / (width * (width + 1))
-    products = [spread[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))]
-    return frame.outside(centroid).tolist(), [_finite(float(frame.length(x, 2))) or 0.0 for x in products]
+    products = [float(frame.length(spread[i, j], 2)) for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))]
+    return frame.outside(centroid).tolist(), products if np.isfinite(products).all() else None
 
 
 def _finite(value: float | None) -> float | None:

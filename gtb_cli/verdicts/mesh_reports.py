@@ -122,6 +122,7 @@ def mesh_text(report: dict[str, Any]) -> str:
         shown["bounds"] = corners(box)
         if shown.get("centroid") is not None:
             shown["centroid"] = row(_rounded(shown["centroid"], size))
+        if shown.get("second_moments") is not None:
             shown["second_moments"] = row(_rounded(shown["second_moments"], size, 2))
         if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding

@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from tests.marks import long
+from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, PENTAGON, SPECS, command, environment, gtb, process
 
 HUGE = ("mesh", PENTAGON, "-n", "4000", "--max-faces", "1000000000")  # 80 million faces: a minute, and 10 GB
@@ -68,9 +68,9 @@ def test_a_process_that_crashes_is_one_line_and_leaves_nothing(tmp_path):
     assert stuck(tmp_path, "os.kill(os.getpid(), signal.SIGSEGV)", seconds=15) == (2, message)
 
 
-@pytest.mark.parametrize("words", [(*HUGE, "-o", "old.obj"), (*HUGE, "-f", "stl", "-o", "old.obj")], ids=["obj", "stl"])
-def test_what_needs_more_memory_is_refused(words, tmp_path):
-    assert refused(tmp_path, "--max-memory", "400M", *words).endswith(
+@pytest.mark.parametrize("format", mostly_long(["obj", "stl"]))
+def test_what_needs_more_memory_is_refused(format, tmp_path):
+    assert refused(tmp_path, "--max-memory", "400M", *HUGE, "-f", format, "-o", "old.obj").endswith(
         ": not enough memory for this within --max-memory 400M\n"
     )
 

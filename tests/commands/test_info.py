@@ -41,7 +41,7 @@ def test_a_large_model_is_described_in_few_words(tmp_path):
     assert len(json.loads(gtb("info", spec, "--json").text)["joints"]) == 59
 
 
-@pytest.mark.parametrize("command", mostly_long(["check", "info --json", "check --json", "info --long"], 2))
+@pytest.mark.parametrize("command", mostly_long(["check", "info --json", "check --json", "info --long"]))
 def test_processes_that_share_reports_change_nothing(command, tmp_path):
     """Neither what is printed, nor errors and their order, nor standard input, which the first process reads."""
     bad = tmp_path / "bad.toml"

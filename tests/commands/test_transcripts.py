@@ -10,6 +10,7 @@ from tests.transcripts import TRANSCRIPTS, Session, Step, matches, read
 ALL = [session for path in sorted(TRANSCRIPTS.glob("*.txt")) for session in read(path)[1]]
 
 
+@pytest.mark.usefixtures("probed_here")
 @pytest.mark.parametrize(
     "session",
     [pytest.param(session, marks=long if session.title.startswith("long: ") else ()) for session in ALL],

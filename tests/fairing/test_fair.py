@@ -144,7 +144,7 @@ def test_no_small_change_lowers_the_energy():
         assert energy(patch.replace(control_points=moved)) > least
 
 
-@pytest.mark.parametrize("name", mostly_long(["trapezoid", "hexagon", "vase"]))
+@pytest.mark.parametrize("name", mostly_long(["trapezoid", "hexagon", "vase"], 0))
 def test_less_varies_than_in_a_thin_plate_and_what_is_fair_stays(name):
     found = load(SPECS / f"{name}.toml")
     patch = found.patches[0] if isinstance(found, Model) else found

@@ -20,7 +20,7 @@ from gtb_cli.filling.strips import strip_side
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.filling.loops import homogeneous
-from tests.filling.test_one_patch import PLANES, L, plane_sides
+from tests.filling.test_one_patch import ONCE, PLANES, L, plane_sides
 from tests.marks import long, mostly_long
 from tests.shell import gtb
 
@@ -62,7 +62,7 @@ def assert_not_folded(filling: Filling) -> None:
 def test_a_concave_hole_in_a_graph_is_cut_and_its_parts_meet_with_exact_planes():
     sides = graph_sides(0.5 * L[:, :2])
     assert [round(corner.angle) for corner in corners(sides)] == pytest.approx([90, 90, 90, 270, 90, 90], abs=6)
-    filling = filled(sides, None, "hole")
+    filling = filled(sides, None, "hole", raises=ONCE)
     assert_not_folded(filling)
     assert filling.angle < PLANES
     assert len(filling.parts) == 2
@@ -85,7 +85,8 @@ def test_a_concave_hole_in_a_graph_is_cut_and_its_parts_meet_with_exact_planes()
 @pytest.mark.parametrize(("corners", "planes"), [(star(5), False), (star(4, 0.3), True)], ids=["star", "cross"])
 def test_plane_holes_with_concave_corners_stay_plane(corners, planes):
     sides = plane_sides(np.column_stack([corners, np.zeros(len(corners))]), [1] * len(corners))
-    filling = filled(sides if planes else [replace(side, across=None) for side in sides], None, None)
+    given = sides if planes else [replace(side, across=None) for side in sides]
+    filling = filled(given, None, None, raises=ONCE)
     assert_not_folded(filling)
     for patch in filling.patches:
         np.testing.assert_allclose(patch.control_points[:, 2], 0, atol=1e-12)
@@ -96,7 +97,8 @@ def test_random_stars_are_filled_without_folds(seed):
     rng = np.random.default_rng([seed, 7])
     n = int(rng.integers(5, 12))
     angles, radii = (np.arange(n) + 0.7 * rng.random(n)) * 2 * np.pi / n, rng.uniform(0.3, 1, n)
-    filling = filled(graph_sides(radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])), None, None)
+    corners = radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    filling = filled(graph_sides(corners), None, None, raises=None if seed == 3 else ONCE)
     if filling.fault is None:
         assert_not_folded(filling)
         assert filling.angle < PLANES
@@ -122,7 +124,7 @@ def test_neighbouring_patches_of_a_sphere_are_filled_in(gone):
     axes = {f"{sign}{'xyz'[k]}": float(f"{sign}1") * np.eye(3)[k] for sign in "+-" for k in range(3)}
     turns = {name: np.column_stack([np.roll(z, 1), np.cross(z, np.roll(z, 1)), z]) for name, z in axes.items()}
     rest = Model([face(turn, name) for name, turn in turns.items() if name not in gone], weld=1e-9)
-    filling = filled(rest, None, None)
+    filling = filled(rest, None, None, raises=None if gone == "+z+x" else ONCE)
     assert filling.fault is None
     assert filling.angle < PLANES
     assert filling.model.patches[: len(rest)] == rest.patches
@@ -167,7 +169,7 @@ def test_a_side_is_cut_in_two_exactly():
 @long
 def test_straight_corners_do_not_fold():
     corners = 0.5 * np.array([[0.0, 0], [1, 0], [2, 0], [2, 2], [0, 2]])
-    filling = filled(graph_sides(corners), None, None)
+    filling = filled(graph_sides(corners), None, None, raises=ONCE)
     assert not filling.parts
     assert_not_folded(filling)
 
@@ -189,7 +191,7 @@ def test_the_command_writes_a_model_of_the_parts(tmp_path):
         for k, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True))
     ]
     gtb_cli.save(Model(curves), tmp_path / "loop.toml")
-    result = gtb("fill", tmp_path / "loop.toml", "-o", tmp_path / "lid.toml", status=0)
+    result = gtb("fill", tmp_path / "loop.toml", "--elevate", ONCE, "-o", tmp_path / "lid.toml", status=0)
     assert "the hole is cut from its concave corner (1, 1, 0) to (0, 0, 0)" in result.err
     assert "4 + 4 sides" in result.err
     assert [patch.name for patch in gtb_cli.load_model(tmp_path / "lid.toml")] == ["loop-0", "loop-1"]
@@ -202,10 +204,11 @@ def test_a_dozen_fillings_are_tried_and_no_more():
         tried.append(len(sides))
         raise DomainError("no")
 
-    assert fill_parts(graph_sides(star(10)), fill, False) is None
+    assert fill_parts(graph_sides(star(7)), fill, False) is None
     assert len(tried) == 12
 
 
+@long
 def test_a_corner_of_190_degrees_is_cut():
     polygon = np.array([[0.0, 0], [1, 0.1], [2, 0], [2, 1], [0, 1]])[:, :2]
-    assert len(filled(graph_sides(0.4 * polygon), None, None).parts) == 2
+    assert len(filled(graph_sides(0.4 * polygon), None, None, raises=ONCE).parts) == 2

@@ -28,11 +28,11 @@ def triangle() -> Model:
 def test_fill_takes_curves_and_ribbons():
     inwards = [1 / 3 - curve.control_points.mean(axis=0) + 0.1 for curve in triangle()]
     ribbons = [curve.control_points + step for curve, step in zip(triangle(), inwards, strict=True)]
-    filling = gtb_cli.fill(triangle(), ribbons, name="lid")
+    filling = gtb_cli.fill(triangle(), ribbons, name="lid", raises=1)
     assert filling.patch.name == "lid"
     assert filling.angle < 1e-9
     assert filling.model is None
-    bare = gtb_cli.fill(triangle())
+    bare = gtb_cli.fill(triangle(), raises=1)
     points = bare.patch.evaluate(bare.patch.domain.center[None])
     assert points.sum() == pytest.approx(1, abs=1e-6)
 
@@ -42,7 +42,7 @@ def test_fill_takes_files_and_models(tmp_path):
     assert len(gtb_cli.fill(HERE / "pocket3sided.lop", raises=0).sides) == 3
     path = tmp_path / "loop.toml"
     path.write_text(TRIANGLE, encoding="utf-8")
-    assert len(gtb_cli.fill(path).sides) == 3
+    assert len(gtb_cli.fill(path, raises=0).sides) == 3
     with pytest.raises(SpecError, match="No such file"):
         gtb_cli.fill(tmp_path / "none.toml")
     with pytest.raises(DomainError, match="hole: names an edge"):

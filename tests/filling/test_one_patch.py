@@ -39,6 +39,7 @@ from tests.specs import load
 HERE = Path(__file__).parent
 CUP = HERE / "cagd86.gbp"
 
+ONCE = 1  # raises of degrees where they are not what is tested: more of them take three times as long
 PLANES = 1e-9  # degrees between normals along filled edges and the given ones, away from the corners
 
 
@@ -79,7 +80,7 @@ def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
 
 
 # Seeds of loops by their number of sides: few of many sides, which take long. Some patches turn sharply.
-SEEDS = {n: range(3) for n in (5, 3, 4, 6, 7)} | {8: (0, 7), 9: (3, 7), 10: (0,), 12: (3,)}
+SEEDS = {n: range(3) for n in (3, 4, 5, 6, 7)} | {8: (0, 7), 9: (3, 7)}
 
 
 @pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
@@ -129,22 +130,24 @@ def test_a_ribbon_that_points_out_of_the_hole_makes_no_corner_concave():
     ],
 )
 def test_a_refusal_names_what_turns_the_patch_over(sign, what, way_out):
-    assert re.match(f"the patch {what}: {way_out}", fill_loop(plane_sides(L, [sign] * 6)).fault)
+    filling = fill_loop(plane_sides(L, [sign] * 6), raises=0 if sign > 0 else None)
+    assert re.match(f"the patch {what}: {way_out}", filling.fault)
 
 
-@pytest.mark.parametrize("seed", mostly_long([2, 1, 0, *range(3, 8)]))  # refused, as 1 is, and not
+@pytest.mark.parametrize("seed", mostly_long([2, 1, 0, *range(3, 8)], 0))  # refused, as 1 is, and not
 def test_no_plane_patch_that_passes_is_folded(seed):
     """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(3, 8))
     angles, radii = (np.arange(n) + 0.6 * rng.random(n)) * 2 * np.pi / n, rng.uniform(0.25, 1, n)
     corners = np.column_stack([radii * np.cos(angles), radii * np.sin(angles), np.zeros(n)])
-    filling = fill_loop([HoleSide(f"{k}", homogeneous(corners[[k, (k + 1) % n]])) for k in range(n)])
+    filling = fill_loop([HoleSide(f"{k}", homogeneous(corners[[k, (k + 1) % n]])) for k in range(n)], raises=0)
     if filling.fault is None:
         p = energy_samples(filling.patch.domain, 40)[0]
         assert (filling.patch.normals(p, "linear")[:, 2] > 0).all()
 
 
+@long
 def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
     """Control points of the pentagon's boundary crowd at corners: a mesh of the patch is not folded there."""
     pentagon = load(SPECS / "pentagon.toml")
@@ -165,12 +168,12 @@ def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
 def test_loops_of_all_kinds_are_filled(n, seed, degrees, kind):
     """Many sides with quiet planes, rational sides, high and low degrees."""
     sides = random_sides(n, seed, degrees, **kind)
-    assert_fills(fill_loop(sides), sides)
+    assert_fills(fill_loop(sides, raises=ONCE if n < 12 else None), sides)
 
 
 def test_at_corners_the_normal_is_that_of_the_sides():
     sides = random_sides(3, 3, (2, 3))
-    filling = fill_loop(sides)
+    filling = fill_loop(sides, raises=ONCE)
     patch = filling.patch
     normals = patch.normals(patch.domain.vertices)
     for k, side in enumerate(filling.sides):
@@ -201,7 +204,10 @@ def loop_of_five(kind: str) -> Filling:
 
 @pytest.mark.parametrize("kind", mostly_long(["planes", "an edge only", "edges only"]))
 def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
-    patch = loop_of_five(kind).patch
+    filling = loop_of_five(kind)
+    patch = filling.patch
+    if kind == "planes":
+        assert_fills(filling, random_sides(5, 0, (2, 3)))
     found = [corner_limits(patch, corner) for corner in range(5)]
     assert max(each.angle for each in found) < 1e-6
     assert [each.curvature_exponent for each in found] == [0] * 5
@@ -209,6 +215,7 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert not any(each.folds for each in found)
 
 
+@long
 def test_at_smooth_corners_the_patch_does_not_fold():
     """A flask's shoulder: arcs run on into lines, so that ways to first knots share half a turn, and each has some."""
     arc, high = [[1, 0.75], [1, 0.888075], [0.888075, 1], [0.75, 1]], 0.193305
@@ -234,7 +241,7 @@ def test_at_smooth_corners_the_patch_does_not_fold():
 def test_corners_where_ribbons_disagree_are_said(tmp_path):
     sides = random_sides(4, 4, (2, 3))
     turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
-    filling = fill_loop([turned, *sides[1:]])
+    filling = fill_loop([turned, *sides[1:]], raises=ONCE)
     assert filling.angle < PLANES
     assert filling.corner_angles[0] > 5
     assert filling.corner_angles[1] > 5
@@ -252,7 +259,7 @@ def test_any_size_and_place(scale, shift):
         weights = side.curve[:, 3:]
         curve = np.column_stack([side.curve[:, :3] * scale + shift * weights, weights])
         moved.append(HoleSide(side.name, curve, side.across * scale))
-    one, other = fill_loop(plain).patch, fill_loop(moved).patch
+    one, other = (fill_loop(each, raises=ONCE).patch for each in (plain, moved))
     back = other.replace(control_points=(other.control_points - shift) / scale)
     places = energy_samples(one.domain, 8)[0]
     tolerance = 1e-6 if shift else 1e-7  # a form is least up to the root of its rounding
@@ -263,7 +270,7 @@ def test_any_size_and_place(scale, shift):
 def test_the_order_and_direction_of_sides_do_not_matter():
     sides = random_sides(4, 6, (2, 2))
     mixed = [sides[0], sides[2].reversed(), sides[3], sides[1].reversed()]
-    one, other = fill_loop(sides), fill_loop(mixed)
+    one, other = fill_loop(sides, raises=ONCE), fill_loop(mixed, raises=ONCE)
     assert any("other end" in remark for remark in other.remarks)
     np.testing.assert_allclose(one.patch.control_points, other.patch.control_points, atol=1e-9)
 
@@ -359,10 +366,10 @@ def test_options_that_make_no_sense(options):
 
 
 def test_a_side_that_is_a_point_is_left_out():
-    sides = random_sides(4, 9)
+    sides = random_sides(4, 9, (2, 2))
     corner = sides[2].ends[0]
     point = HoleSide("tip", homogeneous(np.tile(corner, (4, 1))))
-    filling = fill_loop([*sides[:2], point, *sides[2:]])
+    filling = fill_loop([*sides[:2], point, *sides[2:]], raises=ONCE)
     assert filling.remarks[0] == "tip is a point and is left out"
     assert_fills(filling, sides)
 
@@ -401,6 +408,7 @@ def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
 # --- files
 
 
+@long
 def test_the_cup_is_filled():
     sides = loop_from_text(CUP.read_bytes(), str(CUP))
     filling = fill_loop(sides)
@@ -538,7 +546,7 @@ def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
     loop = tmp_path / "loop.toml"
     turned = "[[patches]]\ncopy = 'side'\nrepeat = 3\nrotate = {axis = 'z', degrees = '90*k'}\n"
     loop.write_text(f"name = 'square'\ninclude = ['side.toml']\n{turned}", encoding="utf-8")
-    assert 'name = "square"' in gtb("fill", loop, status=0).text
+    assert 'name = "square"' in gtb("fill", loop, "--elevate", ONCE, status=0).text
     found, _ = read_loop(loop.read_bytes(), str(loop))
     direct = loop_from_curves(
         [[[1, -1, 0], [1, 1, 0]], [[1, 1, 0], [-1, 1, 0]], [[-1, 1, 0], [-1, -1, 0]], [[-1, -1, 0], [1, -1, 0]]]
@@ -578,6 +586,7 @@ def box() -> Model:
     return found
 
 
+@long
 def test_the_corner_of_a_box_is_what_fill_makes(box):
     kept, rest = box.patches[0], Model(box.patches[1:])
     assert [len(ring.edges) for ring in model_rings(rest)] == [6, 6]
@@ -585,8 +594,6 @@ def test_the_corner_of_a_box_is_what_fill_makes(box):
     assert (filling.angle < PLANES, filling.folds, filling.patch.name) == (True, 0, "hole")
     assert filling.model.patches[:-1] == rest.patches
     assert len(filling.model.joints.shared) == 12
-    far = Model([patch.replace(control_points=patch.control_points + 1e7) for patch in rest])
-    assert abs(fill(far, hole="rounding-x edge 0", raises=0).bending.variation / filling.bending.variation - 1) < 1e-3
     made = filling.patch
     np.testing.assert_allclose(kept.knots, made.knots, atol=1e-12)
     np.testing.assert_allclose(kept.log_products, made.log_products, atol=1e-8)
@@ -609,6 +616,8 @@ def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():
     filling = fill(rest, hole="post edge 2")
     plain = fill(rest, hole="post edge 2", raises=0)
     assert plain.raises == (0,) * 3
+    far = Model([patch.replace(control_points=patch.control_points + 1e7) for patch in rest])
+    assert abs(fill(far, hole="post edge 2", raises=0).bending.variation / plain.bending.variation - 1) < 1e-3
     assert filling.raises == (4,) * 3
     assert filling.model.patches[:-1] == rest.patches
     assert len(filling.model.joints.shared) == 3
@@ -659,7 +668,7 @@ def bent_beside(patch):
 
 
 @pytest.mark.parametrize("raises", mostly_long([None, 2]))
-@pytest.mark.parametrize("name", mostly_long(["pentagon-1", "hexagon", "square-1", "triangle-1"]))
+@pytest.mark.parametrize("name", mostly_long(["triangle-1", "pentagon-1", "hexagon", "square-1"]))
 def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
     """Its neighbours have real knots; where degrees are raised, so are theirs, and the model closes all the same."""
     model = load(SPECS / "hebesphenorotunda.toml")

@@ -86,7 +86,7 @@ def assert_osculates(filling: Filling, found: Strips) -> None:
     assert filling.folds == 0
 
 
-@pytest.mark.parametrize(("n", "degree"), mostly_long([(4, 3), (3, 2), (5, 1), (6, 3), (8, 2)]))
+@pytest.mark.parametrize(("n", "degree"), mostly_long([(3, 2), (4, 3), (5, 1), (6, 3), (8, 2)]))
 def test_curvatures_are_those_of_polynomial_strips(n: int, degree: int) -> None:
     found = strips(n, 0, degree)
     assert_osculates(fill_loop(sides(found), continuity="g2"), found)

@@ -18,6 +18,8 @@ from gtb_cli.importers.readers import import_data
 from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
 
+pytestmark = pytest.mark.usefixtures("probed_here")
+
 
 @pytest.mark.parametrize("kind", mostly_long(["step", "iges", "brep"]))
 def test_faces_are_exact_patches(kind, tmp_path):
@@ -155,6 +157,7 @@ def test_closed_edges_and_wavering_splines_are_three_or_more_smooth_sides():
         assert np.abs([from_ball, from_torus]).max() <= said + 1e-6
 
 
+@long
 def test_rounding_in_the_planes_of_a_file_spoils_no_patch(monkeypatch):
     noise, part = 1e-9 * np.random.default_rng(0).normal(size=(96, 3)), part_of(box_without_a_corner((2, 2, 2)))
     rounded = [replace(side, across=side.across + noise) for side in part.sides(part.rings[0])[0]]

@@ -19,6 +19,8 @@ from tests.foreign import FILES
 from tests.marks import mostly_long
 from tests.shell import gtb
 
+pytestmark = pytest.mark.usefixtures("probed_here")
+
 PLACES = [(Fraction(1, 3), Fraction(1, 7)), (Fraction(4, 5), Fraction(2, 3)), (Fraction(1, 9), Fraction(8, 9))]
 
 

@@ -43,13 +43,15 @@ def numbers(knots):
     return len(finest), len(found)
 
 
-@pytest.mark.parametrize(("n", "count", "all_count"), [(3, 1, 1), (4, 2, 3), (5, 5, 11), (6, 14, 45), (7, 42, 197)])
+@pytest.mark.parametrize(
+    ("n", "count", "all_count"), mostly_long([(3, 1, 1), (4, 2, 3), (5, 5, 11), (6, 14, 45), (7, 42, 197)], 4)
+)
 @pytest.mark.parametrize("scale", mostly_long([1, 1e-9, 1e9]))
 def test_convex_polygons_have_catalan_and_schroeder_numbers(n, count, all_count, scale):
     assert numbers(scale * polygon(n)) == (count, all_count)
 
 
-@pytest.mark.parametrize("n", [2, 3, 5, 7])
+@pytest.mark.parametrize("n", mostly_long([2, 3, 5, 7], 3))
 def test_a_curve_bends_at_each_inner_knot_or_is_straight_there_or_leaves_it_out(n):
     assert numbers(np.sqrt(np.arange(n))[::-1]) == (2 ** (n - 2), 3 ** (n - 2))
     assert numbers(np.arange(n) * 3) == (2 ** (n - 2), 3 ** (n - 2))
@@ -62,7 +64,7 @@ def test_a_curve_bends_at_each_inner_knot_or_is_straight_there_or_leaves_it_out(
         ([0, 0, 0, 1], (3, 7)),  # the faces of a triangle
         ([[0, 0], [1, 0], [2, 0], [0, 1]], (2, 3)),  # the knot inside an edge: bent, flat, left out
         ([[0, 0], [0.1, 0.3], [0.2, 0.6], [0.3, 0.9], [0, 1]], (4, 9)),  # collinear to rounding
-        ([*polygon(6), [0, 0]], (32, 155)),
+        pytest.param([*polygon(6), [0, 0]], (32, 155), marks=long),
     ],
 )
 def test_repeated_and_collinear_knots(knots, count):

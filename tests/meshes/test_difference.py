@@ -198,7 +198,7 @@ SABOTAGE = {
 def test_what_is_in_the_same_place_and_yet_different(name, tolerance, arranged):
     """Also where vertices and faces are in another order, or other faces are cut besides; each way."""
     change, aspect = SABOTAGE[name]
-    mesh = surface(5)
+    mesh = surface(4)
     a, b = known_exactly(mesh), known_exactly(arranged(change(mesh)))
     for pair in ((a, b), (b, a)):
         found = difference(*pair, tolerance)
@@ -325,4 +325,5 @@ def test_faces_that_are_there_twice_have_no_order():
         for pair in itertools.product(kinds, repeat=2)
     }
     for one, other in itertools.product(itertools.combinations_with_replacement(kinds, 2), read):
-        assert difference(read[one], read[other]).same == (sorted(one) == sorted(other)), (one, other)
+        if sorted(one) <= sorted(other):  # else they are those of a former step, the other way round
+            assert difference(read[one], read[other]).same == (sorted(one) == sorted(other)), (one, other)

@@ -15,6 +15,7 @@ from gtb_cli.meshes.shading import facet_normals
 from gtb_cli.pages.page import page_data
 from gtb_cli.pages.page_scene import content_of, content_of_mesh
 from gtb_cli.tessellation.recipe import Recipe
+from tests.marks import mostly_long
 from tests.shell import SPECS
 from tests.specs import load
 from tests.surfaces import assert_closed
@@ -123,7 +124,7 @@ def test_pages_shade_each_side_by_itself(angle, source):
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-@pytest.mark.parametrize("source", ["spec", "file"])
+@pytest.mark.parametrize("source", mostly_long(["file", "spec"]))
 def test_pictures_shade_each_side_by_itself(angle, source):
     """From above, all pixels of a side have one colour."""
     thing = bent(angle) if source == "spec" else tessellate(bent(angle), SIDES, normals=False)
@@ -171,7 +172,7 @@ def test_normals_turn_where_edges_are_sharper_than_35_degrees():
 def test_a_smooth_joint_has_one_normal_a_vertex():
     """So has a vertex without normals in several patches, where the means of their facets agree."""
     for name in ("teapot", "rounded-cube", "box-corner"):
-        mesh = tessellate(load(SPECS / f"{name}.toml"), 6)
+        mesh = tessellate(load(SPECS / f"{name}.toml"), 3)
         assert len(mesh.normals) == len(mesh.vertices)
         assert warnings_for(mesh, "obj", normals=True) == []
     mesh = tessellate(bent(90), SIDES)

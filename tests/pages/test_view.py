@@ -84,7 +84,7 @@ def test_size_and_place_change_nothing(scale, shift):
 def test_open_sides_and_patches_of_a_model():
     model = gtb_cli.load(SPECS / "box-corner.toml")
     assert len(content_of(model, Recipe(4)).lines["open"]) == 4 * len(model.joints.open) > 0
-    closed = content_of(gtb_cli.load(SPECS / "hebesphenorotunda.toml"), Recipe(2)).lines
+    closed = content_of(gtb_cli.load(SPECS / "hebesphenorotunda.toml"), Recipe(1)).lines
     assert len(closed["open"]) == 0
     assert len(closed["border"]) > 0
     assert len(closed["folds"]) == 0

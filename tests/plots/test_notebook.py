@@ -61,7 +61,7 @@ def test_a_camera_may_be_a_pair():
     assert Look(camera=(20, 50)).camera == Look(camera=np.array([20.0, 50.0])).camera == Camera(20.0, 50.0)
 
 
-@pytest.mark.parametrize("patch", mostly_long([cubic_curve(), bicubic()]), ids=lambda patch: patch.name)
+@pytest.mark.parametrize("patch", mostly_long([cubic_curve(), bicubic()], 0), ids=lambda patch: patch.name)
 def test_a_sequence_and_its_distances_are_drawn(patch: Patch):
     """Of the patch's own lifting: panels for three x and the limit; distances as measured."""
     patch = patch.replace(lifting=[0.0, 1.0, *[0.0] * (len(patch.knots) - 2)])

@@ -145,7 +145,7 @@ OPTIONS = (
     {"resolution": 2},
     {"tolerance": 0.1},
     *mostly_long(
-        [{"resolution": 4, "parametrization": "toric"}, {"resolution": 3}, {"resolution": 7}, {"tolerance": 0.015}]
+        [{"resolution": 2, "parametrization": "toric"}, {"resolution": 3}, {"resolution": 7}, {"tolerance": 0.015}]
     ),
 )
 
