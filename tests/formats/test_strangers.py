@@ -1,0 +1,119 @@
+"""What GLB and 3MF files of other programs hold, beside what ours do: each change is seen, and renumbering is none."""
+
+import copy
+import json
+from functools import reduce
+
+import numpy as np
+import pytest
+
+from gtb_cli import GtbError
+from gtb_cli.formats.meshfiles import decode_mesh
+from gtb_cli.meshes.difference import difference
+from tests.formats.test_meshfiles import glb
+from tests.formats.test_threemf import TRIANGLE, archive
+
+POINTS, BYTES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4"), bytes([255, 0, 0, 255] * 3)
+MATERIAL = {"name": "red", "pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}}
+TREE = {
+    "asset": {"version": "2.0"},
+    "nodes": [{"mesh": 0}, {"name": "empty"}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
+    "materials": [MATERIAL | {"emissiveTexture": {"index": 0}}],
+    "textures": [{"source": 0}],
+    "images": [{"bufferView": 0, "mimeType": "image/png"}, {"bufferView": 1, "mimeType": "image/jpeg"}],
+    "accessors": [
+        {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+        {"bufferView": 1, "componentType": 5121, "count": 3, "type": "VEC4"},
+        {"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC4"},
+    ],
+    "bufferViews": [{"byteLength": 36}, {"byteOffset": 36, "byteLength": 12}, {"byteOffset": 48, "byteLength": 48}],
+    "buffers": [{"byteLength": 96}],
+}
+BINARY = POINTS.tobytes() + BYTES + (np.frombuffer(BYTES, np.uint8) / 255).astype("<f4").tobytes()
+HELD = "meshes.0.primitives.0.attributes"
+
+
+def edited(**changes):
+    """The file with other values at paths such as ``nodes__0__name``."""
+    tree = copy.deepcopy(TREE)
+    for path, value in changes.items():
+        *parents, last = [int(key) if key.isdigit() else key for key in path.replace("HELD", HELD).split(".")]
+        reduce(lambda inner, key: inner[key], parents, tree)[last] = value
+    return decode_mesh(glb(tree, BINARY), "a")
+
+
+OTHER = "other data: description: "
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "said"),
+    [
+        ({"HELD.COLOR_0": 1, "accessors.1.normalized": True}, {"HELD.COLOR_0": 1}, "color_0: up to 254 apart"),
+        ({"HELD.COLOR_0": 1, "accessors.1.normalized": True}, {"HELD.COLOR_0": 2}, ""),
+        ({"HELD._NORMALS": 1}, {"HELD._NORMALS": 2}, "attribute normals: up to 254 apart"),
+        ({"HELD._A": 1, "HELD._a": 1}, {"HELD._A": 1, "HELD._a": 2}, "attribute a: up to 254 apart"),
+        ({"materials.0.name": "a"}, {"materials.0.name": "b"}, ""),
+        ({"images.0.bufferView": 1}, {"samplers": [{"wrapS": 1}], "materials.0.alphaMode": "OPAQUE"}, ""),
+        ({}, {"textures.0.source": 1}, "materials in GLB: 1 cell has another one"),
+        ({}, {"materials.0.doubleSided": True}, "materials in GLB: 1 cell has another one"),
+        ({}, {"nodes.0.extras": {"a": 1}}, OTHER),
+        ({"nodes.0.weights": [0]}, {"nodes.0.weights": [1]}, OTHER),
+        ({}, {"meshes.0.primitives.0.targets": [{"POSITION": 0}]}, OTHER),
+        ({"skins": [{"joints": [1]}]}, {"skins": [{"joints": [1]}], "nodes.1.translation": [3, 0, 0]}, OTHER),
+        ({"animations": [{"samplers": [{"input": 1}]}]}, {"animations": [{"samplers": [{"input": 2}]}]}, OTHER),
+        ({"nodes.1.name": "arm"}, {"nodes.1.name": "leg"}, ""),  # of all there is
+    ],
+)
+def test_what_a_glb_file_says(one, other, said):
+    values = difference(edited(**one), edited(**other)).values
+    assert [each.startswith(said) for each in values] == [True] * bool(said), values
+
+
+def test_few_bytes_of_glb_cannot_stand_for_many():
+    many = {f"HELD._{k}": 2 for k in range(9)} | {"accessors.2.count": 10**9}
+    with pytest.raises(GtbError, match="1000000000 rows for 3 vertices"):
+        edited(**many).values()
+    tree = copy.deepcopy(TREE)
+    tree["meshes"][0]["primitives"][0]["attributes"] |= {f"_{k}": 2 for k in range(20_000)}
+    tree["nodes"] += [{"mesh": 0} for _ in range(200)]
+    with pytest.raises(GtbError, match="has more than 2"):
+        decode_mesh(glb(tree, BINARY), "a")
+    tree = copy.deepcopy(TREE)
+    tree["animations"] = [{"samplers": [{"input": 2}] * 1000}]
+    assert len(json.dumps(tree)) < 30_000
+    decode_mesh(glb(tree, BINARY), "a").values()
+    with pytest.raises(GtbError, match="expected 4 numbers, got 3"):
+        edited(**{"materials.0": {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0]}}})
+
+
+COLOURS = '<colorgroup id="9"><color color="#FF0000"/><color color="#0000FF"/></colorgroup>'
+THING = f'{COLOURS}<object id="1" pid="9" pindex="0">{TRIANGLE}</object>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("#FF0000", "#FF0001", "materials in 3MF: 1 cell has another one"),
+        ('pindex="0"', 'pindex="1"', "materials in 3MF: 1 cell has another one"),
+        ("<triangle ", '<triangle p2="1" p1="0" ', "materials in 3MF: 1 cell has another one"),
+        ("<triangle ", '<triangle paint_color="4" ', "materials in 3MF: 1 cell has another one"),
+        ('pid="9"', 'pid="8"', "materials in 3MF: 1 cell has another one"),
+        ("</triangles>", '</triangles><beamlattice minlength="1"/>', "other data: extensions: only in the second"),
+        (
+            '<item objectid="1"/>',
+            '<item objectid="1" printable="0"/>',
+            "objects that are not printed, or support: only",
+        ),
+        ('id="1"', 'id="7"', ""),
+        ("<triangle ", '<triangle p2="0" p3="0" p1="0" ', ""),
+    ],
+)
+def test_what_a_3mf_file_says(old, new, said):
+    build = '<item objectid="1"/>'
+    one, other = (
+        decode_mesh(archive(objects, item), "a")
+        for objects, item in ((THING, build), (THING.replace(old, new), build.replace(old, new)))
+    )
+    values = difference(one, other).values
+    assert [each.startswith(said) for each in values] == [True] * bool(said), values
