@@ -44,8 +44,7 @@ def markdown(review: Review, page: str = "") -> str:
 
 def _about(change: Change) -> str:
     """Return what the table does not hold of a change: reasons, and where it is largest."""
-    most = 1000  # characters of a reason
-    lines = [_code(reason[:most] + "…" * (len(reason) > most)) for reason in change.reasons]
+    lines = [_code(reason) for reason in change.reasons]
     if change.largest is not None:
         lines.append(f"most at ({' '.join(f'{x:.6g}' for x in change.largest)})")
     return f"\n{_code(change.name)}: {'; '.join(lines)}\n" if lines else ""
