@@ -12,7 +12,7 @@ SOURCES = gtb_cli tests
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup mesh test test-all test-oldest lint types check specs golden reference gallery browser bench fuzz readers clean
+.PHONY: help setup mesh test test-all test-oldest lint types check specs golden reference gallery browser bench fuzz readers playground clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -68,6 +68,9 @@ fuzz: $(VENV)/.development ## 20,000 mutated specs, 2,000 files of each format i
 
 readers: $(VENV)/.installed ## let 12 programs and libraries read every kind of mesh file; installs 5 GB below build
 	@$(RUN) tests.tools.readers
+
+playground: $(VENV)/.development ## make build/playground: static files with which anyone can try gtb in a browser
+	@$(RUN) tests.tools.playground $(BUILD)/playground && echo "$(BUILD)/playground: put it on any server of files, or run python3 -m http.server -d $(BUILD)/playground"
 
 clean: ## remove what was built; .venv stays
 	rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -87,17 +87,17 @@ def diff(
     Compare two meshes: OBJ, PLY, STL, GLB or 3MF files, or specs, which are meshed with -n and the options below it.
 
     Meshes with the same faces, in any order, are compared vertex by vertex, others as surfaces (or curves): the largest
-    distance of a point of either from the other. Two specs are compared as what they describe, by a search that proves
-    nothing. Faces that are turned over, missing, there twice or without area, other holes or parts, and vertices that
-    are shared in another way are differences, too, unless --ignore says otherwise; so are other normals, texture
-    coordinates, attributes, groups and colours. The first words say what was done, if that explains all: moved,
-    mirrored in y, 25.4 times as large (1 in for 1 mm), 1 face is missing.
+    distance of a point of either from the other. Two specs are compared as the points that they describe, whatever the
+    sides and how often, by a search that proves nothing. Faces that are turned over, missing, there twice or without
+    area, other holes or parts, and vertices that are shared in another way are differences, too, unless --ignore says
+    otherwise; so are other normals, texture coordinates, attributes, groups and colours. Polygons count as triangles.
+    The first words say what was done: moved, mirrored in y, 25.4 times as large (1 in for 1 mm), 1 face is missing.
 
     The tolerance is never less than what the numbers in the files can hold; the size is the diagonal of the smaller
     bounding box. Where a distance of surfaces is not proved within it, a warning, the report and "proved" say so.
 
-    In two folders, all files of the same name are compared, others than meshes by their bytes. A missing or an extra
-    file is a difference. Hidden files and manifests do not count.
+    In two folders, all files of the same name are compared, others than meshes by their bytes, sequence.json but for
+    last digits. A missing or an extra file is a difference. Hidden files and manifests do not count.
 
     Exit status 0 if everything agrees within the tolerance, 1 if not, 2 if something cannot be read.
     """

@@ -151,7 +151,7 @@ def _sections(path: Path, radius: float, tolerance: float | None) -> _Sections:
         share = tolerance / radius
         widest = 2 * math.atan(math.sqrt(share * (2 + share)))
         turn = np.arctan2(np.linalg.norm(cross(before[:count], after[:count]), axis=1), cosine)
-        steps = np.maximum(steps, np.ceil(turn / widest * (1 - ZERO_TOLERANCE)).astype(np.int64))
+        steps = np.maximum(steps, np.ceil(turn / widest * (1 - ZERO_TOLERANCE)).astype(np.intp))
     at = np.repeat(np.arange(count), steps)
     last = np.cumsum(steps) - 1
     first = last + 1 - steps

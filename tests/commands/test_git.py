@@ -60,6 +60,13 @@ def test_git_diff_shows_every_change_of_a_mesh(repository, edit, said):
     assert said in shell("git diff", repository).text
 
 
+def test_git_goes_on_after_a_file_that_cannot_be_read(repository):
+    steps = "git commit -qam 2; sed -i 1i= 'a mesh.obj'; git commit -qam 3; sed -i 1d 'a mesh.obj'; git commit -qam 4"
+    assert shell(steps.replace("git", IDENTITY), repository).status == 0
+    shown = shell("git log -p --format=%s", repository)
+    assert (shown.status, shown.text.count("diff --git")) == (0, 5)
+
+
 @long
 def test_git_diff_shows_no_other_digits(repository):
     made = f"gtb mesh -q p.toml -n 1 -o 'a mesh.obj' && git add . && {IDENTITY} commit -qm more"
