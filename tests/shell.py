@@ -125,7 +125,7 @@ def run_line(line: str, folder: Path) -> Result:
     stages = line.split(" | ")
     for stage in stages:
         bare = re.sub(r"'[^']*'|\"[^\"]*\"", "", stage)
-        special = r"[$`;&()|\n\\]|<<|\d>|>>|> /dev/" if bare.startswith("gtb ") else r"(?<!\S)(gtb|git)(?!\S)"
+        special = r"[$`;&()|\n\\]|<<|\d>|>>|> /dev/" if bare.startswith("gtb ") else r"\b(gtb|git)\b"
         if re.search(special, bare):
             return shell(line, folder)
     status, out, err = 0, b"", ""
