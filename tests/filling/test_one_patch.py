@@ -148,7 +148,7 @@ def test_no_plane_patch_that_passes_is_folded(seed):
 
 
 @long
-def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
+def test_rational_sides_without_ribbons_stay_as_they_are():
     """Control points of the pentagon's boundary crowd at corners: a mesh of the patch is not folded there."""
     pentagon = load(SPECS / "pentagon.toml")
     sides = [curve_side(pentagon.boundary(edge), (), f"edge {edge}") for edge in range(5)]
@@ -238,7 +238,7 @@ def test_at_smooth_corners_the_patch_does_not_fold():
     assert max(corner_limits(filling.patch, corner).curvature for corner in range(6)) < 30
 
 
-def test_corners_where_ribbons_disagree_are_said(tmp_path):
+def test_corners_where_ribbons_disagree_are_said():
     sides = random_sides(4, 4, (2, 3))
     turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
     filling = fill_loop([turned, *sides[1:]], raises=ONCE)
@@ -501,7 +501,7 @@ control_points = [[0, 1, 0], [0, 0, 0]]
 
 
 @long
-def test_a_spec_of_curves_is_filled(tmp_path):
+def test_a_spec_of_curves_is_filled():
     sides, _ = read_loop(TRIANGLE.encode(), "x.toml")
     assert [side.across is None for side in sides] == [False, True, True]
     result = gtb("fill", "-", stdin=TRIANGLE.encode())
