@@ -512,32 +512,6 @@ def test_a_spec_of_curves_is_filled():
     assert gtb("fill", "-", stdin=TRIANGLE.encode()).out == result.out
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            TRIANGLE.replace("[1, 1, 0]]", "[1, 1, 0], [1, 1, 1]]"),
-            "<stdin>:5: patches[0].ribbon: must have 2 entries, one for each knot, got 3",
-        ),
-        (TRIANGLE.replace("[1, 1, 0]]", "[1, 'x', 0]]"), "<stdin>:5: patches[0].ribbon[1][1]: expression 'x'"),
-        (TRIANGLE.replace("ribbon", "ribon"), "<stdin>:5: patches[0].ribon: is not a key of a spec, did"),
-        (
-            TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0, 0], [1, 0, 0]]"),
-            "<stdin>:5: patches[0].ribbon: is the curve",
-        ),
-        (TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0], [1, 0]]"), "<stdin>:5: patches[0].ribbon: is the curve"),
-        (TRIANGLE.replace("[0, 1, 0], [0, 0, 0]", "[0, 1, 0], [0, 0, 1]"), "<stdin>: loop: is not closed"),
-        ("knots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]", "<stdin>: one curve is not a loop"),
-        ("knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]", "a single patch has no hole"),
-    ],
-)
-def test_bad_specs_of_loops(text, message):
-    result = gtb("fill", "-", stdin=text.encode())
-    assert result.status == 2
-    assert result.out == b""
-    assert message in result.err
-
-
 def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
     """A square of copies of one included side: ribbons are turned with their curves."""
     side = "[let]\nr = 1\n[[patches]]\nname = 'side'\nknots = [0, 'r']\n"
@@ -561,13 +535,6 @@ def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
 def loop_from_curves(rows):
     """Curves between corners, and directions across, into the square and up by 0.4 of that."""
     return [(row, np.broadcast_to(np.append(-np.mean(row, axis=0)[:2] / 0.4, 1), (96, 3))) for row in rows]
-
-
-@pytest.mark.parametrize("command", ["mesh", "info", "check", "expand"])
-def test_ribbons_are_for_fill_alone(command):
-    result = gtb(command, "-", stdin=TRIANGLE.encode())
-    assert result.status == 2
-    assert "<stdin>:5: patches[0].ribbon: is for gtb fill alone" in result.err
 
 
 # --- holes of models
