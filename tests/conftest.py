@@ -30,8 +30,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say how many tests of pages did not run."""
-    if without := sum("test_browser" in report.nodeid for report in terminalreporter.stats.get("skipped", ())):
-        terminalreporter.write_line(f"{without} tests of pages did not run, as there is no browser: see make browser")
+    skipped = [(report.nodeid, str(report.longrepr)) for report in terminalreporter.stats.get("skipped", ())]
+    if without := sum("test_browser" in name or "needs node" in why for name, why in skipped):
+        terminalreporter.write_line(f"{without} tests of pages did not run: they need a browser (make browser) or node")
 
 
 @pytest.fixture(autouse=True)

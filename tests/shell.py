@@ -120,12 +120,13 @@ def script(text: str, folder: Path) -> Result:
 def run_line(line: str, folder: Path) -> Result:
     """Run lines of a shell, with `gtb` in this process where pipes and files for streams are all that they take.
 
-    It shows the same as `shell` in a fraction of the time.
+    It shows the same as `shell` in a fraction of the time. Git is run where it finds `gtb`.
     """
     stages = line.split(" | ")
     for stage in stages:
         bare = re.sub(r"'[^']*'|\"[^\"]*\"", "", stage)
-        if re.search(r"[$`;&()|\n\\]|<<|\d>|>>|> /dev/", bare) if bare.startswith("gtb ") else "gtb" in bare.split():
+        special = r"[$`;&()|\n\\]|<<|\d>|>>|> /dev/" if bare.startswith("gtb ") else r"\b(gtb|git)\b"
+        if re.search(special, bare):
             return shell(line, folder)
     status, out, err = 0, b"", ""
     with contextlib.chdir(folder):

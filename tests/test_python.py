@@ -321,7 +321,7 @@ def test_options_exclude_each_other_as_on_the_command_line(pentagon):
 # --- the rest of the paper and of the commands
 
 
-def test_every_task_has_a_public_name(pentagon, box, tmp_path):
+def test_every_task_has_a_public_name(box):
     assert gtb_cli.joints(box) is box.joints
     assert [seam.first for seam in box.seams] == [joint.first for joint in box.joints.shared]
     curve = gtb_cli.fit([[0, 0], [1, 2], [3, 1]]).curve

@@ -111,18 +111,3 @@ def test_a_signal_stops_the_command(number, tmp_path):
         assert running.wait(10) == 128 + number
         assert running.stderr.read() == b""  # whose end is there only when no process has it any more
     assert os.listdir(tmp_path) == []
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--max-seconds", "0"), "expected a number of seconds above 0, got '0'"),
-        (("--max-seconds", "nan"), "expected a number of seconds above 0, got 'nan'"),
-        (("--max-memory", "much"), "expected a size such as 500M or 2G, got 'much'"),
-        (("--max-memory", "100M"), "gtb needs at least 320M, got 100M"),
-        (("--max-seconds", "5"), "need a process of their own"),
-    ],
-)
-def test_bounds_that_are_none_are_refused(words, message):
-    result = gtb(*words, "info", PENTAGON)
-    assert (result.status, message in result.err) == (2, True)

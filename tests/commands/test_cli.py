@@ -12,7 +12,7 @@ import pytest
 from gtb_cli.commands.cli import COMMANDS, gtb as group
 from gtb_cli.shell import console
 from gtb_cli.version import __version__
-from tests.shell import PENTAGON, gtb, process
+from tests.shell import PENTAGON, gtb
 
 
 def test_help_lists_every_command():
@@ -85,13 +85,6 @@ def test_errors_of_the_system_are_said_in_words_of_what_they_are_about(error, wo
     result = gtb("elevate", PENTAGON)
     assert result.status == 2
     assert result.err.startswith(f"gtb: error: {words}")
-
-
-def test_errors_are_json_where_standard_error_is_not_utf_8():
-    result = process("info", "--json", "größe.toml", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
-    assert result.status == 2
-    (error,) = json.loads(result.err)["errors"]
-    assert (error["file"], error["message"]) == ("größe.toml", "No such file or directory")
 
 
 @pytest.mark.parametrize("variables", [{}, {"COMP_WORDS": "gtb", "COMP_CWORD": "x"}, {"_GTB_COMPLETE": "x"}])

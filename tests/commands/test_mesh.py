@@ -11,13 +11,11 @@ import trimesh
 
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
-from gtb_cli.language.writer import dump
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.shell import PENTAGON, SPECS, gtb
 from tests.specs import load
@@ -83,18 +81,6 @@ def test_an_internal_error_in_the_middle_of_a_file_leaves_the_others(several, mo
     assert "bad.toml: internal error" in gtb(*several, "--manifest", "m.json", status=2).err
     assert os.listdir("out") == ["good.obj"]
     assert [entry["file"] for entry in json.loads(Path("m.json").read_text())["files"]] == ["out/good.obj"]
-
-
-def test_names_of_files_do_nothing_to_a_terminal(tmp_path):
-    path = tmp_path / "a\x1b[2J.toml"
-    path.write_bytes(Path(PENTAGON).read_bytes())
-    assert gtb("mesh", path, "-n", 1, "-o", tmp_path / "\x9b2J.obj").err == (
-        f"gtb: {tmp_path}/\\x9b2J.obj: 6 vertices, 5 faces\n"
-    )
-    path = tmp_path / "a\nb.toml"
-    path.write_bytes(b"knots = [[0, 0]]")
-    err = gtb("info", path, status=2).err
-    assert err.count(f"gtb: error: {tmp_path}/a\\nb.toml:") == err.count("\n") == 2
 
 
 def test_a_terminal_gets_no_thousands_of_lines(monkeypatch):
@@ -198,17 +184,3 @@ def test_no_file_has_a_number_that_is_none(name):
                 assert np.isfinite(numbers_of_glb(result.out)).all()
             else:
                 assert not re.search(rb"\b(?:nan|inf)\b", result.out, re.IGNORECASE)
-
-
-def test_the_volume_of_parts_inside_each_other_is_called_that_of_both(tmp_path):
-    """Both cubes look outwards: what is in the inner one counts twice."""
-    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
-    patches = [
-        Patch(square, [np.roll([size * side, *np.multiply(size, uv[:: 2 * side - 1])], axis) + at for uv in square])
-        for size, at in ((4, 0), (1, 1))
-        for axis in range(3)
-        for side in (0, 1)
-    ]
-    (tmp_path / "nested.toml").write_text(dump(Model(tuple(patches))), encoding="utf-8")
-    shown = gtb("mesh", tmp_path / "nested.toml", "-n", "2", "-o", tmp_path / "x.stl", status=0).err
-    assert shown.endswith("closed, 4 × 4 × 4, volume 65 of 2 parts together\n")

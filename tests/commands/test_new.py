@@ -20,7 +20,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.vocabulary import SHELLS, TEMPLATES
 from tests.marks import mostly_long
-from tests.shell import gtb, process, shell
+from tests.shell import gtb, process
 
 THINGS = [("bowl", 5), ("shade", 6), ("joint", 3), ("handle", None)]
 PATCHES = ["curve", "triangle", "rectangle", "pentagon", "model"]
@@ -178,12 +178,3 @@ def test_commands_options_and_files_are_completed():
     assert completions("gtb new r", 2) == ["plain,rectangle"]
     assert "plain,--json" in completions("gtb info x.toml --", 3)
     assert completions("gtb mesh x.toml -f p", 4) == ["plain,ply"]
-
-
-def test_bash_completes_in_the_shell(tmp_path):
-    ask = 'COMP_WORDS=(gtb chec); COMP_CWORD=1; _gtb_completion gtb; echo "${COMPREPLY[@]}"'
-    line = f'eval "$(gtb completion bash)"; {ask}'
-    assert shell(line, tmp_path).out == b"check\n"
-
-
-# --- specs out

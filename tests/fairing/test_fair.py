@@ -293,33 +293,6 @@ def test_fair_prints_a_spec():
         parse(result.text).control_points, fair(load(BICUBIC), "dirichlet").patch.control_points
     )
     assert " but for the outermost thousandth; but for the outermost hundredth: bending" in result.err
-    made = gtb("fair", BICUBIC)
-    assert "bending from 15.1 to 1.75, variation from 188 to 2" in made.err
-    again = gtb("fair", "-", stdin=made.out)
-    assert "no fairer one is found; but for the outermost hundredth: bending 1.75, variation 2" in again.err
-    assert again.out == made.out
-
-
-def test_fair_says_no_more_than_it_found():
-    plane = (
-        b"knots = [[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0.5]]\ncontrol_points = "
-        b"[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 0.5, 0]]"
-    )
-    assert "energy 0 but for" in gtb("fair", "-", "--energy", "thin-plate", stdin=plane).err
-    assert "no fairer one is found; but" in gtb("fair", SPECS / "hexagon.toml", "--keep", "curvature").err
-
-
-def test_fair_says_what_folds_and_what_has_nothing_free():
-    crossed = b"""
-knots = [[0, 0], [2, 0], [2, 2], [0, 2], [1, 1]]
-control_points = [[0, 0], [2, 0], [0, 2], [2, 2], [9, 9]]
-"""
-    assert "warning: the patch folds" in gtb("fair", "-", stdin=crossed).err
-    triangle = b"knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]"
-    assert "no control point is free" in gtb("fair", "-", stdin=triangle).err
-    curve = gtb("fair", CURVE)
-    assert curve.status == 2
-    assert "this is a curve" in curve.err
 
 
 def test_quadratures_are_refined_until_they_agree_to_three_thousandths():

@@ -8,11 +8,9 @@ import pytest
 from gtb_cli.checks.properties import check_patch
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.fairing.fit import MAX_POINTS, RESIDUAL_TOLERANCE, fit
-from gtb_cli.language.loading import from_dict, parse
+from gtb_cli.language.loading import from_dict
 from gtb_cli.language.writer import to_dict
 from gtb_cli.tessellation.tessellate import tessellate
-from tests.marks import long
-from tests.shell import gtb
 
 
 def helix(n: int) -> np.ndarray:
@@ -124,41 +122,3 @@ def test_an_iteration_that_does_not_end_is_an_error(monkeypatch):
     monkeypatch.setattr("gtb_cli.fairing.fit.MAX_ROUNDS", 5)
     with pytest.raises(ToleranceError, match=r"still misses a point by .* after 5 rounds"):
         fit(helix(9))
-
-
-def test_fit_prints_a_spec(tmp_path):
-    text = b"# points\n0 0\n1, 2\n\n3\t1 # the third\n4 3\n"
-    result = gtb("fit", stdin=text)
-    assert result.status == 0
-    curve = parse(result.text)
-    np.testing.assert_allclose(curve.knots[:, 0], np.cumsum([0, 5**0.5, 5**0.5, 5**0.5]), rtol=1e-15)
-    path = tmp_path / "way.txt"
-    path.write_bytes(text)
-    named = gtb("fit", path)
-    assert named.text == 'name = "way"\n' + result.text
-    assert "4 points" in named.err
-    assert gtb("fit", path, "-q").err == ""
-    knots = gtb("fit", "--knots", "0, 1, sqrt(2), 4", stdin=b"0 0 0\n1 2 0\n3 1 1\n4 3 1\n").text
-    assert parse(knots).knots[:, 0].tolist() == [0, 1, math.sqrt(2), 4]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (b"", "<stdin>: has no points"),
-        (b"# none\n", "<stdin>: has no points"),
-        (b"1 2\n1\n", "<stdin>:2: expected 2 numbers, got 1"),
-        (b"1\n", "<stdin>:1: expected 2 or 3 numbers, got 1"),
-        (b"1 2\n1 x\n", "<stdin>:2: 'x' is not a number"),
-        (b"1 2\n1 \xff\n", "is not a number"),
-        (b"1 2\n1 inf\n", "<stdin>: points[1][1]: must be finite"),
-        (b"1 2\n", "<stdin>: points: expected 2 to 100, got 1"),
-        (b"1 2 3\n" * 441, "<stdin>: points: expected 2 to 100, got 441"),
-        pytest.param(b"1 2\n" * 1_000_001, "<stdin>: has more than 1000000 points", marks=long),
-    ],
-)
-def test_points_that_are_none(text, message):
-    result = gtb("fit", stdin=text)
-    assert result.status == 2
-    assert result.out == b""
-    assert message in result.err

@@ -148,7 +148,7 @@ def test_no_plane_patch_that_passes_is_folded(seed):
 
 
 @long
-def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
+def test_rational_sides_without_ribbons_stay_as_they_are():
     """Control points of the pentagon's boundary crowd at corners: a mesh of the patch is not folded there."""
     pentagon = load(SPECS / "pentagon.toml")
     sides = [curve_side(pentagon.boundary(edge), (), f"edge {edge}") for edge in range(5)]
@@ -238,7 +238,7 @@ def test_at_smooth_corners_the_patch_does_not_fold():
     assert max(corner_limits(filling.patch, corner).curvature for corner in range(6)) < 30
 
 
-def test_corners_where_ribbons_disagree_are_said(tmp_path):
+def test_corners_where_ribbons_disagree_are_said():
     sides = random_sides(4, 4, (2, 3))
     turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
     filling = fill_loop([turned, *sides[1:]], raises=ONCE)
@@ -501,7 +501,7 @@ control_points = [[0, 1, 0], [0, 0, 0]]
 
 
 @long
-def test_a_spec_of_curves_is_filled(tmp_path):
+def test_a_spec_of_curves_is_filled():
     sides, _ = read_loop(TRIANGLE.encode(), "x.toml")
     assert [side.across is None for side in sides] == [False, True, True]
     result = gtb("fill", "-", stdin=TRIANGLE.encode())
@@ -510,32 +510,6 @@ def test_a_spec_of_curves_is_filled(tmp_path):
     patch = parse(result.text)
     assert len(patch.domain.vertices) == 3
     assert gtb("fill", "-", stdin=TRIANGLE.encode()).out == result.out
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            TRIANGLE.replace("[1, 1, 0]]", "[1, 1, 0], [1, 1, 1]]"),
-            "<stdin>:5: patches[0].ribbon: must have 2 entries, one for each knot, got 3",
-        ),
-        (TRIANGLE.replace("[1, 1, 0]]", "[1, 'x', 0]]"), "<stdin>:5: patches[0].ribbon[1][1]: expression 'x'"),
-        (TRIANGLE.replace("ribbon", "ribon"), "<stdin>:5: patches[0].ribon: is not a key of a spec, did"),
-        (
-            TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0, 0], [1, 0, 0]]"),
-            "<stdin>:5: patches[0].ribbon: is the curve",
-        ),
-        (TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0], [1, 0]]"), "<stdin>:5: patches[0].ribbon: is the curve"),
-        (TRIANGLE.replace("[0, 1, 0], [0, 0, 0]", "[0, 1, 0], [0, 0, 1]"), "<stdin>: loop: is not closed"),
-        ("knots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]", "<stdin>: one curve is not a loop"),
-        ("knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]", "a single patch has no hole"),
-    ],
-)
-def test_bad_specs_of_loops(text, message):
-    result = gtb("fill", "-", stdin=text.encode())
-    assert result.status == 2
-    assert result.out == b""
-    assert message in result.err
 
 
 def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
@@ -561,13 +535,6 @@ def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
 def loop_from_curves(rows):
     """Curves between corners, and directions across, into the square and up by 0.4 of that."""
     return [(row, np.broadcast_to(np.append(-np.mean(row, axis=0)[:2] / 0.4, 1), (96, 3))) for row in rows]
-
-
-@pytest.mark.parametrize("command", ["mesh", "info", "check", "expand"])
-def test_ribbons_are_for_fill_alone(command):
-    result = gtb(command, "-", stdin=TRIANGLE.encode())
-    assert result.status == 2
-    assert "<stdin>:5: patches[0].ribbon: is for gtb fill alone" in result.err
 
 
 # --- holes of models

@@ -28,7 +28,7 @@ def kind(name: str) -> Kind:
     [(reader, kind) for reader in LIGHT for kind in KINDS if kind.format in reader.formats.split()],
     ids=lambda value: value.name,
 )
-def test_light_readers_find_what_is_in_the_file(reader, kind, tmp_path, capsys):
+def test_light_readers_find_what_is_in_the_file(reader, kind, tmp_path):
     path = tmp_path / kind.file
     path.write_bytes(kind.encoded())
     read = getattr(libraries, f"read_{reader.key}")

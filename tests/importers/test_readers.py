@@ -143,19 +143,5 @@ def test_what_is_not_such_a_file(path: str, data: bytes, message: str) -> None:
         import_data(path, data)
 
 
-def test_loops_are_filled(tmp_path: Path) -> None:
-    path = tmp_path / "roof.lop"
-    corners = [(0, 0, 0), (2, 0, 0), (1, 2, 1)]
-    sides = [(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-    text = "3\n" + "".join("1\n4 0 0 1 1\n2 {} {} {} {} {} {}\n".format(*side) for side in sides)
-    path.write_text(text, encoding="utf-8")
-    result = gtb("import", path)
-    assert result.status == 0, result.err
-    assert "the inside is made fair and is not that of the file's scheme" in result.err
-    patch = parse(result.text)
-    assert isinstance(patch, Patch)
-    assert len(patch.domain.vertices) == 3
-
-
 def test_the_table_of_formats_is_one() -> None:
     assert tuple(READERS) == IMPORTS

@@ -1,21 +1,18 @@
 """Why models are open, a line for each reason; and seams that are welded."""
 
-import json
-
 import numpy as np
 import pytest
 
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.errors import ToleranceError
-from gtb_cli.language.writer import save
 from gtb_cli.models.joint_search import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import near_misses, obstacles, seam_remarks
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
-from tests.marks import long, mostly_long
-from tests.shell import SPECS, gtb
+from tests.marks import mostly_long
+from tests.shell import SPECS
 from tests.specs import load
 
 # Knots of two patches side by side, of which one has its middle knot on the left, the other on the right
@@ -117,25 +114,6 @@ def test_what_is_welded_is_said_and_far_ones_are_warned_of():
     assert "1 of them were farther apart than 1% of their edges" in Recipe(4, weld=0.1).mesh(pair(shift=0.05))[1]
     remarks = Recipe(4, weld=1.001).mesh(pair())[1]  # as long as the edges themselves
     assert any("edges were welded into points, up to 1 long" in remark for remark in remarks), remarks
-
-
-@long
-def test_commands_weld_and_say_why_edges_are_not_joined(tmp_path):
-    save(pair(shift=1.5e-4), tmp_path / "x.toml")
-    assert "--weld 0.0002 joins them" in gtb("mesh", tmp_path / "x.toml", "-o", tmp_path / "x.obj").err
-    result = gtb("mesh", tmp_path / "x.toml", "--weld", "2e-4", "-o", tmp_path / "x.obj", status=0)
-    assert "1 seams were welded" in result.err
-    found = json.loads(gtb("info", tmp_path / "x.toml", "--weld", "2e-4", "--json").out)
-    assert found["welded_edges"] == 1
-    assert found["welded_distance"] == pytest.approx(1.5e-4, rel=1e-3)
-    assert "welded edges      1, up to 0.00015 apart" in gtb("info", tmp_path / "x.toml", "--weld", "2e-4").text
-    assert gtb("info", tmp_path / "x.toml", "--weld", "0").status == 2
-    checked = gtb("check", tmp_path / "x.toml", "--weld", "2e-4", status=0)
-    assert "distance of the 1 edges that were welded" in checked.text
-    assert "welded" not in gtb("check", tmp_path / "x.toml").text
-    save(pair(2.0), tmp_path / "y.toml")
-    text = gtb("info", tmp_path / "y.toml").text
-    assert "not joined        one edge 1: same ends and control points as two edge 3, but weights" in text
 
 
 def quarter(name: str, height: float, weights: tuple[float, float, float]) -> Patch:

@@ -92,7 +92,7 @@ def domain_areas(triangles) -> np.ndarray:
     return x * w - y * z
 
 
-def assert_conforming(mesh: Mesh, boundary: int | None = None) -> None:
+def assert_conforming(mesh: Mesh) -> None:
     """Each side belongs to one cell or to two that run through it in opposite directions; no vertex hangs."""
     directed = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     assert len(np.unique(directed, axis=0)) == len(directed)
