@@ -151,14 +151,20 @@ class _ObjLines:
             [(name, a, b) for (_, name, a), (*_, b) in pairwise([*found, (b"", "", self.cell_count)]) if name and a < b]
             for found in ([each for each in self.names if each[0] in kinds] for kinds in (b"go", b"o", (b"usemtl",)))
         )
-        ranges = {OBJECTS: objects if len({name for name, *_ in objects}) > 1 else [], f"{MATERIALS}OBJ": materials}
+        is_divided = len({name for name, *_ in objects}) > 1 and any(keyword == b"g" for keyword, *_ in self.names)
+        ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials}
         marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
         further = [np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan) for part in self.further]
 
         def values() -> Values:
-            return {COLOURS: (np.concatenate(further), cells)} if width else {}
+            numbers = np.concatenate([np.empty((0, width)), *further])
+            if (
+                width < 2 and (np.isnan(numbers) | (numbers == 1)).all()
+            ):  # weights, of which each is 1 unless it is said
+                return {}
+            return {COLOURS if width > 1 else "weights of vertices": (numbers, cells)}
 
         return FileArrays(vertices, cells, partial(half_step, self.words), tuple(groups), values=values, ranges=marks)
 
