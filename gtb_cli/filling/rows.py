@@ -8,8 +8,8 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.fairing.fair import RIDGE_FRACTION
 from gtb_cli.filling.corner_forms import APART, CROSSING, POINT, SMOOTH_COSINE, CornerForms
 from gtb_cli.filling.net import Net
-from gtb_cli.filling.osculation import SecondRow, polar
-from gtb_cli.filling.planes import Field
+from gtb_cli.filling.osculation import polar
+from gtb_cli.filling.planes import EdgeRows
 
 RANK = 1e-12  # relative size of what counts as nothing in forms of bounds and equations
 
@@ -20,26 +20,19 @@ class Rows:
     A row without fields is free, as are the inner points.
     """
 
-    def __init__(
-        self,
-        net: Net,
-        edges: Sequence[FloatArray],
-        normals: Sequence[FloatArray | None],
-        fields: Sequence[Field],
-        seconds: Sequence[SecondRow | None],
-    ) -> None:
-        self._net, self._normals = net, normals
-        free = [members for members, field in zip(net.rows, fields, strict=True) if field is None]
+    def __init__(self, net: Net, edges: Sequence[EdgeRows]) -> None:
+        self._net, self._normals = net, [edge.normals for edge in edges]
+        free = [members for members, edge in zip(net.rows, edges, strict=True) if edge.fields is None]
         self._free = np.concatenate([*free, net.inner])
         self._given = np.zeros((len(net.knots), 3))
         self._seconds = []
         moves, tangential, owners = [], [], []
-        for side, (edge, field, second) in enumerate(zip(edges, fields, seconds, strict=True)):
-            row = polar(edge)
-            self._given[net.edges[side]] = edge[:, :3] / edge[:, 3:]
+        for side, edge in enumerate(edges):
+            row, fields, second = polar(edge.curve), edge.fields or (), edge.second
+            self._given[net.edges[side]] = edge.curve[:, :3] / edge.curve[:, 3:]
             self._given[net.rows[side]] = row[:, :3] / row[:, 3:]
-            moves += [self._move(net.rows[side], values / row[:, 3:]) for values in field or ()]
-            owners += [side] * len(field or ())
+            moves += [self._move(net.rows[side], field / row[:, 3:]) for field in fields]
+            owners += [side] * len(fields)
             if second is not None:
                 row = polar(row)
                 self._given[net.seconds[side]] = row[:, :3] / row[:, 3:]

@@ -25,7 +25,7 @@ def single_curves(sides: Sequence[HoleSide]) -> tuple[list[HoleSide], list[str]]
     that say so, and how far curves are from their splines.
     """
     groups = [(name, list(group)) for name, group in groupby(sides, lambda side: side.spline)]
-    points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in sides]) if sides else np.zeros((1, 3))
+    points = np.concatenate([side.points for side in sides]) if sides else np.zeros((1, 3))
     size = float(np.ptp(points, axis=0).max())
     if not size > 0 or sum(1 if name else len(group) for name, group in groups) < 3:
         return list(sides), []
