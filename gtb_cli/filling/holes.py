@@ -81,7 +81,11 @@ def model_rings(model: Model) -> list[Ring]:
     """Find the closed rings of a surface model's open edges; the numbers are places in ``model.joints.open``."""
     joints = model.joints
     points = np.concatenate([patch.control_points for patch in model.patches])
-    ends = [_ends(model, ref, joints.flipped[ref[0]]) for ref in joints.open]
+    ends = []
+    for index, edge in joints.open:
+        patch = model.patches[index]
+        knots = patch.domain.edge_knots(edge)[[0, -1]]
+        ends.append(patch.control_points[knots if joints.flipped[index] else knots[::-1]])
     names = [edge_name(model.patches, ref) for ref in joints.open]
     return closed_rings(ends, names, MAX_GAP * float(np.ptp(points, axis=0).max()))
 
@@ -100,13 +104,6 @@ def ring_sides(model: Model, refs: Sequence[EdgeRef]) -> list[HoleSide]:
         # The hole's boundary runs in the opposite direction to that of the patch.
         sides.append(side if model.joints.flipped[patch_index] else side.reversed())
     return sides
-
-
-def _ends(model: Model, ref: EdgeRef, flipped: bool) -> FloatArray:
-    """Return the ends of an edge in the hole's direction, (2, 3)."""
-    patch, edge = model.patches[ref[0]], ref[1]
-    knots = patch.domain.edge_knots(edge)[[0, -1]]
-    return patch.control_points[knots if flipped else knots[::-1]]
 
 
 def _outwards(patch: Patch, edge: int, side: HoleSide) -> HoleSide:

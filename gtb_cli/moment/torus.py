@@ -41,8 +41,8 @@ def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> F
 
 
 def scaled_exponentials(e: FloatArray) -> FloatArray:
-    """Replace (n, m) exponents by their exponentials, up to a factor for each column."""
-    e -= e.max(axis=0)
+    """Replace (…, n, m) exponents by their exponentials, up to a factor for each column."""
+    e -= e.max(axis=-2, keepdims=True)
     np.maximum(e, UNDERFLOW_EXPONENT, out=e)
     return np.exp(e, out=e)
 
@@ -57,9 +57,7 @@ def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray
 
 def shares(e: FloatArray) -> FloatArray:
     """Return the softmax of each column of exponents, (…, n, m)."""
-    t = e - e.max(axis=-2, keepdims=True)
-    np.maximum(t, UNDERFLOW_EXPONENT, out=t)
-    np.exp(t, out=t)
+    t = scaled_exponentials(e.copy())
     t /= t.sum(axis=-2, keepdims=True)
     return np.asarray(t)
 
