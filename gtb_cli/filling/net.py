@@ -7,6 +7,7 @@ T at its own place, so that no control point is too weak or too strong.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,11 +69,9 @@ def net(rows_at: Sequence[EdgeRows]) -> Net:
     logs = np.full(len(knots), np.log(4.0))
     for members, own in zip((*edges, *rows, *seconds), (*map(np.log, weights), *logs_of_seconds), strict=True):
         logs[members] = own
-    inner = np.arange(len(boundary), len(knots))
-    distance_to = np.linalg.norm(knots - places[:, :, None], axis=3)
-    corners = distance_to.argmin(axis=2)
-    logs = _even_weights(knots, logs, rows, seconds, inner, corners)
-    return Net(knots, logs, edges, rows, seconds, inner, corners)
+    corners = np.linalg.norm(knots - places[:, :, None], axis=3).argmin(axis=2)
+    found = Net(knots, logs, edges, rows, seconds, np.arange(len(boundary), len(knots)), corners)
+    return replace(found, log_weights=_even_weights(found))
 
 
 def _near(points: FloatArray, others: FloatArray, distance: float) -> BoolArray:
@@ -232,44 +231,36 @@ def _offset(vertices: FloatArray, heights: FloatArray) -> FloatArray:
     return np.linalg.solve(lines, np.column_stack([np.roll(values, 1), values])[:, :, None])[:, :, 0]
 
 
-def _even_weights(
-    knots: FloatArray,
-    logs: FloatArray,
-    rows: Sequence[IntArray],
-    seconds: Sequence[IntArray],
-    inner: IntArray,
-    corners: IntArray,
-) -> FloatArray:
+def _even_weights(net: Net) -> FloatArray:
     """Return log weights with which inner knots, and rows on average, have a certain share at their own places.
 
     Knots at sums of two first ones have a small multiple of the product of their weights.
     """
     # Most of the rest belongs to a knot's neighbours: the bumps of inner knots overlap so much that no ripple is left.
     # A row with less than this hides its planes in a strip too thin to be seen; with more, it is a crease.
-    inner_share, row_share = (0.06, 0.13) if any(map(len, seconds)) else (0.04, 0.15)
+    inner_share, row_share = (0.06, 0.13) if any(map(len, net.seconds)) else (0.04, 0.15)
     tie = 0.05  # curvature varies most with even shares, and little between 0.03 and 0.1
     rounds, damping = 15, 0.6  # towards weights right if the others stayed; a few per cent of a share remain
-    logs = logs.copy()
-    pairs = np.array(SUMS)
-    owners, sums = np.nonzero(corners[:, 5:] >= inner[0])
+    logs, pairs, corners = net.log_weights.copy(), np.array(SUMS), net.corners
+    owners, sums = np.nonzero(corners[:, 5:] >= net.inner[0])
     tied, (first, other) = corners[owners, sums + 5], (corners[owners, pairs[sums, k]] for k in (0, 1))
     products = np.log(tie * np.where(first == other, 1, 2)) - logs[corners[owners, 0]]
-    free = np.concatenate([*rows, np.setdiff1d(inner, tied)])
-    ends = np.cumsum([len(row) for row in rows])
+    free = np.concatenate([*net.rows, np.setdiff1d(net.inner, tied)])
+    ends = np.cumsum([len(row) for row in net.rows])
     columns = np.arange(len(free))
     s = None
     share = np.where(columns < ends[-1], row_share, inner_share)
     wanted = np.log(share / (1 - share))
     for _ in range(rounds):
         logs[tied] = products + logs[first] + logs[other]
-        s = MomentMap(knots, logs).inverse(knots[free], 1e-6, s)
-        t = shares(exponents(knots, logs, s))[free, columns]
+        s = MomentMap(net.knots, logs).inverse(net.knots[free], 1e-6, s)
+        t = shares(exponents(net.knots, logs, s))[free, columns]
         with np.errstate(divide="ignore"):
             change = wanted - np.log(t) + np.log1p(-np.minimum(t, 1 - 1e-9))
         for row in np.split(change, ends)[:-1]:
             row[:] = row.mean()
         change = damping * np.clip(change, -3, 3)
         logs[free] += change
-        for row, end in zip(seconds, ends, strict=True):
+        for row, end in zip(net.seconds, ends, strict=True):
             logs[row] += 2 * change[end - 1]
     return logs

@@ -38,12 +38,6 @@ from gtb_cli.vocabulary import CONTINUITIES
 VISIBLE, NEARER = LEFT_OUT
 """Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
 
-QUADRATURES = 24, 36
-"""By which the certificate is measured: digits on which they agree are said."""
-
-DISAGREEING = 1.0
-"""Degrees between the planes of two sides at a corner from which on normals have several limits whatever the patch."""
-
 
 class _Attempt(NamedTuple):
     """A patch in units of the loop's size; how many faults it has, and whether fairer ones have some."""
@@ -80,6 +74,8 @@ def fill_loop(
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
+    quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
+    disagreeing = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
     ordered, remarks = closed(sides)
     if len(ordered) > max_sides:
         raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
@@ -90,7 +86,7 @@ def fill_loop(
     corner_angles = plane_angles(normals)
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
-    sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > DISAGREEING)
+    sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
     attempt = partial(_attempt, unit, normals, np.flatnonzero(sound).tolist(), inner, fullness)
     first, *others = _plans(unit, raises)
     best = attempt(*first)
@@ -99,7 +95,7 @@ def fill_loop(
             break
         best = min(best, attempt(*plan), key=lambda found: found[:2])
     patch, turns = best.patch, best.sharp_turns
-    ((bending, nearer),), errors = agreed(patch, [patch.control_points], QUADRATURES)
+    ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
