@@ -9,7 +9,6 @@ fields v in the planes.
 """
 
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
+MIN_CROSSING = 1e-3  # of the mean length of a field: its component across an edge that it crosses
 NULL = 1e-13  # relative size of singular values that are rounding: a field with one of them is in the planes
 
 
@@ -31,6 +31,19 @@ def polar(points: FloatArray) -> FloatArray:
 def weight_ratio(degree: int) -> float:
     """Return w₂ / w₁² for an edge of a degree: that of Bézier triangles, for which polynomial rows exist."""
     return (degree - 1) / (2 * degree)
+
+
+def crosses(across: FloatArray) -> bool:
+    """Tell whether a sum of fields, about 1 long on average, crosses an edge everywhere; (f, 96) are components."""
+    factors = np.linalg.lstsq(across.T, np.ones(across.shape[1]), rcond=MIN_CROSSING**2)[0]
+    return bool((factors @ across).min() > MIN_CROSSING)
+
+
+def fields_by_height(values: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return orthonormal fields (k, m, 3), with (96, m) values of polynomials, and their relative normal components."""
+    _, singular, basis = np.linalg.svd((values[:, :, None] * normals[:, None]).reshape(len(values), -1))
+    heights = np.concatenate([singular, np.zeros(len(basis) - len(singular))]) / singular[0]
+    return basis.reshape(len(basis), -1, 3), heights
 
 
 @frozen
@@ -57,11 +70,9 @@ class Rim:
         points, tangents = points_and_tangents(curve, t)
         rates = tangents * (degree / weights[:, None])
         across = np.cross(normals, rates / np.linalg.norm(rates, axis=1, keepdims=True))
-        rim = cls(degree, points, rates, normals, across, weights, np.zeros(len(t)))
-        if degree == 1:
-            return rim
         second = degree * (degree - 1) * bernstein(degree - 2, t) @ np.diff(curve, n=2, axis=0)
-        return replace(rim, bend=heights(second, rim) / weights)
+        bend = ((second[:, :3] - points * second[:, 3:]) * normals).sum(axis=1) / weights
+        return cls(degree, points, rates, normals, across, weights, bend)
 
     def polar_way(self) -> FloatArray:
         """Return (96, 3) ways from the points to the polar of the curve, times its weights."""
@@ -146,11 +157,8 @@ class SecondRow:
         return shift.reshape(-1, 3), rates.reshape(len(factors), -1, 3), float(error)
 
     def crosses(self) -> bool:
-        """Tell whether a sum of fields, about 1 long on average, crosses the edge everywhere."""
-        least = 1e-3
-        across = self._across[1:]
-        factors = np.linalg.lstsq(across.T, np.ones(across.shape[1]), rcond=least**2)[0]
-        return bool((factors @ across).min() > least)
+        """Tell whether a sum of fields crosses the edge everywhere."""
+        return crosses(self._across[1:])
 
 
 class StripRow(SecondRow):
@@ -173,7 +181,7 @@ class StripRow(SecondRow):
         super().__init__(rim, curve, list(inverse @ fields), side.bend)
         self._parts = np.vstack([self._along[:1], parts[0]]), np.vstack([none(t)[None], parts[1]])
         self._rates = (
-            d * (d - 1) * bernstein(max(d - 2, 0), t) @ np.diff(points, n=2, axis=0) if d > 1 else none(first),
+            d * (d - 1) * bernstein(d - 2, t) @ np.diff(points, n=2, axis=0),
             d * bernstein(d - 1, t) @ np.diff(side.strip[0], axis=0),
             bernstein(d, t) @ side.strip[1],
         )
@@ -215,9 +223,8 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
         for degree, power in ((e, p) for e in range(most, -1, -1) for p in powers if p * step <= e):
             # Fields of a lower degree, times a power of the side's weights, which divides those of the raised curve
             values = bernstein(degree - power * step, t)
-            _, singular, basis = np.linalg.svd((values[:, :, None] * normals[:, None]).reshape(len(t), -1))
-            null = np.concatenate([singular, np.zeros(len(basis) - len(singular))]) <= NULL * singular[0]
-            found = [raised(row.reshape(-1, 3), power, side.multiplier) for row in basis[null]]
+            fields, height = fields_by_height(values, normals)
+            found = [raised(field, power, side.multiplier) for field in fields[height <= NULL]]
             if not found:
                 continue
             second = SecondRow(rim, curve, [raised(field, most - degree) for field in found], side.bend)

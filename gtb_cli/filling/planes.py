@@ -6,11 +6,9 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.filling.osculation import SecondRow, osculating
+from gtb_cli.filling.osculation import MIN_CROSSING, SecondRow, crosses, fields_by_height, osculating
 from gtb_cli.filling.sides import HoleSide, bernstein, points_and_tangents, raised, stations
 from gtb_cli.values import frozen
-
-MIN_CROSSING = 1e-3  # of the mean length of a field: its component across an edge that it crosses
 
 
 @frozen
@@ -70,14 +68,12 @@ def _touching(side: HoleSide, normals: FloatArray, counts: range) -> EdgeRows:
         edge = raised(side.curve, count, side.multiplier)
         degree = len(edge) - 2
         values = bernstein(degree, t)
-        matrix = (values[:, :, None] * normals[:, None]).reshape(len(t), -1)
-        _, singular, basis = np.linalg.svd(matrix, full_matrices=True)
-        singular = np.concatenate([singular, np.zeros(len(basis) - len(singular))]) / singular[0]
-        inexact = np.unique(singular[(singular > exact_residual) & (singular <= fitted_residual)])
+        fields, height = fields_by_height(values, normals)
+        inexact = np.unique(height[(height > exact_residual) & (height <= fitted_residual)])
         for bound in (exact_residual, *inexact.tolist()):
-            field = [row.reshape(-1, 3) for row in basis[singular <= bound]]
-            if _crosses(field, values, inward):
-                found = EdgeRows(edge, normals, field)
+            chosen = fields[height <= bound]
+            if len(chosen) and crosses(((values @ chosen) * inward).sum(axis=2)):
+                found = EdgeRows(edge, normals, list(chosen))
                 if bound == exact_residual:
                     return found
                 if nearly is None or bound < nearly[0] / 2:
@@ -86,13 +82,3 @@ def _touching(side: HoleSide, normals: FloatArray, counts: range) -> EdgeRows:
     if nearly is None:
         raise DomainError(f"{side.name}: no polynomial field of degree up to {degree} follows its tangent planes")
     return nearly[1]
-
-
-def _crosses(field: list[FloatArray], values: FloatArray, inward: FloatArray) -> bool:
-    """Tell whether a combination of fields points inwards all along the side."""
-    if not field:
-        return False
-    across = np.array([((values @ row) * inward).sum(axis=1) for row in field])
-    target = np.ones(across.shape[1])
-    found = np.linalg.lstsq(across.T, target, rcond=MIN_CROSSING**2)[0] @ across
-    return bool(found.min() > MIN_CROSSING)
