@@ -6,7 +6,7 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, angles_between
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.hole_corners import at_corners, concave_corners
 from gtb_cli.filling.osculation import Rim, patch_bend
@@ -159,9 +159,7 @@ def contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None
 
 def angles_to(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
     """Return the angles in degrees between the patch's and the given normals at the `stations` of a side."""
-    found = edge_normals(patch, edge_of(patch, side), stations())
-    sine = np.linalg.norm(np.cross(found, normals), axis=1)
-    return np.asarray(np.degrees(np.arctan2(sine, (found * normals).sum(axis=1))))
+    return angles_between(edge_normals(patch, edge_of(patch, side), stations()), normals)
 
 
 def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:

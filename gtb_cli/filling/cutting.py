@@ -121,20 +121,14 @@ def _cuts(sides: Sequence[HoleSide], cut_sides: bool, number: int) -> Iterator[_
         for j, side in enumerate(sides if cut_sides else ()):
             if j in (i, (i - 1) % count):
                 continue
-            t = _opposite(start, side)
-            halves = _halves(side, t)
-            loop = [*sides[:j], *halves, *sides[j + 1 :]]
+            t = np.linspace(0.2, 0.8, 61)  # not near the ends
+            nearest = np.linalg.norm(points_and_tangents(side.curve, t)[0] - start.place, axis=1).argmin()
+            loop = [*sides[:j], *_halves(side, float(t[nearest])), *sides[j + 1 :]]
             first = i if i <= j else i + 1
             end = corners(loop)[j + 1]
             text = f"to {point_text(end.place, places)}, which cuts {side.name} in two"
             for cut in _cut(loop, first, j + 1, start, end, name, text):
                 yield replace(cut, cost=cut.cost + 1.0)
-
-
-def _opposite(corner: Corner, side: HoleSide) -> float:
-    """Return the parameter of the point of a side, not near its ends, that is nearest to a corner."""
-    t = np.linspace(0.2, 0.8, 61)
-    return float(t[np.linalg.norm(points_and_tangents(side.curve, t)[0] - corner.place, axis=1).argmin()])
 
 
 def _halves(side: HoleSide, t: float) -> list[HoleSide]:
