@@ -272,8 +272,7 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     for i in range(len(curves)):
         end, start = curves[i - 1][-1, :3], curves[i][0, :3]
         worst = max(worst, float(np.abs(end - start).max()))
-        middle = end if np.array_equal(end, start) else (end + start) / 2
-        curves[i - 1][-1, :3] = curves[i][0, :3] = middle
+        curves[i - 1][-1, :3] = curves[i][0, :3] = (end + start) / 2
     if worst > POINT_SIZE * size:
         remarks.append(f"ends of sides are moved by up to {worst / 2:.2g}, so that they meet")
     return tuple(replace(side, curve=curve) for side, curve in zip(chain, curves, strict=True)), remarks
