@@ -102,6 +102,11 @@ def planar_cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
+def angles_between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the angles in degrees between vectors, (…, 3) → (…); NaN with those that are NaN."""
+    return np.asarray(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))))
+
+
 def two_product(a: FloatArray, b: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     """Return a * b as a float, and its rounding error: Dekker's product, with Veltkamp's splitting into halves."""
     splitter = 2.0**27 + 1  # factor that splits a float into two halves of 26 bits

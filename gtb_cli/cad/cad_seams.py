@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, angles_between
 from gtb_cli.importers.cad_files import face_frames, kernel, uses_of_edges
 
 
@@ -31,8 +31,7 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
             continue
         (points, normals, ways), (others, other_normals, _) = (_along(edge, face) for edge, face in pair)
         gaps = np.linalg.norm(np.cross(points - others, ways), axis=1)
-        sines, cosines = np.linalg.norm(np.cross(normals, other_normals), axis=1), (normals * other_normals).sum(axis=1)
-        angles = np.degrees(np.arctan2(sines, cosines))  # 180 where the faces turn back
+        angles = angles_between(normals, other_normals)  # 180 where the faces turn back
         found = worst[any(olds)]
         found[:] = max(found[0], float(np.nanmax(angles))), max(found[1], float(gaps.max()))
     return Seams(*worst[True], *worst[False])

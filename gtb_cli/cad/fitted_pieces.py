@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, angles_between
 from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.theory.basis import Location
@@ -260,5 +260,4 @@ def _edge_normals(net: FloatArray, axis: int, last: int, splines: _Splines) -> F
 
 def _largest_angle(one: FloatArray, other: FloatArray) -> float:
     """Return the largest angle in degrees between (n, 3) unit normals, but for those that are NaN."""
-    sines, cosines = np.linalg.norm(np.cross(one, other), axis=1), (one * other).sum(axis=1)
-    return float(np.nan_to_num(np.degrees(np.arctan2(sines, cosines))).max())
+    return float(np.nan_to_num(angles_between(one, other)).max())

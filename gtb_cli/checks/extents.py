@@ -13,8 +13,6 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.quadrature import quadrature
 
 _ORDERS = (8, 12, 16, 24, 32, 48, 64, 96, 128)
-_MOST_VALUES = 2_500_000  # of T_i, by the last rules of all patches together
-_MOST_NUMBERS = 500_000  # values of T_i, or coordinates, at a time
 
 
 class Extent(NamedTuple):
@@ -35,13 +33,14 @@ def extents(shape: Patch | Model) -> dict[str, Extent]:
         return _lengths(shape)
     joints = (shape if isinstance(shape, Model) else Model((shape,))).joints
     frame = Frame.around(*(patch.control_points for patch in shape.patches))
+    most = 2_500_000  # values of T_i, by the last rules of all patches together
     alike: dict[RationalBasis, list[int]] = {}
     for index, patch in enumerate(shape.patches):
         alike.setdefault(patch.rational_basis, []).append(index)
     value, error = np.zeros((2, 2))
     for members in (some[k : k + 100] for some in alike.values() for k in range(0, len(some), 100)):
         nets = frame.inside(np.stack([shape.patches[index].control_points for index in members]))
-        sums, errors = _integrals(shape.patches[members[0]], nets, _MOST_VALUES // len(alike))
+        sums, errors = _integrals(shape.patches[members[0]], nets, most // len(alike))
         sums[:, 1] *= np.where([joints.flipped[index] for index in members], -1, 1)
         value, error = value + sums.sum(axis=0), error + errors.sum(axis=0)
     error[1] += 4 * value[0] * frame.length(max((joint.distance for joint in joints.shared), default=0.0), -1)  # strips
@@ -70,7 +69,7 @@ def _integrals_of(patch: Patch, nets: FloatArray, order: int) -> FloatArray:
     T is an exponential family. Where rounding leaves no determinant, as within 1e-14 of an edge, there is no area.
     """
     basis, rule, knots = patch.rational_basis, quadrature(patch, order), patch.domain.knots
-    count = max(1, _MOST_NUMBERS // max(len(knots), 3 * len(nets)))  # of places at a time
+    count = max(1, 500_000 // max(len(knots), 3 * len(nets)))  # of places at a time
     result = np.zeros((len(nets), 2))
     values = np.moveaxis(nets, 0, 1).reshape(len(knots), -1)
     for begin in range(0, len(rule.weights), count):

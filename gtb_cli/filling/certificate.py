@@ -6,9 +6,9 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, angles_between
 from gtb_cli.fairing.variation import Bending
-from gtb_cli.filling.hole_corners import concave_corners
+from gtb_cli.filling.hole_corners import at_corners, concave_corners
 from gtb_cli.filling.osculation import Rim, patch_bend
 from gtb_cli.filling.sides import HoleSide, edge_normals, points_and_tangents, stations
 from gtb_cli.models.model import Model
@@ -159,9 +159,7 @@ def contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None
 
 def angles_to(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
     """Return the angles in degrees between the patch's and the given normals at the `stations` of a side."""
-    found = edge_normals(patch, edge_of(patch, side), stations())
-    sine = np.linalg.norm(np.cross(found, normals), axis=1)
-    return np.asarray(np.degrees(np.arctan2(sine, (found * normals).sum(axis=1))))
+    return angles_between(edge_normals(patch, edge_of(patch, side), stations()), normals)
 
 
 def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:
@@ -190,13 +188,9 @@ def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:
 
 def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:
     """Return (r,) differences of mean curvatures that sides k − 1 and k give at corner k; NaN if one has none."""
-    t = stations()[:6]
-    ends = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])  # extrapolate from stations to a corner
-    means = []
-    for side, n in zip(sides, normals, strict=True):
-        mean = np.full(len(stations()), math.nan)
+    starts, ends = np.full((2, len(sides)), math.nan)
+    for k, (side, n) in enumerate(zip(sides, normals, strict=True)):
         if side.bend is not None and n is not None:
             rim = Rim.of(side.curve, n)
-            mean = (side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2
-        means.append((ends @ mean[:6], ends @ mean[:-7:-1]))
-    return np.array([abs(means[k - 1][1] - means[k][0]) for k in range(len(sides))])
+            starts[k], ends[k] = at_corners((side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2)
+    return np.asarray(np.abs(np.roll(ends, 1) - starts))

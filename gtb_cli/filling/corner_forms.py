@@ -11,21 +11,8 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.values import frozen
 
-SMOOTH_COSINE = np.cos(np.radians(150))
-"""Of the angle in space from which a corner is smooth: there, rows that ran along their edges would fold."""
-
-CROSSING = 0.25
-"""Least distance at a smooth corner of a row from its edge, relative to the first leg of the edge's control polygon."""
-
-APART = 0.1
-"""Likewise, from the direction midway between the edges, at corners at which rows would cross."""
-
-
 POINT = 1e-9
 """Size of a first way of an edge, relative to the longest at its corner, that is 0: such corners have other forms."""
-
-SHORT = 1e-2
-"""Likewise, of a side so short that equations would only be fulfilled by a wave of its neighbours' size."""
 
 
 @frozen
@@ -43,6 +30,7 @@ class CornerForms:
 
         `given` tells for each of r sides whether its row has planes.
         """
+        short = 1e-2  # a first way, of the longest: equations would only hold by a wave of its neighbours' size
         b = points[..., corners, :] - points[..., corners[:, :1], :]
         w = np.exp(log_weights[corners] - log_weights[corners[:, :1]])
         before: BoolArray = np.roll(given, 1)
@@ -51,7 +39,7 @@ class CornerForms:
         neither = ~given & ~before
         normals = _unit(np.where(neither[:, None], np.cross(b[..., 1, :], b[..., 4, :]), normals))
         lengths = np.linalg.norm(b[..., 1:5, :], axis=-1)
-        known = lengths.min(axis=-1) > SHORT * lengths.max(axis=-1)
+        known = lengths.min(axis=-1) > short * lengths.max(axis=-1)
         members, factors = [], []
         for i, j, k, sums in ((1, 2, 3, (5, 6, 7)), (4, 3, 2, (9, 8, 7))):
             across = np.cross(normals, b[..., j, :])

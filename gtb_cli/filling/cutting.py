@@ -9,6 +9,7 @@ other's. So the parts have the same curve and planes there.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,13 +26,8 @@ MAX_CUTS = 6
 
 Fill = Callable[[Sequence[HoleSide]], Filling]
 
-
-@frozen
-class Parts:
-    """Fillings of the parts of a hole, and remarks that say where it is cut."""
-
-    fillings: tuple[Filling, ...]
-    remarks: tuple[str, ...]
+Parts: TypeAlias = tuple[list[Filling], list[str]]
+"""Fillings of the parts of a hole, and remarks that say where it is cut."""
 
 
 @frozen
@@ -62,9 +58,9 @@ class _Search:
         candidates = sorted(_cuts(sides, self.cut_sides, cuts), key=lambda cut: cut.cost) if concave and cuts else []
         for cut in candidates[:3]:
             left = self.parts(cut.left, cuts - 1)
-            right = left and self.parts(cut.right, cuts - len(left.fillings))
+            right = left and self.parts(cut.right, cuts - len(left[0]))
             if left and right:
-                return Parts(left.fillings + right.fillings, (cut.remark, *left.remarks, *right.remarks))
+                return left[0] + right[0], [cut.remark, *left[1], *right[1]]
         return self._one(sides) if straight <= widest < hopeless else None
 
     def _one(self, sides: Sequence[HoleSide]) -> Parts | None:
@@ -76,26 +72,22 @@ class _Search:
             filling = self.fill(sides)
         except DomainError:  # too many sides, or planes that no field follows
             return None
-        return None if filling.fault or filling.sharpness > SPIKE else Parts((filling,), ())
+        return None if filling.fault or filling.sharpness > SPIKE else ([filling], [])
 
 
 def fill_parts(sides: Sequence[HoleSide], fill: Fill, cut_sides: bool) -> Filling | None:
     """Fill a closed loop with one patch or, if it has concave corners, cut it into parts; None if that has faults.
 
+    The filling of several parts has the sides, and the measurements, of all.
     `cut_sides` allows cuts that end inside a side, which is then cut in two.
     """
     extent = float(np.ptp([side.ends[0] for side in sides], axis=0).max())
     if not 1e-100 < extent < 1e100:  # squares of lengths would not be numbers
         return None
     found = _Search(fill, cut_sides).parts(sides, MAX_CUTS)
-    return None if found is None else _together(found)
-
-
-def _together(found: Parts) -> Filling:
-    """Return one filling with the sides, and the measurements, of all parts."""
-    parts = found.fillings
-    if len(parts) == 1:
-        return parts[0]
+    if found is None or len(found[0]) == 1:
+        return found and found[0][0]
+    parts, remarks = found
     return Filling(
         parts[0].patch,
         tuple(side for part in parts for side in part.sides),
@@ -108,9 +100,9 @@ def _together(found: Parts) -> Filling:
         tuple(times for part in parts for times in part.raises),
         0,
         sum(part.sharp_turns for part in parts),
-        (*found.remarks, *(f"part {k}: {remark}" for k, part in enumerate(parts) for remark in part.remarks)),
+        (*remarks, *(f"part {k}: {remark}" for k, part in enumerate(parts) for remark in part.remarks)),
         Model(part.patch for part in parts),
-        parts,
+        tuple(parts),
     )
 
 
@@ -129,20 +121,14 @@ def _cuts(sides: Sequence[HoleSide], cut_sides: bool, number: int) -> Iterator[_
         for j, side in enumerate(sides if cut_sides else ()):
             if j in (i, (i - 1) % count):
                 continue
-            t = _opposite(start, side)
-            halves = _halves(side, t)
-            loop = [*sides[:j], *halves, *sides[j + 1 :]]
+            t = np.linspace(0.2, 0.8, 61)  # not near the ends
+            nearest = np.linalg.norm(points_and_tangents(side.curve, t)[0] - start.place, axis=1).argmin()
+            loop = [*sides[:j], *_halves(side, float(t[nearest])), *sides[j + 1 :]]
             first = i if i <= j else i + 1
             end = corners(loop)[j + 1]
             text = f"to {point_text(end.place, places)}, which cuts {side.name} in two"
             for cut in _cut(loop, first, j + 1, start, end, name, text):
                 yield replace(cut, cost=cut.cost + 1.0)
-
-
-def _opposite(corner: Corner, side: HoleSide) -> float:
-    """Return the parameter of the point of a side, not near its ends, that is nearest to a corner."""
-    t = np.linspace(0.2, 0.8, 61)
-    return float(t[np.linalg.norm(points_and_tangents(side.curve, t)[0] - corner.place, axis=1).argmin()])
 
 
 def _halves(side: HoleSide, t: float) -> list[HoleSide]:

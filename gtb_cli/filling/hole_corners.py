@@ -36,7 +36,7 @@ def corners(sides: Sequence[HoleSide]) -> list[Corner]:
     of the loop's vector area. A corner is concave if it is so in the planes of both sides.
     """
     parallel_sine = 0.05  # the plane of two directions is a matter of rounding and noise below this
-    points = np.concatenate([side.curve[:-1, :3] / side.curve[:-1, 3:] for side in sides])
+    points = np.concatenate([side.points[:-1] for side in sides])
     points = (points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)
     area = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
     ends = np.array([0.0, 1.0])
@@ -83,15 +83,18 @@ def across_at(side: HoleSide, t: FloatArray) -> FloatArray:
     return np.asarray(shares @ side.across / shares.sum(axis=1, keepdims=True))
 
 
+def at_corners(values: FloatArray | None) -> FloatArray:
+    """Extrapolate (96, …) values at the `stations` of a side to both of its ends, (2, …); NaN without values."""
+    if values is None:
+        return np.full((2, 3), math.nan)
+    t = stations()[:6]
+    shares = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])
+    return np.stack([shares @ values[:6], shares @ values[:-7:-1]])
+
+
 def plane_angles(normals: Sequence[FloatArray | None]) -> FloatArray:
     """Return the angles in degrees between the planes of sides k − 1 and k at corner k, NaN without planes."""
-    t = stations()[:6]
-    ends = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])  # extrapolate from stations to a corner
-    angles = []
-    for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True):
-        if before is None or after is None:
-            angles.append(math.nan)
-        else:
-            end, start = ends @ before[:-7:-1], ends @ after[:6]
-            angles.append(math.degrees(math.atan2(float(np.linalg.norm(np.cross(end, start))), float(end @ start))))
-    return np.array(angles)
+    starts, ends = np.stack([at_corners(each) for each in normals], axis=1)
+    pairs = zip(np.roll(ends, 1, axis=0), starts, strict=True)
+    angles = [math.atan2(float(np.linalg.norm(np.cross(end, start))), float(end @ start)) for end, start in pairs]
+    return np.degrees(angles)

@@ -1,7 +1,6 @@
 """Holes: closed rings of open edges, and those of a model as sides with the tangent planes of its patches."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,6 @@ from gtb_cli.filling.osculation import patch_bend
 from gtb_cli.filling.sides import MAX_GAP, HoleSide, bezier_form, edge_normals, points_and_tangents, stations
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import EdgeRef, edge_name
-from gtb_cli.theory.patch import Patch
 
 
 class Ring(NamedTuple):
@@ -81,7 +79,11 @@ def model_rings(model: Model) -> list[Ring]:
     """Find the closed rings of a surface model's open edges; the numbers are places in ``model.joints.open``."""
     joints = model.joints
     points = np.concatenate([patch.control_points for patch in model.patches])
-    ends = [_ends(model, ref, joints.flipped[ref[0]]) for ref in joints.open]
+    ends = []
+    for index, edge in joints.open:
+        patch = model.patches[index]
+        knots = patch.domain.edge_knots(edge)[[0, -1]]
+        ends.append(patch.control_points[knots if joints.flipped[index] else knots[::-1]])
     names = [edge_name(model.patches, ref) for ref in joints.open]
     return closed_rings(ends, names, MAX_GAP * float(np.ptp(points, axis=0).max()))
 
@@ -89,32 +91,20 @@ def model_rings(model: Model) -> list[Ring]:
 def ring_sides(model: Model, refs: Sequence[EdgeRef]) -> list[HoleSide]:
     """Return the sides of a hole with these edges, in the direction that gives its patch its neighbours' orientation.
 
-    Raises `DomainError` if an edge is not a rational Bézier curve.
+    They have their patches' tangent planes and curvatures, if these have normals all along them. Raises `DomainError`
+    if an edge is not a rational Bézier curve.
     """
     sides = []
     for patch_index, edge in refs:
         patch = model.patches[patch_index]
         name = edge_name(model.patches, (patch_index, edge))
         (curve,) = bezier_form(patch.boundary(edge), (), name)
-        side = _outwards(patch, edge, HoleSide(name, curve))
+        side, normals = HoleSide(name, curve), edge_normals(patch, edge, stations())
+        if np.isfinite(normals).all():
+            points, tangents = points_and_tangents(curve, stations())
+            far = 30 * EPS * float(np.abs(points).max() / np.ptp(points, axis=0).max())  # what normals are off there
+            bend = patch_bend(patch, edge, curve, -normals)
+            side = HoleSide(name, curve, np.cross(tangents, normals), bend, rounding=max(side.rounding, far))
         # The hole's boundary runs in the opposite direction to that of the patch.
         sides.append(side if model.joints.flipped[patch_index] else side.reversed())
     return sides
-
-
-def _ends(model: Model, ref: EdgeRef, flipped: bool) -> FloatArray:
-    """Return the ends of an edge in the hole's direction, (2, 3)."""
-    patch, edge = model.patches[ref[0]], ref[1]
-    knots = patch.domain.edge_knots(edge)[[0, -1]]
-    return patch.control_points[knots if flipped else knots[::-1]]
-
-
-def _outwards(patch: Patch, edge: int, side: HoleSide) -> HoleSide:
-    """Add the directions in a patch's tangent planes across an edge, out of it, and its curvature if it has normals."""
-    normals = edge_normals(patch, edge, stations())
-    if not np.isfinite(normals).all():
-        return side
-    points, tangents = points_and_tangents(side.curve, stations())
-    far = 30 * EPS * float(np.abs(points).max() / np.ptp(points, axis=0).max())  # what normals are off there
-    side = replace(side, across=np.cross(tangents, normals), rounding=max(side.rounding, far))
-    return replace(side, bend=patch_bend(patch, edge, side.curve, -normals))

@@ -67,10 +67,10 @@ def _gbp(words: Words) -> list[HoleSide]:
     n = words.whole("the number of sides", 3, MAX_CURVES)
     degree = words.whole("the degree", 3, MAX_DEGREE)
     words.rows(1, 3, "the centre")
-    first = words.rows(n * degree, 3, "the boundary").reshape(n, degree, 3)
-    layers = [first, words.rows(n * (degree - 2), 3, "the second layer").reshape(n, degree - 2, 3)]
-    for layer in range(2, (degree + 1) // 2):
-        layers.append(words.rows(n * (degree - 2 * layer), 3, f"layer {layer}").reshape(n, degree - 2 * layer, 3))
+    layers = []
+    for layer in range((degree + 1) // 2):
+        what, count = {0: "the boundary", 1: "the second layer"}.get(layer, f"layer {layer}"), degree - 2 * layer
+        layers.append(words.rows(n * count, 3, what).reshape(n, count, 3))
     sides = []
     for k in range(n):
         following = (k + 1) % n

@@ -7,11 +7,15 @@ T at its own place, so that no control point is too weak or too strong.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, planar_cross
 from gtb_cli.filling.corner_exponents import FREE, SUMS, corner_places, frames, keeps_corners
+from gtb_cli.filling.osculation import polar
+from gtb_cli.filling.planes import EdgeRows
+from gtb_cli.filling.sides import binomials, points_and_tangents
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.values import frozen
@@ -38,20 +42,20 @@ class Net:
     corners: IntArray
 
 
-def net(
-    lengths: FloatArray,
-    edge_weights: Sequence[FloatArray],
-    row_weights: Sequence[FloatArray],
-    second_weights: Sequence[FloatArray | None],
-) -> Net:
-    """Lay out the knots of a patch whose domain has sides like the (r,) lengths in space, and choose its weights.
+def net(rows_at: Sequence[EdgeRows]) -> Net:
+    """Lay out the knots of a patch whose domain has sides like the edges in space, and choose its weights.
 
-    Products c ω of the knots are given: (m + 1,) of each edge, 1 at the corners, (m,) of its row, up to a factor, and
-    of its second row, if it has one, (m − 1,), up to the square of this factor.
+    Those of edges are the weights of their curves, those of a row are given up to a factor, and those of its second
+    row, if it has one, up to the square of this factor.
     """
-    vertices = polygon(lengths)
-    degrees = np.array([len(weights) - 1 for weights in edge_weights])
-    logs_of_seconds = [np.log([] if weights is None else weights) for weights in second_weights]
+    curves = [each.curve for each in rows_at]
+    t = np.linspace(0, 1, 33)
+    lengths = [np.linalg.norm(np.diff(points_and_tangents(c, t)[0], axis=0), axis=1).sum() for c in curves]
+    vertices = polygon(np.array(lengths))
+    degrees = np.array([len(curve) - 1 for curve in curves])
+    # Products c ω, of edges and of rows
+    weights = [binomials(len(points) - 1) * points[:, 3] for points in (*curves, *map(polar, curves))]
+    logs_of_seconds = [np.log([] if each.second is None else each.second.weights) for each in rows_at]
     layer = THIRD_LAYER if any(map(len, logs_of_seconds)) else SECOND_LAYER
     distances = _row_distances(vertices, degrees, layer)
     edges, rows, seconds, boundary = _boundary(vertices, degrees, distances, [len(row) for row in logs_of_seconds])
@@ -63,14 +67,11 @@ def net(
     rings = rings[keeps_corners(rings, places) & ~_near(rings, sums, 0.8 * distances.min())]
     knots = np.concatenate([boundary, sums, rings])
     logs = np.full(len(knots), np.log(4.0))
-    given = (*map(np.log, edge_weights), *map(np.log, row_weights), *logs_of_seconds)
-    for members, own in zip((*edges, *rows, *seconds), given, strict=True):
+    for members, own in zip((*edges, *rows, *seconds), (*map(np.log, weights), *logs_of_seconds), strict=True):
         logs[members] = own
-    inner = np.arange(len(boundary), len(knots))
-    distance_to = np.linalg.norm(knots - places[:, :, None], axis=3)
-    corners = distance_to.argmin(axis=2)
-    logs = _even_weights(knots, logs, rows, seconds, inner, corners)
-    return Net(knots, logs, edges, rows, seconds, inner, corners)
+    corners = np.linalg.norm(knots - places[:, :, None], axis=3).argmin(axis=2)
+    found = Net(knots, logs, edges, rows, seconds, np.arange(len(boundary), len(knots)), corners)
+    return replace(found, log_weights=_even_weights(found))
 
 
 def _near(points: FloatArray, others: FloatArray, distance: float) -> BoolArray:
@@ -87,31 +88,22 @@ def polygon(lengths: FloatArray) -> FloatArray:
     for _ in range(3):
         sides = np.minimum(sides, longest_share * (sides.sum() - sides))
     sides = sides / sides.mean()
-    longest = int(sides.argmax())
+    longest, wide = int(sides.argmax()), False
 
-    def excess(radius: float) -> float:
-        return float(_angles(sides, radius, longest, wide).sum()) - 2 * np.pi
+    def angles(radius: float) -> FloatArray:
+        """Return the angles of sides as seen from the centre of a circle."""
+        found = 2 * np.arcsin(np.minimum(sides / (2 * radius), 1.0))
+        if wide:
+            found[longest] = 2 * np.pi - found[longest]
+        return np.asarray(found)
 
     low, high = float(sides[longest]) / 2, float(sides.sum())
-    wide = False
-    wide = excess(low) < 0  # the centre is beyond the longest side
+    wide = bool(angles(low).sum() < 2 * np.pi)  # the centre is beyond the longest side
     for _ in range(200):
         middle = (low + high) / 2
-        if (excess(middle) > 0) != wide:
-            low = middle
-        else:
-            high = middle
-    turn = np.concatenate([[0.0], np.cumsum(_angles(sides, high, longest, wide))[:-1]])
-    start = -np.pi / 2 - _angles(sides, high, longest, wide)[0] / 2
-    return high * np.column_stack([np.cos(start + turn), np.sin(start + turn)])
-
-
-def _angles(sides: FloatArray, radius: float, longest: int, wide: bool) -> FloatArray:
-    """Return the angles of sides as seen from the centre of a circle."""
-    angles = 2 * np.arcsin(np.minimum(sides / (2 * radius), 1.0))
-    if wide:
-        angles[longest] = 2 * np.pi - angles[longest]
-    return np.asarray(angles)
+        low, high = (middle, high) if (angles(middle).sum() > 2 * np.pi) != wide else (low, middle)
+    turn = np.concatenate([[0.0], np.cumsum(angles(high))[:-1]]) + (-np.pi / 2 - angles(high)[0] / 2)
+    return high * np.column_stack([np.cos(turn), np.sin(turn)])
 
 
 def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> FloatArray:
@@ -171,22 +163,20 @@ def _boundary(
 ) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
     """Return the knots of edges, m + 1 each, and of rows, m each and shifted by half a step."""
     lengths, along, inward = frames(vertices)
-    r = len(vertices)
     steps = lengths / degrees
-    knots, edges, rows = [*vertices], [], []
-    for side in range(r):
-        edges.append(np.array([side, *range(len(knots), len(knots) + degrees[side] - 1), (side + 1) % r]))
-        knots += [vertices[side] + j * steps[side] * along[side] for j in range(1, degrees[side])]
-    for side in range(r):
-        rows.append(np.arange(len(knots), len(knots) + degrees[side]))
-        start = vertices[side] + distances[side] * inward[side]
-        knots += [start + (j + 0.5) * steps[side] * along[side] for j in range(degrees[side])]
-    second_rows = []
-    for side in range(r):
-        second_rows.append(np.arange(len(knots), len(knots) + seconds[side]))
-        start = vertices[side] + 2 * distances[side] * inward[side]
-        knots += [start + (j + 1) * steps[side] * along[side] for j in range(seconds[side])]
-    return tuple(edges), tuple(rows), tuple(second_rows), np.array(knots)
+    knots = [*vertices]
+
+    def lines(height: float, first: float, counts: Sequence[int] | IntArray) -> list[IntArray]:
+        """Add knots along each side, at a multiple of its row's distance, from so many steps after its corner on."""
+        members = []
+        for side, count in enumerate(counts):
+            members.append(np.arange(len(knots), len(knots) + count))
+            start = vertices[side] + height * distances[side] * inward[side]
+            knots.extend(start + (j + first) * steps[side] * along[side] for j in range(count))
+        return members
+
+    edges = [np.array([k, *own, (k + 1) % len(vertices)]) for k, own in enumerate(lines(0, 1, degrees - 1))]
+    return tuple(edges), tuple(lines(1, 0.5, degrees)), tuple(lines(2, 1, seconds)), np.array(knots)
 
 
 def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer: float) -> FloatArray:
@@ -241,44 +231,36 @@ def _offset(vertices: FloatArray, heights: FloatArray) -> FloatArray:
     return np.linalg.solve(lines, np.column_stack([np.roll(values, 1), values])[:, :, None])[:, :, 0]
 
 
-def _even_weights(
-    knots: FloatArray,
-    logs: FloatArray,
-    rows: Sequence[IntArray],
-    seconds: Sequence[IntArray],
-    inner: IntArray,
-    corners: IntArray,
-) -> FloatArray:
+def _even_weights(net: Net) -> FloatArray:
     """Return log weights with which inner knots, and rows on average, have a certain share at their own places.
 
     Knots at sums of two first ones have a small multiple of the product of their weights.
     """
     # Most of the rest belongs to a knot's neighbours: the bumps of inner knots overlap so much that no ripple is left.
     # A row with less than this hides its planes in a strip too thin to be seen; with more, it is a crease.
-    inner_share, row_share = (0.06, 0.13) if any(map(len, seconds)) else (0.04, 0.15)
+    inner_share, row_share = (0.06, 0.13) if any(map(len, net.seconds)) else (0.04, 0.15)
     tie = 0.05  # curvature varies most with even shares, and little between 0.03 and 0.1
     rounds, damping = 15, 0.6  # towards weights right if the others stayed; a few per cent of a share remain
-    logs = logs.copy()
-    pairs = np.array(SUMS)
-    owners, sums = np.nonzero(corners[:, 5:] >= inner[0])
+    logs, pairs, corners = net.log_weights.copy(), np.array(SUMS), net.corners
+    owners, sums = np.nonzero(corners[:, 5:] >= net.inner[0])
     tied, (first, other) = corners[owners, sums + 5], (corners[owners, pairs[sums, k]] for k in (0, 1))
     products = np.log(tie * np.where(first == other, 1, 2)) - logs[corners[owners, 0]]
-    free = np.concatenate([*rows, np.setdiff1d(inner, tied)])
-    ends = np.cumsum([len(row) for row in rows])
+    free = np.concatenate([*net.rows, np.setdiff1d(net.inner, tied)])
+    ends = np.cumsum([len(row) for row in net.rows])
     columns = np.arange(len(free))
     s = None
     share = np.where(columns < ends[-1], row_share, inner_share)
     wanted = np.log(share / (1 - share))
     for _ in range(rounds):
         logs[tied] = products + logs[first] + logs[other]
-        s = MomentMap(knots, logs).inverse(knots[free], 1e-6, s)
-        t = shares(exponents(knots, logs, s))[free, columns]
+        s = MomentMap(net.knots, logs).inverse(net.knots[free], 1e-6, s)
+        t = shares(exponents(net.knots, logs, s))[free, columns]
         with np.errstate(divide="ignore"):
             change = wanted - np.log(t) + np.log1p(-np.minimum(t, 1 - 1e-9))
         for row in np.split(change, ends)[:-1]:
             row[:] = row.mean()
         change = damping * np.clip(change, -3, 3)
         logs[free] += change
-        for row, end in zip(seconds, ends, strict=True):
+        for row, end in zip(net.seconds, ends, strict=True):
             logs[row] += 2 * change[end - 1]
     return logs

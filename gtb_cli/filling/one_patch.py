@@ -9,9 +9,8 @@ least variation of curvature: in the metric of the domain, then in that of the s
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,10 +25,9 @@ from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bend
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
-from gtb_cli.filling.osculation import SecondRow, polar
-from gtb_cli.filling.planes import Field, nearest_fields, row_fields
+from gtb_cli.filling.planes import EdgeRows, edge_rows
 from gtb_cli.filling.rows import Rows
-from gtb_cli.filling.sides import HoleSide, binomials, loop, points_and_tangents, side_normals
+from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.moment_map import MomentMap
@@ -40,13 +38,16 @@ from gtb_cli.vocabulary import CONTINUITIES
 VISIBLE, NEARER = LEFT_OUT
 """Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
 
-QUADRATURES = 24, 36
-"""By which the certificate is measured: digits on which they agree are said."""
 
-DISAGREEING = 1.0
-"""Degrees between the planes of two sides at a corner from which on normals have several limits whatever the patch."""
+class _Attempt(NamedTuple):
+    """A patch in units of the loop's size; how many faults it has, and whether fairer ones have some."""
 
-_Attempt: TypeAlias = tuple[tuple[int, bool], Patch, list[int], int, int]
+    faults: int
+    after_others: bool
+    folds: int
+    sharp_turns: int
+    raises: tuple[int, ...]
+    patch: Patch
 
 
 def fill_loop(
@@ -73,65 +74,28 @@ def fill_loop(
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
+    quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
+    disagreeing = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
     ordered, remarks = closed(sides)
     if len(ordered) > max_sides:
         raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
-    points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in ordered])
+    points = np.concatenate([side.points for side in ordered])
     middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, float(np.ptp(points, axis=0).max())
-    unit = []  # the sides in units of the loop's size, from its middle
-    for side in ordered:
-        weights = side.curve[:, 3:]
-        curve = np.hstack([(side.curve[:, :3] - weights * middle) / size, weights])
-        bend = None if side.bend is None else side.bend * size
-        strip = None if side.strip is None else (side.strip[0] / size, side.strip[1] / size)
-        unit.append(replace(side, curve=curve, bend=bend, strip=strip))
+    unit = [side.in_units(middle, size) for side in ordered]
     normals = [None if side.across is None else side_normals(side) for side in unit]
     corner_angles = plane_angles(normals)
-    legs = np.array(
-        [np.linalg.norm(np.diff(side.curve[:, :3] / side.curve[:, 3:], axis=0)[[0, -1]], axis=1) for side in unit]
-    )
+    legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
-    sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > DISAGREEING)
-
-    def attempt(least: int, fewer: bool) -> _Attempt:
-        """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
-
-        First are the number of faults, and whether fairer patches have some.
-        """
-        edges, fields, seconds, times = row_fields(unit, normals, least)
-        if fewer:
-            fields, seconds = nearest_fields(unit, normals, fields, seconds)
-        found: list[_Attempt] = []
-        for patch in _solved(edges, normals, fields, seconds, inner, fullness):
-            turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
-            turns, folds = len(sharp_turns(patch)), count_folds(patch)
-            folds += sum(corner_limits(patch, int(k)).folds for k in np.flatnonzero(sound))
-            faults = turns + 1000 * (folds + turned)
-            found.append(((faults, bool(found)), patch, times, turns, folds))
-            if not faults:
-                break
-        return min(found, key=lambda each: each[0])
-
-    least = raises
-    if least is None:
-        least = 2 if any(n is not None for n in normals) else 1
-        # Of all edges together: with more, inner knots would be too few, and where planes alone are given they are free
-        most_knots = 45 if any(side.bend is not None for side in unit) else 36
-        if any(n is not None for n in normals) and sum(side.degree + 4 for side in unit) <= most_knots:
-            least = 4
-    plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
-    if raises is None:
-        # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
-        plans.insert(0 if len(unit) > 12 else 1, (least - 1, False))
-        if any(corner.angle > 150 for corner in corners(ordered)):  # rows that cross smooth corners need more knots
-            plans.insert(1, (5, False))
-    best = attempt(*plans[0])
-    for plan in plans[1:]:
-        if not any(best[0]):
+    sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
+    attempt = partial(_attempt, unit, normals, np.flatnonzero(sound).tolist(), inner, fullness)
+    first, *others = _plans(unit, raises)
+    best = attempt(*first)
+    for plan in others:
+        if not best.faults and not best.after_others:
             break
-        best = min(best, attempt(*plan), key=lambda found: found[0])
-    _, patch, times, turns, folds = best
-    ((bending, nearer),), errors = agreed(patch, [patch.control_points], QUADRATURES)
+        best = min(best, attempt(*plan), key=lambda found: found[:2])
+    patch, turns = best.patch, best.sharp_turns
+    ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
@@ -142,8 +106,8 @@ def fill_loop(
             f"{ordered[k - 1].name} and {ordered[k].name}: mean curvatures of their neighbours differ by "
             f"{bends[k] / size:.2g} at their corner"
         )
-    if any(times):
-        remarks.append(f"degrees of the sides are raised by {', '.join(map(str, times))}")
+    if any(best.raises):
+        remarks.append(f"degrees of the sides are raised by {', '.join(map(str, best.raises))}")
     for side, n in zip(ordered, normals, strict=True):
         turn = 0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min()))
         if turns and turn > 90:  # a patch that follows such planes faces the other way, and then back
@@ -160,9 +124,9 @@ def fill_loop(
         tuple(contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True))),
         corner_angles,
         tuple(corner_limits(patch, edge_of(patch, k)) for k in range(len(ordered))),
-        tuple(times),
-        folds,
-        0 if folds else turns,
+        best.raises,
+        best.folds,
+        0 if best.folds else turns,
         tuple(remarks),
     )
 
@@ -188,22 +152,55 @@ def closed(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     return ordered, remarks + said
 
 
-def _solved(
-    edges: Sequence[FloatArray],
+def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, bool]]:
+    """Return how often edges are raised at least, and whether each has a single field, in the order of trial."""
+    planes, least = any(side.across is not None for side in sides), raises
+    if least is None:
+        # Of all edges together: with more, inner knots would be too few, and where planes alone are given they are free
+        most_knots = 45 if any(side.bend is not None for side in sides) else 36
+        least = 1 + planes
+        if planes and sum(side.degree + 4 for side in sides) <= most_knots:
+            least = 4
+    plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
+    if raises is None:
+        # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
+        plans.insert(0 if len(sides) > 12 else 1, (least - 1, False))
+        if any(corner.angle > 150 for corner in corners(sides)):  # rows that cross smooth corners need more knots
+            plans.insert(1, (5, False))
+    return plans
+
+
+def _attempt(
+    sides: Sequence[HoleSide],
     normals: Sequence[FloatArray | None],
-    fields: Sequence[Field],
-    seconds: Sequence[SecondRow | None],
+    sound: Sequence[int],
     inner: str,
     fullness: float,
-) -> Iterator[Patch]:
+    least: int,
+    single: bool,
+) -> _Attempt:
+    """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
+
+    Folds are also looked for at the sound corners.
+    """
+    edges = [edge_rows(side, n, least) for side, n in zip(sides, normals, strict=True)]
+    if single:
+        edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
+    raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
+    found: list[_Attempt] = []
+    for patch in _solved(edges, inner, fullness):
+        turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
+        folds = count_folds(patch) + sum(corner_limits(patch, k).folds for k in sound)
+        turns = len(sharp_turns(patch))
+        found.append(_Attempt(turns + 1000 * (folds + turned), bool(found), folds, turns, raises, patch))
+        if not found[-1].faults:
+            break
+    return min(found, key=lambda each: each[:2])
+
+
+def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[Patch]:
     """Yield patches in units of the loop's size: the fairest, and others if that folds."""
-    polars = [polar(edge) for edge in edges]
-    shape = net(
-        np.array([_length(edge) for edge in edges]),
-        [binomials(len(edge) - 1) * edge[:, 3] for edge in edges],
-        [binomials(len(row) - 1) * row[:, 3] for row in polars],
-        [None if second is None else second.weights for second in seconds],
-    )
+    shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
     samples = max(32**2 * min(len(edges), 8), 4 * len(shape.knots))
     resolution = math.ceil(math.sqrt(samples / len(edges)))
@@ -214,8 +211,7 @@ def _solved(
     zones = areas * np.stack([depths**16, depths**4])
     places = MomentMap(shape.knots, shape.log_weights).inverse
     s = places(p, 1e-6)
-    rows = Rows(shape, edges, normals, fields, seconds)
-    least = partial(rows.fairest, fullness=fullness)
+    least = partial(Rows(shape, edges).fairest, fullness=fullness)
     measured = partial(bendings, shape.knots, shape.log_weights, s)
     if inner == "fair":
         matrices = partial(variation_matrices, shape.knots, shape.log_weights, s)
@@ -229,7 +225,7 @@ def _solved(
             found += [least(third + factor / area * second) for factor in (0, 100, 400)]
         bent, below = measured(zones[0], found), measured(areas, found)
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
-        power = 0 if any(seconds) else BENDING_POWER
+        power = 0 if any(each.second for each in edges) else BENDING_POWER
         scores = [b.energy**power * b.variation * math.sqrt(d.variation) for b, d in zip(bent, below, strict=True)]
         best = int(np.argmin(scores))
         for k in dict.fromkeys((best, 0)):
@@ -247,8 +243,3 @@ def _depths(vertices: FloatArray, places: FloatArray) -> FloatArray:
     inward = np.column_stack([-along[:, 1], along[:, 0]])
     whole = ((vertices.mean(axis=0) - vertices) * inward).sum(axis=1)
     return np.asarray((((places[:, None] - vertices) * inward).sum(axis=2) / whole).min(axis=1))
-
-
-def _length(curve: FloatArray) -> float:
-    points, _ = points_and_tangents(curve, np.linspace(0, 1, 33))
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

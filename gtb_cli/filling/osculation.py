@@ -8,7 +8,7 @@ which is linear in row 2. All of II follows from the normal curvature across the
 fields v in the planes.
 """
 
-from dataclasses import replace
+from copy import copy
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
+MIN_CROSSING = 1e-3  # of the mean length of a field: its component across an edge that it crosses
 NULL = 1e-13  # relative size of singular values that are rounding: a field with one of them is in the planes
 
 
@@ -30,6 +31,19 @@ def polar(points: FloatArray) -> FloatArray:
 def weight_ratio(degree: int) -> float:
     """Return w₂ / w₁² for an edge of a degree: that of Bézier triangles, for which polynomial rows exist."""
     return (degree - 1) / (2 * degree)
+
+
+def crosses(across: FloatArray) -> bool:
+    """Tell whether a sum of fields, about 1 long on average, crosses an edge everywhere; (f, 96) are components."""
+    factors = np.linalg.lstsq(across.T, np.ones(across.shape[1]), rcond=MIN_CROSSING**2)[0]
+    return bool((factors @ across).min() > MIN_CROSSING)
+
+
+def fields_by_height(values: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return orthonormal fields (k, m, 3), with (96, m) values of polynomials, and their relative normal components."""
+    _, singular, basis = np.linalg.svd((values[:, :, None] * normals[:, None]).reshape(len(values), -1))
+    heights = np.concatenate([singular, np.zeros(len(basis) - len(singular))]) / singular[0]
+    return basis.reshape(len(basis), -1, 3), heights
 
 
 @frozen
@@ -56,11 +70,9 @@ class Rim:
         points, tangents = points_and_tangents(curve, t)
         rates = tangents * (degree / weights[:, None])
         across = np.cross(normals, rates / np.linalg.norm(rates, axis=1, keepdims=True))
-        rim = cls(degree, points, rates, normals, across, weights, np.zeros(len(t)))
-        if degree == 1:
-            return rim
         second = degree * (degree - 1) * bernstein(degree - 2, t) @ np.diff(curve, n=2, axis=0)
-        return replace(rim, bend=heights(second, rim) / weights)
+        bend = ((second[:, :3] - points * second[:, 3:]) * normals).sum(axis=1) / weights
+        return cls(degree, points, rates, normals, across, weights, bend)
 
     def polar_way(self) -> FloatArray:
         """Return (96, 3) ways from the points to the polar of the curve, times its weights."""
@@ -100,11 +112,13 @@ class SecondRow:
         Products c ω of its knots, times the square of the factor of row 1.
     tangential : list of (m − 1, 3) float
         Shifts of row 2 that leave II as it is.
+    sums : (k, f) float
+        Factors of the given fields in each of the `fields`.
     """
 
     def __init__(self, rim: Rim, curve: FloatArray, fields: list[FloatArray], bend: FloatArray) -> None:
         near_null = 1e-9  # of rows with data rounded in files: multiples of these would be large
-        self.curve, self.fields, self._rim, self._bend = curve, fields, rim, bend
+        self.curve, self.fields, self.sums, self._rim, self._bend = curve, fields, np.eye(len(fields)), rim, bend
         t = stations()
         values, rates = bernstein(rim.degree - 1, t), (rim.degree - 1) * bernstein(rim.degree - 2, t)
         along, self._across = rim.parts(np.stack([rim.polar_way(), *(values @ field for field in fields)]))
@@ -123,30 +137,28 @@ class SecondRow:
 
     def chosen(self, sums: FloatArray) -> "SecondRow":
         """Return that of (k, f) sums of the fields."""
-        fields = list(np.einsum("kf,fij->kij", sums, np.array(self.fields)))
-        return SecondRow(self._rim, self.curve, fields, self._bend)
+        found = copy(self)
+        found.sums, found.fields = sums @ self.sums, list(np.tensordot(sums, self.fields, 1))
+        return found
 
     def shifts(self, factors: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return the (m − 1, 3) shift of row 2 from the polar of the polar, and its derivatives by the (f,) factors.
 
         The last is the error of II, relative to its largest terms: above rounding, this shift is only nearest to it.
         """
-        f = np.concatenate([[1.0], factors])
+        f = np.concatenate([[1.0], factors @ self.sums])
         a, g, h = f @ self._along, f @ self._across, f @ self._mixed
         terms = self._along * h + a * self._mixed - self._along * a * self._rim.bend + self._across * g * self._bend
         wanted = (f @ terms) * self._factor - self._own
         shift = self._inverse @ wanted
         largest = np.abs(f[:, None] * terms * self._factor).max() + np.abs(self._own).max()
         error = np.abs(self._matrix @ shift - wanted).max() / (largest or 1.0)
-        rates = 2 * terms[1:] * self._factor @ self._inverse.T
+        rates = 2 * self.sums @ (terms[1:] * self._factor @ self._inverse.T)
         return shift.reshape(-1, 3), rates.reshape(len(factors), -1, 3), float(error)
 
     def crosses(self) -> bool:
-        """Tell whether a sum of fields, about 1 long on average, crosses the edge everywhere."""
-        least = 1e-3
-        across = self._across[1:]
-        factors = np.linalg.lstsq(across.T, np.ones(across.shape[1]), rcond=least**2)[0]
-        return bool((factors @ across).min() > least)
+        """Tell whether a sum of fields crosses the edge everywhere."""
+        return crosses(self._across[1:])
 
 
 class StripRow(SecondRow):
@@ -155,39 +167,29 @@ class StripRow(SecondRow):
     Fields are A P' + b D₁ with polynomials A and b, and 2 κ (R₂ − P) is A² P'' + 2 A b D₁' + b² D₂.
     """
 
-    def __init__(
-        self, rim: Rim, side: HoleSide, curve: FloatArray, degree: int, sums: FloatArray | None = None
-    ) -> None:
+    def __init__(self, rim: Rim, side: HoleSide, curve: FloatArray, degree: int) -> None:
         assert side.strip is not None
         assert side.bend is not None
         t, d, m = stations(), side.degree, rim.degree
         points = side.curve[:, :3]
-        self._side, self._degree = side, degree
         along, across = bernstein(degree - d + 1, t).T, bernstein(degree - d, t).T
         none = np.zeros_like
         parts = np.concatenate([along, none(across)]), np.concatenate([none(along), across])
-        if sums is not None:
-            parts = sums @ parts[0], sums @ parts[1]
         first = bernstein(d, t) @ side.strip[0]
         fields = parts[0][:, :, None] * rim.rates + parts[1][:, :, None] * first
         inverse = np.linalg.pinv(bernstein(m - 1, t))
         super().__init__(rim, curve, list(inverse @ fields), side.bend)
         self._parts = np.vstack([self._along[:1], parts[0]]), np.vstack([none(t)[None], parts[1]])
         self._rates = (
-            d * (d - 1) * bernstein(max(d - 2, 0), t) @ np.diff(points, n=2, axis=0) if d > 1 else none(first),
+            d * (d - 1) * bernstein(d - 2, t) @ np.diff(points, n=2, axis=0),
             d * bernstein(d - 1, t) @ np.diff(side.strip[0], axis=0),
             bernstein(d, t) @ side.strip[1],
         )
         self._coefficients = np.linalg.pinv(bernstein(m - 2, t))
-        self._sums = np.eye(len(fields)) if sums is None else sums
-
-    def chosen(self, sums: FloatArray) -> "StripRow":
-        """Return that of (k, f) sums of the fields."""
-        return StripRow(self._rim, self._side, self.curve, self._degree, sums @ self._sums)
 
     def shifts(self, factors: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return the shift of row 2, its derivatives, and its relative error, which is rounding."""
-        f = np.concatenate([[1.0], factors])
+        f = np.concatenate([[1.0], factors @ self.sums])
         (along, across), (second, mixed, first) = self._parts, self._rates
         a, b = f @ along, f @ across
         terms = along[:, :, None] * (a[:, None] * second + b[:, None] * mixed)
@@ -196,7 +198,7 @@ class StripRow(SecondRow):
         wanted = np.einsum("f,fij->ij", f, terms) + self._rim.points
         shift = self._coefficients @ wanted
         error = np.abs(bernstein(len(own) - 1, stations()) @ shift - wanted).max() / (np.abs(wanted).max() or 1.0)
-        return shift - own, 2 * self._coefficients @ terms[1:], float(error)
+        return shift - own, 2 * np.tensordot(self.sums, self._coefficients @ terms[1:], 1), float(error)
 
 
 def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
@@ -221,9 +223,8 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
         for degree, power in ((e, p) for e in range(most, -1, -1) for p in powers if p * step <= e):
             # Fields of a lower degree, times a power of the side's weights, which divides those of the raised curve
             values = bernstein(degree - power * step, t)
-            _, singular, basis = np.linalg.svd((values[:, :, None] * normals[:, None]).reshape(len(t), -1))
-            null = np.concatenate([singular, np.zeros(len(basis) - len(singular))]) <= NULL * singular[0]
-            found = [raised(row.reshape(-1, 3), power, side.multiplier) for row in basis[null]]
+            fields, height = fields_by_height(values, normals)
+            found = [raised(field, power, side.multiplier) for field in fields[height <= NULL]]
             if not found:
                 continue
             second = SecondRow(rim, curve, [raised(field, most - degree) for field in found], side.bend)

@@ -13,11 +13,6 @@ from gtb_cli.filling.spline_sides import nearest_curve
 from gtb_cli.importers.cad_files import SEWN, box_of, edge_pieces, face_frames, kernel, parts, uses_of_edges
 from gtb_cli.values import frozen
 
-TRIALS = [(count, within) for count in (0, 1) for within in (1e-7, 1e-6)] + [(count, 1e-5) for count in range(4)]
-"""Of an edge: how many more curves than it must have, and how near, of the size; few, as many are hard to fill."""
-
-DEGREES = range(3, 9)  # of such a curve: those of higher degrees waver, and so do the planes of a patch across them
-
 
 @frozen
 class Part:
@@ -84,7 +79,10 @@ def _normals(face: Any, start: FloatArray, points: FloatArray, name: str) -> Flo
 
 def _curves(edge: Any, size: float, least: int) -> list[tuple[FloatArray, float]]:
     """Return an edge as Bézier curves, and how far they are from it: as few as are near enough, of equal lengths."""
-    for more, within in TRIALS:
+    # How many more curves than it must have, and how near, of the size; few, as many are hard to fill
+    trials = [(count, within) for count in (0, 1) for within in (1e-7, 1e-6)] + [(count, 1e-5) for count in range(4)]
+    degrees = range(3, 9)  # those of higher degrees waver, and so do the planes of a patch across them
+    for more, within in trials:
         found = []
         for pieces in edge_pieces(edge, least + more):
             start = pieces[0][0, :3] / pieces[0][0, 3]
@@ -93,7 +91,7 @@ def _curves(edge: Any, size: float, least: int) -> list[tuple[FloatArray, float]
             if len(pieces) == 1:
                 found.append((pieces[0], 0.0))
                 continue
-            nearest = nearest_curve([(piece[:, :3] - start) / size for piece in pieces], within, DEGREES)
+            nearest = nearest_curve([(piece[:, :3] - start) / size for piece in pieces], within, degrees)
             if nearest is None:
                 break
             points, distance = nearest

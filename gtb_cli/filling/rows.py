@@ -6,10 +6,10 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.fairing.fair import RIDGE_FRACTION
-from gtb_cli.filling.corner_forms import APART, CROSSING, POINT, SMOOTH_COSINE, CornerForms
+from gtb_cli.filling.corner_forms import POINT, CornerForms
 from gtb_cli.filling.net import Net
-from gtb_cli.filling.osculation import SecondRow, polar
-from gtb_cli.filling.planes import Field
+from gtb_cli.filling.osculation import polar
+from gtb_cli.filling.planes import EdgeRows
 
 RANK = 1e-12  # relative size of what counts as nothing in forms of bounds and equations
 
@@ -20,26 +20,19 @@ class Rows:
     A row without fields is free, as are the inner points.
     """
 
-    def __init__(
-        self,
-        net: Net,
-        edges: Sequence[FloatArray],
-        normals: Sequence[FloatArray | None],
-        fields: Sequence[Field],
-        seconds: Sequence[SecondRow | None],
-    ) -> None:
-        self._net, self._normals = net, normals
-        free = [members for members, field in zip(net.rows, fields, strict=True) if field is None]
+    def __init__(self, net: Net, edges: Sequence[EdgeRows]) -> None:
+        self._net, self._normals = net, [edge.normals for edge in edges]
+        free = [members for members, edge in zip(net.rows, edges, strict=True) if edge.fields is None]
         self._free = np.concatenate([*free, net.inner])
         self._given = np.zeros((len(net.knots), 3))
         self._seconds = []
         moves, tangential, owners = [], [], []
-        for side, (edge, field, second) in enumerate(zip(edges, fields, seconds, strict=True)):
-            row = polar(edge)
-            self._given[net.edges[side]] = edge[:, :3] / edge[:, 3:]
+        for side, edge in enumerate(edges):
+            row, fields, second = polar(edge.curve), edge.fields or (), edge.second
+            self._given[net.edges[side]] = edge.curve[:, :3] / edge.curve[:, 3:]
             self._given[net.rows[side]] = row[:, :3] / row[:, 3:]
-            moves += [self._move(net.rows[side], values / row[:, 3:]) for values in field or ()]
-            owners += [side] * len(field or ())
+            moves += [self._move(net.rows[side], field / row[:, 3:]) for field in fields]
+            owners += [side] * len(fields)
             if second is not None:
                 row = polar(row)
                 self._given[net.seconds[side]] = row[:, :3] / row[:, 3:]
@@ -92,14 +85,10 @@ class Rows:
             factors = factors + soft @ table.T @ _multipliers(table @ soft @ table.T, least - table @ factors)
         points, moves = self._at(fullness * factors)
         points = final.least(points, moves[self._count :])[0]
-        for _ in range(rounds if all(n is not None for n in self._normals) else 4):  # coefficients follow free rows
-            equations = self._equations(points)
-            points = final.moved(points, equations)
-        return points
-
-    def _equations(self, points: FloatArray) -> CornerForms:
         given = np.array([n is not None for n in self._normals])
-        return CornerForms.of(points, self._net.log_weights, self._net.corners, given)
+        for _ in range(rounds if given.all() else 4):  # coefficients follow free rows
+            points = final.moved(points, CornerForms.of(points, self._net.log_weights, self._net.corners, given))
+        return points
 
     def _legs(self, points: FloatArray, corner: int) -> tuple[FloatArray, FloatArray]:
         """Return (4, 3) ways from a corner to the control points of its first knots, and the normals of its sides."""
@@ -124,11 +113,14 @@ class Rows:
         These are smooth corners, and those that turn back.
         """
         rounding = 1e-3  # of fields: some cross an edge, but not near its end
+        smooth_cosine = np.cos(np.radians(150))  # in space: there, rows that ran along their edges would fold
+        # Least distances of a row from its edge, of the edge's first leg, and from the way midway between the edges
+        crossing, apart = 0.25, 0.1
         rows, least = [], []
         for corner in range(len(self._net.corners)):
             legs, normals = self._legs(self._given, corner)
             lengths = np.linalg.norm(legs[[0, 3]], axis=1)
-            smooth = legs[0] @ legs[3] <= SMOOTH_COSINE * lengths.prod()
+            smooth = legs[0] @ legs[3] <= smooth_cosine * lengths.prod()
             if not (smooth or corner in turning) or lengths.min() <= POINT * lengths.max():
                 continue
             middle = legs[0] / lengths[0] + legs[3] / lengths[1]
@@ -137,9 +129,9 @@ class Rows:
                 if self._normals[corner - end] is None:
                     continue
                 own = self._moves[: self._count, self._net.corners[corner, knot]]
-                ways = [(np.cross(normal, legs[3 * end] / lengths[end]), CROSSING)]
+                ways = [(np.cross(normal, legs[3 * end] / lengths[end]), crossing)]
                 if corner in turning and convex and not smooth:
-                    ways.append((np.cross(middle / np.linalg.norm(middle), normal), APART))
+                    ways.append((np.cross(middle / np.linalg.norm(middle), normal), apart))
                 for way, share in ways:
                     if np.abs(own @ way).max(initial=0.0) > rounding * np.abs(own).max(initial=0.0):
                         rows.append(sign * own @ way)

@@ -45,9 +45,14 @@ class HoleSide:
         return len(self.curve) - 1
 
     @property
+    def points(self) -> FloatArray:
+        """(m + 1, 3) Bézier points."""
+        return np.asarray(self.curve[:, :3] / self.curve[:, 3:])
+
+    @property
     def ends(self) -> FloatArray:
         """(2, 3) first and last point."""
-        return np.asarray(self.curve[[0, -1], :3] / self.curve[[0, -1], 3:])
+        return self.points[[0, -1]]
 
     @property
     def multiplier(self) -> FloatArray:
@@ -77,13 +82,21 @@ class HoleSide:
             return self
         return replace(self, bend=None, across=None if continuity == "g0" else self.across)
 
+    def in_units(self, middle: FloatArray, size: float) -> "HoleSide":
+        """Write the side in units of a size, from a middle; directions across stay."""
+        return replace(
+            self,
+            curve=np.hstack([(self.curve[:, :3] - self.curve[:, 3:] * middle) / size, self.curve[:, 3:]]),
+            bend=None if self.bend is None else self.bend * size,
+            strip=None if self.strip is None else (self.strip[0] / size, self.strip[1] / size),
+        )
+
     def reversed(self) -> "HoleSide":
         """Run through the side from its other end; the hole stays on the same side of it."""
-        across = None if self.across is None else self.across[::-1]
         return replace(
             self,
             curve=self.curve[::-1],
-            across=across,
+            across=None if self.across is None else self.across[::-1],
             bend=None if self.bend is None else -self.bend[::-1],
             strip=None if self.strip is None else (self.strip[0][::-1], self.strip[1][::-1]),
         )
@@ -223,13 +236,12 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     Return them without those that are points, and remarks that say so. Raises `DomainError` if they do not close, or
     are fewer than three.
     """
-    points = [side.curve[:, :3] / side.curve[:, 3:] for side in sides]
-    size = float(np.ptp(np.concatenate(points), axis=0).max()) if points else 0.0
+    size = float(np.ptp(np.concatenate([side.points for side in sides]), axis=0).max()) if sides else 0.0
     if not size > 0:
         raise DomainError("loop: has no extent")
     remarks, left = [], []
-    for side, places in zip(sides, points, strict=True):
-        if np.ptp(places, axis=0).max() <= POINT_SIZE * size:
+    for side in sides:
+        if np.ptp(side.points, axis=0).max() <= POINT_SIZE * size:
             remarks.append(f"{side.name} is a point and is left out")
         else:
             left.append(side)
@@ -260,8 +272,7 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     for i in range(len(curves)):
         end, start = curves[i - 1][-1, :3], curves[i][0, :3]
         worst = max(worst, float(np.abs(end - start).max()))
-        middle = end if np.array_equal(end, start) else (end + start) / 2
-        curves[i - 1][-1, :3] = curves[i][0, :3] = middle
+        curves[i - 1][-1, :3] = curves[i][0, :3] = (end + start) / 2
     if worst > POINT_SIZE * size:
         remarks.append(f"ends of sides are moved by up to {worst / 2:.2g}, so that they meet")
     return tuple(replace(side, curve=curve) for side, curve in zip(chain, curves, strict=True)), remarks

@@ -25,7 +25,7 @@ def single_curves(sides: Sequence[HoleSide]) -> tuple[list[HoleSide], list[str]]
     that say so, and how far curves are from their splines.
     """
     groups = [(name, list(group)) for name, group in groupby(sides, lambda side: side.spline)]
-    points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in sides]) if sides else np.zeros((1, 3))
+    points = np.concatenate([side.points for side in sides]) if sides else np.zeros((1, 3))
     size = float(np.ptp(points, axis=0).max())
     if not size > 0 or sum(1 if name else len(group) for name, group in groups) < 3:
         return list(sides), []
@@ -49,13 +49,13 @@ def single_curves(sides: Sequence[HoleSide]) -> tuple[list[HoleSide], list[str]]
     return found, remarks
 
 
-def nearest_curves(pieces: Sequence[FloatArray], within: float = MAX_DISTANCE) -> list[tuple[FloatArray, float, int]]:
-    """Return Bézier points of curves of the least degrees within a distance, with distances and numbers of pieces."""
-    if (found := nearest_curve(pieces, within, range(len(pieces[0]), MAX_DEGREE + 1))) is not None:
+def nearest_curves(pieces: Sequence[FloatArray]) -> list[tuple[FloatArray, float, int]]:
+    """Return Bézier points of curves of the least degrees that suffice, with distances and numbers of pieces."""
+    if (found := nearest_curve(pieces, MAX_DISTANCE, range(len(pieces[0]), MAX_DEGREE + 1))) is not None:
         return [(*found, len(pieces))]
     _, turns = _at_joints(pieces)
     cut = 1 + int(turns.argmax()) if turns.max() > MOST_TURN else len(pieces) // 2
-    return [*nearest_curves(pieces[:cut], within), *nearest_curves(pieces[cut:], within)]
+    return [*nearest_curves(pieces[:cut]), *nearest_curves(pieces[cut:])]
 
 
 def nearest_curve(
@@ -68,6 +68,7 @@ def nearest_curve(
     if len(pieces) == 1:
         return pieces[0], 0.0
     hopeless = 10  # times too far with all distances weighed alike
+    least_evenness = 0.2  # of speeds along a curve, on which the knots of an edge are evenly spaced
     ratios, turns = _at_joints(pieces)
     if turns.max() > MOST_TURN:
         return None
@@ -75,7 +76,12 @@ def nearest_curve(
     ways = np.array([pieces[0][1] - pieces[0][0], pieces[-1][-1] - pieces[-1][-2]])
     if _fitted(places, t, ways, MAX_DEGREE, 1.0)[1] > hopeless * within:
         return None
-    return next(filter(None, (_fitted_within(places, t, ways, degree, within) for degree in degrees)), None)
+    for degree in degrees:
+        for along in (0.1, 0.01, 0.001):  # the less, the nearer it comes, and the more its speed varies
+            points, distance, evenness = _fitted(places, t, ways, degree, along)
+            if distance <= within and evenness >= least_evenness:
+                return points, distance
+    return None
 
 
 def _at_joints(pieces: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
@@ -85,18 +91,6 @@ def _at_joints(pieces: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     safe = np.where(lengths > 0, lengths, 1.0)
     turns = np.linalg.norm(np.diff(legs / safe, axis=1), axis=(1, 2))
     return safe[:, 1, 0] / safe[:, 0, 0], np.where(lengths.all(axis=(1, 2)), turns, 2.0)
-
-
-def _fitted_within(
-    places: FloatArray, t: FloatArray, ways: FloatArray, degree: int, within: float
-) -> tuple[FloatArray, float] | None:
-    """Return a curve of this degree and its distance from the places, or None if it is too far."""
-    least_evenness = 0.2  # of speeds along a curve, on which the knots of an edge are evenly spaced
-    for along in (0.1, 0.01, 0.001):  # the less, the nearer it comes, and the more its speed varies
-        points, distance, evenness = _fitted(places, t, ways, degree, along)
-        if distance <= within and evenness >= least_evenness:
-            return points, distance
-    return None
 
 
 def _sampled(pieces: Sequence[FloatArray], ratios: FloatArray) -> tuple[FloatArray, FloatArray]:

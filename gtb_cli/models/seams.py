@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, cross
+from gtb_cli.arrays import BoolArray, FloatArray, angles_between
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
 from gtb_cli.models.joints import Joints
@@ -103,9 +103,7 @@ def seams_of(patches: Sequence[Patch], joints: Joints) -> tuple[Seam, ...]:
     is_away = np.abs(t - 0.5) <= 0.5 - CORNERS
     uses = [use for joint in joints.shared for use in ((joint.first, t), (joint.second, joint.across(patches, t)))]
     rims, normals = _rims(patches, joints.flipped, uses)
-    ours, theirs = normals[::2], normals[1::2]
-    sines = np.linalg.norm(cross(ours.reshape(-1, 3), theirs.reshape(-1, 3)), axis=1).reshape(ours.shape[:2])
-    angles = np.degrees(np.arctan2(sines, (ours * theirs).sum(axis=2)))
+    angles = angles_between(normals[::2], normals[1::2])
     worst = np.where(np.isfinite(angles), angles, -1.0).argmax(axis=1)
     smooth = (angles <= MAX_CREASE_DEGREES) & is_away
     return tuple(

@@ -72,11 +72,6 @@ class VertexLattices:
         """True if a coarser lattice helps with this one."""
         return self.last >= STRIDE * MIN_COARSE_STEPS
 
-    @property
-    def _coarse(self) -> VertexLattices:
-        steps = self.along * STRIDE, self.across * STRIDE, self.twist * STRIDE**2
-        return VertexLattices(self.origin, *steps, self.last // STRIDE, self.triangular)
-
     def solved(self, solve: Solver) -> FloatArray:
         """Return the solution at all places, (2, c, y, x), and 0 elsewhere."""
         shape = len(self.origin), self.last + 1, self.last + 1
@@ -105,7 +100,9 @@ class VertexLattices:
     def lines(self, solve: Solver) -> FloatArray:
         """Return values at every `STRIDE`-th place of all rows, from a coarser lattice: (2, c, y, nodes)."""
         ends = self.last - np.arange(self.last + 1) * self.triangular
-        columns = _extended(np.swapaxes(self._coarse.solved(solve), 2, 3), ends[::STRIDE] // STRIDE)
+        steps = self.along * STRIDE, self.across * STRIDE, self.twist * STRIDE**2
+        coarse = VertexLattices(self.origin, *steps, self.last // STRIDE, self.triangular)
+        columns = _extended(np.swapaxes(coarse.solved(solve), 2, 3), ends[::STRIDE] // STRIDE)
         return _extended(np.swapaxes(_between(columns)[..., : self.last + 1], 2, 3), ends // STRIDE)
 
     def blocks(self, length: int) -> list[tuple[slice, slice]]:

@@ -65,7 +65,19 @@ class MomentMap:
         for begin in range(0, len(p), length):
             block = slice(begin, begin + length)
             total = self._sum(None if numbers is None else numbers[block])
-            s[:, block] = _solved(total, unit[:, block], s[:, block], max(TARGET_RESIDUAL, within))
+            there, target = unit[:, block], max(TARGET_RESIDUAL, within)
+            s[:, block], missing = solve(total, there, tame_starts(total, there, s[:, block]), target)
+            if not len(missing):
+                continue
+            # Far from the origin, knots are off their edge by rounding: a layer much too thin to start from.
+            total, there = total.columns(missing), there[:, missing]
+            s[:, begin + missing], rest = solve(total, there, np.zeros_like(there), target)
+            if len(rest):
+                residual = np.abs(total.moments(s[:, begin + missing]).mean - there)[:, rest].max()
+                raise ToleranceError(
+                    f"linear parametrisation: residual {residual:.1e} of the hull's size after {MAX_STEPS} steps, "
+                    f"{RESIDUAL:g} is required"
+                )
         return np.asarray(s / self._extents[:, None])
 
     def starts(self, p: FloatArray) -> FloatArray:
@@ -132,23 +144,6 @@ def _layers(knots: bytes, dimension: int) -> tuple[FloatArray, FloatArray, Float
     offsets = np.einsum("jk,jk->j", shape.normals, shape.vertices)
     layer = np.where(shape.heights > 0, shape.heights, np.inf).min(axis=0)
     return shape.normals, offsets[:, None], layer[:, None]
-
-
-def _solved(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> FloatArray:
-    """Solve from a start, then from tamer weights and at last from 0."""
-    s, missing = solve(total, p, tame_starts(total, p, start), target)
-    if len(missing):
-        # Far from the origin, knots are off their edge by rounding: a layer that is much too thin to start from.
-        there = p[:, missing]
-        s[:, missing], rest = solve(total.columns(missing), there, np.zeros_like(there), target)
-        missing = missing[rest]
-    if len(missing):
-        residual = np.abs(total.columns(missing).moments(s[:, missing]).mean - p[:, missing]).max()
-        raise ToleranceError(
-            f"linear parametrisation: residual {residual:.1e} of the hull's size after {MAX_STEPS} steps, "
-            f"{RESIDUAL:g} is required"
-        )
-    return s
 
 
 def tame_starts(total: LogSum, p: FloatArray, start: FloatArray) -> FloatArray:

@@ -105,9 +105,7 @@ def solve(
     return s, left[~(residual <= max(ACCEPTED_RESIDUAL, target))]
 
 
-def short_steps(
-    total: LogSum, p: FloatArray, start: FloatArray, target: float = TARGET_RESIDUAL
-) -> tuple[FloatArray, IntArray]:
+def short_steps(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, IntArray]:
     """Take Newton's steps, long ones in part; columns for which a few do not suffice are not changed.
 
     Returns the columns, and which are left. Third derivatives of the sum's logarithm are at most its second ones times

@@ -10,10 +10,6 @@ BLOCK_NUMBERS = 1 << 18
 # Exponents below this are cut off: exp would be subnormal, a hundred times slower, for 1e-304 of the sum
 UNDERFLOW_EXPONENT = -700.0
 
-# Exponents up to this absolute value neither overflow nor underflow, even multiplied by coordinates: the largest of
-# each column need not be subtracted first, which saves two passes over the numbers
-SAFE_EXPONENT = 250.0
-
 # Value of a share at `UNDERFLOW_EXPONENT`: shares up to this count as 0
 CUT_OFF_SHARE = float(np.exp(UNDERFLOW_EXPONENT))
 
@@ -36,13 +32,14 @@ def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> F
     if log_weights.ndim == 2:
         return scaled_exponentials(knots @ s + log_weights)
     e = exponents(knots, log_weights, s)
+    safe = 250.0  # neither overflows nor underflows, even times coordinates: then the largest need not be subtracted
     bound = np.abs(knots).max(axis=0) @ np.abs(s).max(axis=1, initial=0.0) + np.abs(log_weights).max()
-    return np.exp(e, out=e) if bound <= SAFE_EXPONENT else scaled_exponentials(e)
+    return np.exp(e, out=e) if bound <= safe else scaled_exponentials(e)
 
 
 def scaled_exponentials(e: FloatArray) -> FloatArray:
-    """Replace (n, m) exponents by their exponentials, up to a factor for each column."""
-    e -= e.max(axis=0)
+    """Replace (…, n, m) exponents by their exponentials, up to a factor for each column."""
+    e -= e.max(axis=-2, keepdims=True)
     np.maximum(e, UNDERFLOW_EXPONENT, out=e)
     return np.exp(e, out=e)
 
@@ -57,9 +54,7 @@ def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray
 
 def shares(e: FloatArray) -> FloatArray:
     """Return the softmax of each column of exponents, (…, n, m)."""
-    t = e - e.max(axis=-2, keepdims=True)
-    np.maximum(t, UNDERFLOW_EXPONENT, out=t)
-    np.exp(t, out=t)
+    t = scaled_exponentials(e.copy())
     t /= t.sum(axis=-2, keepdims=True)
     return np.asarray(t)
 

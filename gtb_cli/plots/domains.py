@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.knots.decomposition import RegularDecomposition
-from gtb_cli.knots.domain import domain
+from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.plots.look import Look, subscript
 from gtb_cli.plots.palette import FAINT, INK, LINE_COLOURS, patch_colour, rgb
 from gtb_cli.plots.scene import (
@@ -43,7 +43,7 @@ def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
         _label_line(ax, knots[:, 0], texts)
         return
     ax.fill(*corners.T, facecolor="#EAF2F8", edgecolor=LINE_COLOURS[0], lw=1.6, zorder=1)
-    _draw_plane(ax, knots, texts, corners)
+    _draw_plane(ax, patch.domain, texts)
     for edge, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)) if numbered else ():
         along = (b - a) / np.hypot(*(b - a))
         upright = 90 - (90 - np.degrees(np.arctan2(along[1], along[0]))) % 180  # so that it is not upside down
@@ -61,35 +61,30 @@ def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> Non
         corners = found.knots[list(polygon)]
         ax.fill(*corners.T, facecolor=patch_colour(cell), edgecolor=INK, lw=1.3, joinstyle="round", zorder=1)
     texts = [f"{subscript('a', i)}\nλ={height:.4g}" for i, height in enumerate(found.lifting)] if numbered else []
-    _draw_plane(ax, found.knots, texts, domain(found.knots).vertices, found.absent)
+    _draw_plane(ax, domain(found.knots), texts, found.absent)
 
 
-def _draw_plane(
-    ax: Axes, knots: FloatArray, texts: Sequence[str], corners: FloatArray, absent: Sequence[int] = ()
-) -> None:
+def _draw_plane(ax: Axes, shape: Domain, texts: Sequence[str], absent: Sequence[int] = ()) -> None:
     """Draw knots over Δ with texts on the inside, as edges have their numbers outside."""
-    view = plane_view(ax, corners)
+    view = plane_view(ax, shape.vertices)
     ax.set_xlabel("u")
     ax.set_ylabel("v")
-    _draw_knots(view, knots, absent)
-    for place, text in _gathered(knots, texts):
-        x, y = _inward(np.array(place), corners)
+    _draw_knots(view, shape.knots, absent)
+    for place, text in _gathered(shape.knots, texts):
+        x, y = _inward(np.array(place), shape)
         across = 0 if abs(x) < 0.3 else int(np.sign(x))
-        sharp = bool((corners == place).all(axis=1).any())  # edges run above and below
+        sharp = bool((shape.vertices == place).all(axis=1).any())  # edges run above and below
         up = int(not sharp) if abs(y) < 0.3 else int(np.sign(y))
         ha, va = ("center", "left", "right")[across], ("center", "bottom", "top")[up]
         note(ax, text, place, (5 * across, 6 * up), ha=ha, va=va, bbox=HALO)
 
 
-def _inward(place: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return the direction into a polygon from a place on its boundary; from one inside, to its middle."""
-    along = np.roll(corners, -1, axis=0) - corners
-    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
-    low, high = bounds_of(corners)
-    size = float((high - low).max())
-    here = ((place - corners) * normals).sum(axis=1) < 1e-6 * size
+def _inward(place: FloatArray, shape: Domain) -> FloatArray:
+    """Return the direction into Δ from a place on its boundary; from one inside, to its middle."""
+    normals = shape.normals / shape.normal_lengths[:, None]
+    here = ((place - shape.vertices) * normals).sum(axis=1) < 1e-6 * shape.size
     if not here.any():
-        return np.asarray(((low + high) / 2 - place) / (size / 2))
+        return np.asarray((shape.center - place) / (shape.size / 2))
     direction = normals[here].sum(axis=0)
     return np.asarray(direction / np.hypot(*direction))
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.kinds_of_surfaces import shortened
 from gtb_cli.cad.vtu import QuadraticCells, encode_quadratic, encode_vtu
 from gtb_cli.errors import DomainError, ToleranceError
@@ -56,15 +55,9 @@ def quadratic_cells(spec: Patch | Model, recipe: Recipe) -> list[QuadraticCells]
         parameters, cells = np.unique(nodes.reshape(-1, patch.dimension), axis=0, return_inverse=True)
         cells = cells.reshape(nodes.shape[:2])
         points = patch.evaluate(parameters, "linear")
-        parts.append(QuadraticCells(points, cells, _fields(patch, points, parameters, cells, recipe)))
+        order = [[0, 2], [2, 1]] if patch.dimension == 1 else [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]
+        mesh = Mesh(points, np.concatenate([cells[:, part] for part in order]), parameters=parameters)
+        fields = dict(with_attributes(patch, mesh, recipe.attributes, "linear")[0].attributes)
+        fields.pop(QUALITY_NAME, None)
+        parts.append(QuadraticCells(points, cells, fields))
     return parts
-
-
-def _fields(
-    patch: Patch, points: FloatArray, parameters: FloatArray, cells: np.ndarray, recipe: Recipe
-) -> dict[str, FloatArray]:
-    """Return the values of each attribute at the points."""
-    order = [[0, 2], [2, 1]] if patch.dimension == 1 else [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]
-    mesh = Mesh(points, np.concatenate([cells[:, part] for part in order]), parameters=parameters)
-    found = with_attributes(patch, mesh, recipe.attributes, "linear")[0].attributes
-    return {name: values for name, values in found.items() if name != QUALITY_NAME}
