@@ -88,9 +88,7 @@ def _values(content: FileArrays, mesh: Mesh, shown: str) -> Values:
             part = np.zeros(len(mesh.cells), dtype=np.int64)  # in none
             for number, (_, start, stop) in enumerate(parts, 1):
                 part[start:stop] = number
-            rows = np.full((len(parts) + 1, width), np.nan)
-            for number, (row, *_) in enumerate(parts, 1):
-                rows[number, : len(row)] = row
+            rows = np.array([row or [np.nan] * width for row in [[], *(row for row, *_ in parts)]])
             found[label] = rows, np.broadcast_to(part[:, None], mesh.cells.shape)
     return found
 

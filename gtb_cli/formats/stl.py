@@ -1,7 +1,8 @@
 """STL, both ways, binary and text: facets; corners at exactly the same place become one vertex."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -63,12 +64,7 @@ def read_stl(data: bytes) -> FileArrays:
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 
-def _content(
-    corners: FloatArray,
-    half_steps: Callable[[FloatArray], FloatArray],
-    facets: dict[str, Any],
-    solids: Sequence[tuple[str, int, int]] = (),
-) -> FileArrays:
+def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray], facets: dict[str, Any]) -> FileArrays:
     fault = faulty_point(corners)
     if fault is not None:
         raise MeshError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
@@ -79,7 +75,7 @@ def _content(
         rows = np.broadcast_to(np.arange(len(cells))[:, None], cells.shape)
         return {name: (found.reshape(len(cells), -1).astype(np.float64), rows) for name, found in facets.items()}
 
-    return FileArrays(corners[first], cells, half_steps, tuple(solids), values=values)
+    return FileArrays(corners[first], cells, half_steps, values=values)
 
 
 def _read_text(data: bytes) -> FileArrays:
@@ -115,8 +111,8 @@ def _read_text(data: bytes) -> FileArrays:
     normal = re.compile(rb"facet\s+normal" + 3 * number, re.IGNORECASE)
     normals = numbers([word for words in normal.findall(data) for word in words], np.float64)
     parts = [(name, a, b) for (name, a), (_, b) in pairwise([*solids, ("", count)]) if name and a < b]
-    points = np.concatenate(corners).reshape(-1, 3)
-    return _content(points, partial(half_step, sample), {FACETS: normals}, parts if len(solids) > 1 else ())
+    content = _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample), {FACETS: normals})
+    return replace(content, groups=tuple(parts) if len(solids) > 1 else ())
 
 
 def _fault(data: bytes, place: int, number: int) -> GtbError:

@@ -251,9 +251,9 @@ class _Reader:
                 known = self.materials.get(part[0])
                 name, colour = known[int(part[1] or 0)] if known else (mesh.name, b"")
                 groups.append((name or f"{order[key] + 1}", rows + start, rows + end))
-                row = [share / 255 for share in colour]
-                if rest := part[2] + (f"{part[0]} {part[1]}" if part[0] and not known else ""):
-                    row += [*[math.nan] * (4 - len(row)), mark_of(rest)]
+                rest = part[2] + (f"{part[0]} {part[1]}" if part[0] and not known else "")
+                shares = [share / 255 for share in colour] or [math.nan] * 4
+                row = [*shares, mark_of(rest) if rest else math.nan] if colour or rest else []
                 materials.append((row, rows + start, rows + end))
             if said := said + mesh.kind * is_mixed:
                 special.append(([mark_of(said)], rows, rows + len(found)))

@@ -19,9 +19,8 @@ def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | None, left_out: Col
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same.
     """
-    here, there = (
-        {name: found for name, found in each.values().items() if name not in (FACETS, *left_out)} for each in (a, b)
-    )
+    skipped = {FACETS, *left_out}
+    here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
     remarks = _remarks(a, b, here, there, slots)
     if not remarks or slots is None:
         return remarks
@@ -75,17 +74,11 @@ def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots
 
 
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
-    is_of_cells = name == GROUPS or name.startswith((OBJECTS, MATERIALS))
-    if rows.shape != others.shape and not is_of_cells:
+    if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
     if name.startswith(OTHER):
         return [f"{name}: not the same"] if (rows[:1] != others[:1]).any() else []
-    if is_of_cells:
-        widths = [max(rows.shape[1], others.shape[1]) - each.shape[1] for each in (rows, others)]
-        rows, others = (
-            np.pad(each, ((0, 0), (0, width)), constant_values=np.nan)
-            for each, width in zip((rows, others), widths, strict=True)
-        )
+    if name == GROUPS or name.startswith((OBJECTS, MATERIALS)):
         moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
         told = f"{len(moved)} {'cell has' if len(moved) == 1 else 'cells have'} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []

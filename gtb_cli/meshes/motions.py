@@ -16,11 +16,9 @@ def told_motion(points: FloatArray, others: FloatArray, tolerance: float) -> tup
     """
     middle, other_middle = points.mean(axis=0), others.mean(axis=0)
     size = float(np.abs(points - middle).max(initial=0.0))
-    if not 0 < size < math.inf:
-        return ()
-    with np.errstate(over="ignore"):
+    with np.errstate(all="ignore"):
         here, there = (points - middle) / size, (others - other_middle) / size
-    if not np.isfinite(there).all():
+    if not np.isfinite([here, there]).all():
         return ()
     left, _, right = np.linalg.svd(there.T @ here)
     proper = np.diag([1.0, 1.0, np.linalg.det(left @ right)])

@@ -97,7 +97,9 @@ class Measurement:
         mosaic, other_doubt = self.refined(mosaic, sampler)
         ends = self.sampled(mosaic, limit)
         surface = ends if sampler is limit else self.sampled(mosaic, sampler)
-        found = mesh_distance(surface, _union(ends, film), film_error * self.tolerance)
+        cells = np.concatenate([ends.cells, shifted(film.cells, len(ends.vertices))])
+        both = Mesh(np.concatenate([ends.vertices, film.vertices]), cells)
+        found = mesh_distance(surface, both, film_error * self.tolerance)
         plain = found if sampler is limit else mesh_distance(surface, ends)
         error = 2 * self.tolerance + max(found.error, plain.error)
         doubt = doubt or other_doubt
@@ -136,7 +138,3 @@ class Measurement:
     def sampled(mosaic: Complex, sampler: Sampler) -> Mesh:
         """The mesh of a surface on a complex."""
         return Mesh(sampler.points(mosaic.patch, mosaic.parameters, mosaic.face), mosaic.cells)
-
-
-def _union(a: Mesh, b: Mesh) -> Mesh:
-    return Mesh(np.concatenate([a.vertices, b.vertices]), np.concatenate([a.cells, shifted(b.cells, len(a.vertices))]))

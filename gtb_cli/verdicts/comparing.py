@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import filecmp
 import json
-import math
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gtb_cli.errors import GtbError
 from gtb_cli.language.reading import AS_SEEN, Reading
@@ -130,21 +129,15 @@ def _are_alike(first: str, second: str) -> bool:
     from gtb_cli.files import read_file
     from gtb_cli.language.document import MAX_BYTES
 
-    digits = 1e-6  # relative; the distances in a sequence are known to less
-
-    def alike(one: Any, other: Any) -> bool:
-        if isinstance(one, dict) and isinstance(other, dict):
-            return one.keys() == other.keys() and all(alike(one[key], other[key]) for key in one)
-        if isinstance(one, list) and isinstance(other, list):
-            return len(one) == len(other) and all(map(alike, one, other))
-        if isinstance(one, float) and isinstance(other, float):
-            return math.isclose(one, other, rel_tol=digits, abs_tol=1e-15)
-        return type(one) is type(other) and bool(one == other)
+    def rounded(word: str) -> float:
+        """To six digits: distances in a sequence are known to less; and what is next to none is none."""
+        return float(f"{float(word):.6g}") if abs(float(word)) > 1e-14 else 0.0
 
     try:
-        return alike(*(json.loads(read_file(path, MAX_BYTES + 1)) for path in (first, second)))
+        one, other = (json.loads(read_file(path, MAX_BYTES), parse_float=rounded) for path in (first, second))
     except (ValueError, RecursionError):
         return False
+    return bool(one == other)
 
 
 def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:

@@ -103,9 +103,8 @@ def mesh_line(name: str, report: dict[str, Any]) -> str:
         return f"{name}: {report['fault']}"
     cells = "segments" if "segments" in report else "faces"
     faults = ("open_ends", "open_edges", "crowded_edges", "turned_edges")
-    found = [(key.replace("_", " ").removesuffix("s"), report[key]) for key in faults if report.get(key)]
-    state = ", ".join(f"{count} {what}{'s' * (count > 1)}" for what, count in found)
-    state = state or ("closed" if report["components"] else "without extent")
+    words = [f"{n} {key[:-1].replace('_', ' ')}{'s' * (n > 1)}" for key in faults if (n := report.get(key))]
+    state = ", ".join(words) or ("closed" if report["components"] else "without extent")
     return f"{name}: mesh of {report[cells]} {cells if report[cells] > 1 else cells[:-1]}, {state}"
 
 
