@@ -72,7 +72,7 @@ def pytest_testnodedown(node: Any) -> None:
 def pytest_terminal_summary(terminalreporter: Any, exitstatus: int, config: pytest.Config) -> None:
     """Name golden files in the folders of test modules that no test asked for, if all their tests ran and passed."""
     asked = config.stash.get(_ASKED, set())
-    partly = config.stash.get(_PARTLY, False) or "::" in "".join(config.args)
+    partly = config.stash.get(_PARTLY, False) or config.getoption("lf", False) or "::" in "".join(config.args)
     if exitstatus or partly or {"skipped", "xfailed", "xpassed"} & terminalreporter.stats.keys():
         return
     for folder in sorted({path.parent for path in map(Path, asked) if os.path.exists(f"{path.parent}.py")}):

@@ -44,7 +44,7 @@ def mark_of(*contents: str | bytes) -> float:
     """A whole number that differs where texts, or bytes, do, which stands for them among numbers."""
     found = hashlib.sha256()
     for each in contents:
-        found.update(each.encode() if isinstance(each, str) else each)
+        found.update(each.encode("utf-8", "surrogatepass") if isinstance(each, str) else each)
     return float(int.from_bytes(found.digest()[:6]))
 
 

@@ -1,8 +1,8 @@
 """GLB (binary glTF 2.0), both ways: surfaces by trimesh's exporter, curves as indexed lines; any scene is read."""
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
@@ -216,7 +216,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     groups = []
     others: dict[str, list[_Part]] = {}
     materials: list[tuple[list[float], int, int]] = []
-    row_of = cache(lambda number: [] if number is None else _material(tree, tree["materials"][number]))
+    row_of = _materials(tree)
     count = rows = used = 0
     for mesh, name, place in placed_meshes(tree):
         before = rows
@@ -232,7 +232,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
                 corners = accessor_values(tree, binary, primitive["indices"])
             if corners.shape[1] != 1 or corners.dtype.kind not in "iu":
                 raise GtbError("indices: expected whole numbers")
-            used += len(positions) * (4 * len(primitive["attributes"]) - 3) + len(corners) + effort
+            used += len(positions) + len(corners) + effort + 20 * len(primitive["attributes"])
             if used > most:
                 raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
             if len(corners) and not 0 <= corners.min() <= corners.max() < len(positions):
@@ -269,7 +269,9 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     def values() -> Values:
         known: dict[str, str] = {"NORMAL": NORMALS, "TEXCOORD_0": TEXTURE}
         found: Values = {}
-        for name, parts in others.items():
+        if 4 * count * len(others) > (most := max(20 * len(binary), 100_000_000)):
+            raise GtbError(f"has more than {most} numbers of attributes in all nodes together")
+        for name, parts in sorted(others.items()):
             label = known.get(name) or unreserved(name.lower().strip("_"), found)
             found[label] = _values(tree, binary, name, parts, count, is_z_up), corners
         if rest := further_description(tree, binary):
@@ -280,26 +282,48 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, {f"{MATERIALS}GLB": materials})
 
 
-def _material(tree: dict[str, Any], material: dict[str, Any]) -> list[float]:
-    """The colour of a material, and a mark of all else that it has, but for its name and the bytes of pictures."""
-    defaults = {"metallicFactor": 1, "roughnessFactor": 1, "alphaMode": "OPAQUE", "alphaCutoff": 0.5}
-    defaults |= {"doubleSided": False, "emissiveFactor": [0, 0, 0]}
-    tables = {"source": "images", "sampler": "samplers"}
-    shading = dict(material.get("pbrMetallicRoughness", {}))
-    colour = [float(part) for part in shading.pop("baseColorFactor", (1, 1, 1, 1))]
-    if len(colour) != 4:
-        raise GtbError(f"baseColorFactor: expected 4 numbers, got {len(colour)}")
+def _materials(tree: dict[str, Any]) -> Callable[[int | None], list[float]]:
+    """Give, by number, the colour of a material, and a mark of all else but its name and the bytes of pictures."""
+    defaults = {"metallicFactor": 1, "roughnessFactor": 1, "emissiveFactor": [0, 0, 0], "doubleSided": False}
+    defaults |= {"alphaMode": "OPAQUE", "alphaCutoff": 0.5, "texCoord": 0, "scale": 1, "strength": 1}
+    defaults |= {"wrapS": 10497, "wrapT": 10497}
+
+    def entry(table: str, number: Any) -> Any:
+        """Return an entry of a table without the place of its bytes; if there is none, the number."""
+        with suppress(LookupError, TypeError, AttributeError):
+            return {name: value for name, value in tree[table][number].items() if name != "bufferView"}
+        return number
 
     def told(value: Any, key: str = "") -> Any:
-        if key == "index" or key in tables:  # numbers of textures, and of what these use
-            value = tree[tables.get(key, "textures")][value]
-        if isinstance(value, dict):
-            kept = {name: inner for name, inner in value.items() if name != "bufferView"}
-            return {name: told(inner, name) for name, inner in kept.items() if inner != defaults.get(name)}
-        return [told(inner) for inner in value] if isinstance(value, list) else value
+        if isinstance(value, dict) and key != "extras":
+            kept = {name: inner for name, inner in value.items() if inner != defaults.get(name)}
+            if key.endswith("Texture") and "index" in kept:
+                kept["index"] = texture(kept["index"])
+            found = {name: told(inner, name) for name, inner in kept.items()}
+            return {name: inner for name, inner in found.items() if inner not in ({}, [], None)}
+        if isinstance(value, list):
+            return [told(inner) for inner in value]
+        return float(value) if type(value) is int else value
 
-    rest = told(material | {"pbrMetallicRoughness": shading, "name": None})
-    return [*colour, mark_of(json.dumps(rest, sort_keys=True))]
+    @cache
+    def texture(number: Any) -> Any:
+        found = entry("textures", number)
+        if isinstance(found, dict):
+            used = {key: entry(table, found.get(key)) for key, table in (("source", "images"), ("sampler", "samplers"))}
+            found = mark_of(json.dumps(told(found | used), sort_keys=True))
+        return found
+
+    @cache
+    def row(number: int | None) -> list[float]:
+        material = {} if number is None else tree["materials"][number]
+        shading = dict(material.get("pbrMetallicRoughness", {}))
+        colour = [float(part) for part in shading.pop("baseColorFactor", (1, 1, 1, 1))]
+        if len(colour) != 4:
+            raise GtbError(f"baseColorFactor: expected 4 numbers, got {len(colour)}")
+        rest = told(material | {"pbrMetallicRoughness": shading, "name": None})
+        return [*colour, mark_of(json.dumps(rest, sort_keys=True))]
+
+    return row
 
 
 def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], count: int, is_z: bool) -> FloatArray:
@@ -309,7 +333,11 @@ def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], 
         if tree["accessors"][number]["count"] != length:  # before it is read: few bytes may name many
             raise GtbError(f"{name}: {tree['accessors'][number]['count']} rows for {length} vertices")
         rows = accessor_values(tree, binary, number)
-        largest = float(np.iinfo(rows.dtype).max) if tree["accessors"][number].get("normalized") else 1.0
+        largest = (
+            float(np.iinfo(rows.dtype).max)
+            if tree["accessors"][number].get("normalized") and rows.dtype.kind in "iu"
+            else 1.0
+        )
         found.append(np.maximum(rows.astype(np.float64) / largest, -np.inf if largest == 1 else -1.0))
     result = np.full((count, max(rows.shape[1] for rows in found)), np.nan)
     for rows, (start, length, _, turn) in zip(found, parts, strict=True):

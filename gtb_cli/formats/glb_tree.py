@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -105,7 +106,15 @@ def further_description(tree: dict[str, Any], binary: bytes) -> list[Any]:
 
     @cache
     def digest(number: int) -> str:
-        return hashlib.sha256(accessor_values(tree, binary, number).tobytes()).hexdigest()
+        """Return what stands for the numbers of an accessor, also a sparse one, or its own number if it has none."""
+        accessor = tree["accessors"][number]
+        try:
+            held = [accessor_values(tree, binary, number).tobytes()]
+        except GtbError:
+            parts = [accessor["sparse"][name] for name in ("indices", "values")]
+            views = [tree["bufferViews"][part["bufferView"]] for part in parts]
+            held = [binary[view.get("byteOffset", 0) :][: view["byteLength"]] for view in views]
+        return hashlib.sha256(b"".join(held)).hexdigest()
 
     def told(value: Any, key: str = "", above: str = "") -> Any:
         if key == "extras":
@@ -114,10 +123,12 @@ def further_description(tree: dict[str, Any], binary: bytes) -> list[Any]:
             found = {name: told(inner, name, key) for name, inner in value.items()}
             return {name: inner for name, inner in found.items() if inner not in ({}, [], None)}
         if isinstance(value, list):
-            return [inner for each in value if (inner := told(each, key, above)) not in ({}, [], None)]
+            inner = [told(each, key, above) for each in value]
+            return inner if any(each not in ({}, [], None) for each in inner) else []
         if key in ("input", "output", "inverseBindMatrices") or {key, above} & {"targets", "attributes"}:
-            return digest(_index(value))
-        return value
+            with suppress(LookupError, TypeError, AttributeError):
+                return digest(value)
+        return float(value) if type(value) is int else value
 
     def without(table: dict[str, Any], names: set[str]) -> dict[str, Any]:
         return {name: value for name, value in table.items() if name not in names}

@@ -62,7 +62,7 @@ def _values(data: bytes, block: int) -> Values:
             raise GtbError(f"{label}: a face refers to one that is not there")
         if len(of) and of.max() >= 0:
             numbers = np.concatenate([*rows, np.full((1, 3), np.nan)])
-            wide = 3 if np.nan_to_num(numbers[:, width:]).any() else width
+            wide = 3 if np.nan_to_num(numbers[of[of >= 0], width:]).any() else width
             found[label] = numbers[:, :wide], np.where(of < 0, so_far, of)
     return found
 
@@ -102,13 +102,14 @@ class _ObjLines:
         """Read the lines of each keyword together; nothing is changed if one of them is wrong."""
         places, names = _sorted(lines)
         points, starts = np.empty((0, 3)), [self.cell_count] * len(names)
-        further = points[:, 3:]
+        further, most = points[:, 3:], 7  # numbers of a vertex: coordinates, and a colour with its opacity
         if places[b"v"]:
             numbers, counts = _numbers(b"v", lines, places[b"v"], np.float64)
             points = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]
-            is_there = np.arange(3, counts.max()) < counts[:, None]
+            is_there = np.arange(3, min(counts.max(), most)) < counts[:, None]
             further = np.full(is_there.shape, np.nan)
-            further[is_there] = numbers[np.arange(len(numbers)) - np.repeat(np.cumsum(counts) - counts, counts) > 2]
+            within = np.arange(len(numbers)) - np.repeat(np.cumsum(counts) - counts, counts)
+            further[is_there] = numbers[(within > 2) & (within < most)]
             fault = faulty_point(points)
             if fault is not None:
                 raise MeshError(f"a vertex {fault[1]}")

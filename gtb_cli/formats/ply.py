@@ -130,7 +130,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         if columns.keys() >= {*names}:
             values[label] = np.stack([columns.pop(name) for name in names], axis=1).astype(np.float64), cells
     for name, numbers in columns.items():
-        values[unreserved(name, values)] = numbers[:, None].astype(np.float64), cells
+        values[unreserved(name, values)] = _exact(numbers), cells
     is_curve = cells.shape[1] == 2
     rest = {f"{name} of vertices": found for name, found in tables["vertex"].items() if not plain[name]}
     lists = {name: counts for name, (_, counts) in tables.get("face", {}).items() if name.startswith("vertex_ind")}
@@ -141,18 +141,31 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         if name in lists or (is_curve and name in ("vertex1", "vertex2")):
             continue
         if (counts == 1).all():
-            values[label] = numbers[:, None].astype(np.float64), rows
+            values[label] = _exact(numbers), rows
         elif name == "texcoord" and (counts == 2 * corners).all():
             of = triangles(np.arange(corners.sum()), corners)
             values[TEXTURE if TEXTURE not in values else label] = numbers.reshape(-1, 2).astype(np.float64), of
         else:
             rest[label] = numbers, counts
+    of_rows = {"vertices": cells, "faces": rows, "edges": rows}
+    for label, (numbers, counts) in list(rest.items()):
+        if len(counts) and counts.max() < 64:  # lists of a few numbers are compared as they are, in any order of rows
+            found = np.full((len(counts), counts.max()), np.nan)
+            found[np.arange(counts.max()) < counts[:, None]] = numbers
+            values[label] = found, of_rows[label.rpartition(" of ")[2]]
+            del rest[label]
     for name in tables.keys() - {"vertex", "edge" if is_curve else "face"}:
-        rest |= {f"{column} of {name}": found for column, found in tables[name].items()}
-    for label, found in rest.items():
-        mark = mark_of(*(column.astype(np.float64).tobytes() for column in found))
+        for column, (numbers, counts) in tables[name].items() if elements[name].rows else ():
+            rest[f"{column} of {name}"] = numbers.astype(elements[name].properties[column].kind), counts
+    for label, (numbers, counts) in rest.items():
+        mark = mark_of(numbers.tobytes(), counts.tobytes())
         values[f"{OTHER}{label}"] = np.array([[mark]]), np.zeros(cells.shape, dtype=np.int64)
     return values
+
+
+def _exact(numbers: NDArray[Any]) -> NDArray[Any]:
+    """Return a column of numbers, whole ones with 64 bits."""
+    return numbers[:, None].astype(np.float64 if numbers.dtype.kind == "f" else np.int64)
 
 
 def _cells(elements: dict[str, Element], tables: dict[str, Columns]) -> IntArray:

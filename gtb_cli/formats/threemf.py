@@ -178,7 +178,8 @@ class _Reader:
         elif name == "triangle":
             mesh = self.meshes[self.id]
             group, member = given.get("pid", mesh.part[0]), given.get("p1", mesh.part[1])
-            rest = [key for key in given if key not in ("v1", "v2", "v3", "pid", "p1") and given[key] != member]
+            same = ("v1", "v2", "v3", "pid", "p1", *(key for key in ("p2", "p3") if given.get(key) == member))
+            rest = [key for key in given if key not in same]
             part = group, member, "".join(f"{key} {given[key]}\n" for key in sorted(rest))
             if not mesh.parts or mesh.parts[-1][1] != part:
                 mesh.parts.append((len(mesh.corners) // 3, part))
@@ -217,7 +218,9 @@ class _Reader:
             "metadata",
             "metadatagroup",
         ):
-            self.extensions.update(repr((name, sorted(given.items()))).encode())
+            plain = {key.rpartition(":")[2]: value for key, value in given.items()}
+            told = sorted((key, plain[key]) for key in plain if key not in ("id", "identifier", "UUID"))
+            self.extensions.update(repr((name, told)).encode())
 
     def content(self) -> FileArrays:
         """Place the objects, each after those that it refers to: an object names only earlier ones."""
@@ -250,7 +253,9 @@ class _Reader:
             for (start, part), end in zip(mesh.parts, ends, strict=False):
                 known = self.materials.get(part[0])
                 name, colour = known[int(part[1] or 0)] if known else (mesh.name, b"")
-                groups.append((name or f"{order[key] + 1}", rows + start, rows + end))
+                name = name or mesh.name or f"{order[key] + 1}"
+                is_same = start and groups[-1][0] == name  # with other paint
+                groups.append((name, groups.pop()[1] if is_same else rows + start, rows + end))
                 rest = part[2] + (f"{part[0]} {part[1]}" if part[0] and not known else "")
                 shares = [share / 255 for share in colour] or [math.nan] * 4
                 row = [*shares, mark_of(rest) if rest else math.nan] if colour or rest else []

@@ -11,7 +11,7 @@ from gtb_cli.meshes.correspondence import Slots
 from gtb_cli.meshes.mesh import FACETS, GROUPS, MATERIALS, NORMALS, OBJECTS, OTHER, KnownMesh, Values
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
-VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; whole numbers have none
+VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
 
 
 def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | None, left_out: Collection[str] = ()) -> tuple[str, ...]:
@@ -33,7 +33,7 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
     remarks = []
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
-            if a.format == b.format:
+            if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
                 lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
                 remarks += [f"{name}: {_listed(sorted(names))} only in the {which}" for which, names in lone if names]
         elif name in here and name in there:
@@ -100,7 +100,8 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -
     largest, further = [*np.unique(size[np.isfinite(size)])[:-3:-1], 0.0, 0.0][:2]
     far = 100  # times as large as all others, a value stands for none, as -9999 does
     allowed = VALUES_TOLERANCE * (further if 0 < far * further < largest else largest)
-    if all((each == np.rint(each)).all() for each in (rows, others)):
+    allowed = max(allowed, 1e-15 * min(largest, 1e6))  # rounding beside a value that stands for itself
+    if rows.dtype.kind == others.dtype.kind == "i":
         allowed = 0.0
     with np.errstate(invalid="ignore"):
         beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))

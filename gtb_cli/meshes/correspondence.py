@@ -12,7 +12,6 @@ from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
-from gtb_cli.meshes.motions import told_motion
 from gtb_cli.meshes.nearest import NearestCells, middles
 from gtb_cli.meshes.topology import are_used, component_count, components_of, sides_of
 
@@ -41,7 +40,7 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
     if a.mesh.cells.shape != b.mesh.cells.shape:
         return None
     first = turned = None
-    least, has_numbers = _least_distance(a.mesh, b.mesh), a.has_indices and b.has_indices
+    has_numbers = a.has_indices and b.has_indices
     are_short = not {a.format, b.format} <= {"obj", "spec"}  # numbers of 32 bits
     for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short):
         found = _matched(a, b, cells, other_cells)
@@ -51,32 +50,30 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
             return found
         if found.distances.max() <= tolerance:  # faces that are there twice may look to both sides
             turned = turned or found
-        if (
-            is_certain
-            and (first is None)
-            and ((cells is a.mesh.cells and has_numbers) or _is_likely(a, b, found, least, tolerance))
-        ):
+        is_named = has_numbers and cells is a.mesh.cells
+        if is_certain and first is None and (is_named or _is_likely(a.mesh, b.mesh, found, tolerance)):
             first = found
-        if is_certain and least > tolerance:
+        if is_certain and not _may_be_near(a.mesh, b.mesh, tolerance):
             break
     return turned or first
 
 
-def _is_likely(a: KnownMesh, b: KnownMesh, found: Matching, least: float, tolerance: float) -> bool:
+def _is_likely(a: Mesh, b: Mesh, found: Matching, tolerance: float) -> bool:
     """Tell whether cells that are used in the same order may be the same: equal parts may stand in another one.
 
-    Then places are the same, or vertices are farther apart than any need be, though they have not moved together.
+    Then many vertices are far from their own ones, and few places have none of the other mesh.
     """
-    points, others = a.mesh.vertices[found.vertices], b.mesh.vertices[found.others]
-    return least > tolerance and (found.distances.max() <= 2 * least or bool(told_motion(points, others, tolerance)))
+    count = len(found.vertices)
+    _, label = weld(np.concatenate([a.vertices[found.vertices], b.vertices[found.others]]))
+    return bool((found.distances > tolerance).sum() <= 2 * (~np.isin(label[:count], label[count:])).sum())
 
 
-def _least_distance(a: Mesh, b: Mesh) -> float:
-    """Return a distance that some vertex has from its own one of the other mesh in any match, by sorted coordinates."""
+def _may_be_near(a: Mesh, b: Mesh, tolerance: float) -> bool:
+    """Tell whether each vertex may be within the tolerance of its own one of the other mesh, by sorted coordinates."""
     here, there = a.used, b.used
     if len(here) != len(there):
-        return 0.0
-    return max(float(np.abs(np.sort(x) - np.sort(y)).max()) for x, y in zip(here.T, there.T, strict=True))
+        return True
+    return all(np.abs(np.sort(x) - np.sort(y)).max() <= tolerance for x, y in zip(here.T, there.T, strict=True))
 
 
 def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator[tuple[IntArray, IntArray, bool]]:

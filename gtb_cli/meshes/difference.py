@@ -222,7 +222,7 @@ def difference(
         turned=turned,
         remarks=remarks,
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
-        values=() if "attributes" in ignore else unlike_values(a, b, None),
+        values=() if "attributes" in ignore or kind == "surface" else unlike_values(a, b, None),
         uncompared="attributes" not in ignore
         and (found.distance <= allowed or lone is not None)
         and any(each.values().keys() - {FACETS} for each in (a, b)),
