@@ -149,7 +149,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
             rest[label] = numbers, counts
     of_rows = {"vertices": cells, "faces": rows, "edges": rows}
     for label, (numbers, counts) in list(rest.items()):
-        if len(counts) and counts.max() < 64:  # lists of a few numbers are compared as they are, in any order of rows
+        if len(counts) and 0 < counts.max() < 64:  # lists of few numbers have rows, in any order
             found = np.full((len(counts), counts.max()), np.nan)
             found[np.arange(counts.max()) < counts[:, None]] = numbers
             values[label] = found, of_rows[label.rpartition(" of ")[2]]
