@@ -35,7 +35,8 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
 
     Vertices are matched by their numbers; by the order in which cells use their places, as in STL files, where the
     places may also be those in 32-bit numbers; or by nearness. The first of these ways that leaves none farther apart
-    than the tolerance is taken; otherwise the first that finds the same cells, whatever the distances.
+    than the tolerance is taken, without turned faces if there is one; otherwise the first that finds the same cells,
+    whatever the distances, but by their order only where it is likely.
     """
     if a.mesh.cells.shape != b.mesh.cells.shape:
         return None
