@@ -41,8 +41,8 @@ def test_the_packages_are_enough(folder):
     """Without anything else but numpy, commands give what the page asks for: texts, files, and errors with lines."""
     with zipfile.ZipFile(folder / "packages.zip") as archive:
         archive.extractall(folder / "packages")
-    import_numpy = f"import sys; sys.path[:0] = [{os.fspath(folder / 'packages')!r}]; import gtb_cli; "
-    asks = f"""{import_numpy}assert "playground" in gtb_cli.__file__
+    import_numpy = f"import sys; sys.path[:0] = [{os.fspath(folder / 'packages')!r}]; import gtb_cli, click, trimesh; "
+    asks = f"""{import_numpy}assert all("playground" in each.__file__ for each in (gtb_cli, click, trimesh))
 for name in ("scipy", "matplotlib", "OCP", "pytest"): sys.modules[name] = None
 {PYTHON}
 status, bowl, _, _ = gtb(["new", "bowl", "5"], "", None)
