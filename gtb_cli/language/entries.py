@@ -86,7 +86,8 @@ class Values:
         if isinstance(entry, list) and len(entry) in sizes:
             return self.numbers(entry, path, check)
         hint = decimal_commas(entry, 3) if isinstance(entry, list) else ""
-        hint = hint or ", knots lie in a plane" * ("knots" in path)
+        if isinstance(entry, list) and len(entry) == 3 and "knots" in path:
+            hint = ": knots lie in a plane"
         self.faults.add(path, f"must be a list of {' or '.join(map(str, sizes))} coordinates, got {shown(entry)}{hint}")
         return None
 
@@ -138,10 +139,8 @@ class Table:
 
     def unknown_keys(self, known: frozenset[str], elsewhere: Mapping[str, str] = NO_KEYS) -> set[str]:
         """Note keys that are not known, with what is said of some; return the known ones that were probably meant."""
-        meant = set()
+        meant, faults, left = set(), self.values.faults, known - self.entries.keys()
         for key in [key for key in self.entries if key not in known]:
-            faults = self.values.faults
-            left = known - self.entries.keys()
             word = OTHER_WORDS.get(key)
             likely = word if word in left else likely_word(key, left) if faults.count < faults.SHOWN else None
             hint = suggestion(likely) or f", known are {', '.join(sorted(known))}"
