@@ -259,8 +259,10 @@ def test_ply_text_is_read_where_the_machine_has_32_bits(monkeypatch):
     monkeypatch.setattr(np, "intp", np.int32)  # as Python in a browser has it
     monkeypatch.setattr(np, "repeat", narrow)
     faces = ["element face 2", FACE[1], "property list uchar int more"]
-    read = decoded(ply("0 0 0\n1 0 0\n0 1 0\n4 0 2 1 0 2 5 5\n3 0 1 2 1 5\n", *XYZ, *faces))
-    assert read.cells.tolist() == [[0, 2, 1], [0, 1, 0], [0, 1, 2]]
+    text = ply("0 0 0\n1 0 0\n0 1 0\n4 0 2 1 0 2 5 5\n3 0 1 2 1 5\n", *XYZ, *faces)
+    read = decode_mesh(text, "file", "ply")
+    assert read.mesh.cells.tolist() == [[0, 2, 1], [0, 1, 0], [0, 1, 2]]
+    assert any("more" in name for name in read.values())
 
 
 def test_ply_text_with_a_fraction_for_each_face():
