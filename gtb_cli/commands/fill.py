@@ -9,7 +9,7 @@ import click
 
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, reads, streams_options
+from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, reads, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, read_bytes, shown_input, stem_of, write_blocks, write_json
 from gtb_cli.shell.surface_files import surface_format
 from gtb_cli.vocabulary import CONTINUITIES
@@ -75,6 +75,7 @@ def _kinds(values: tuple[str, ...]) -> dict[str, str]:
 @click.option(
     "--angle", callback=reads(length_of), metavar="DEGREES", help="In a CAD file, keep tangent planes within this."
 )
+@weld_option
 @json_option
 @streams_options
 def fill(
@@ -87,6 +88,7 @@ def fill(
     raises: int | None,
     tolerance: float | None,
     angle: float | None,
+    weld: float | str | None,
     as_json: bool,
     streams: Streams,
 ) -> None:
@@ -122,7 +124,7 @@ def fill(
     if kind is None and (tolerance or angle):
         raise click.UsageError("--tolerance and --angle are for an output that is a CAD file, such as -o filled.step")
     data = read_bytes(loop)
-    found, named = read_loop(data, source, streams.reading)
+    found, named = read_loop(data, source, streams.reading, weld)
     with about(source):
         if holes:
             rings = holes_of(found)

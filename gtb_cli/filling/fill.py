@@ -203,4 +203,5 @@ def _sides(
                 raise DomainError(f"{key}[{index}]: is the row after a ribbon, and there is none")
             rows.append(points)
     names = [patch_name(curve, index) for index, curve in enumerate(loop)]
-    return [curve_side(*side) for side in zip(loop, found, names, strict=True)]
+    sides = [curve_side(*side) for side in zip(loop, found, names, strict=True)]
+    return [replace(side, weld=loop.weld or 0.0) for side in sides]
