@@ -1,4 +1,4 @@
-"""Names and limits that commands offer, without numpy."""
+"""What options offer: words, formats with what each holds, percentages, limits, defaults; without numpy."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""Errors of any kind as faults: what is said in the words of the command line, and where it is."""
+"""Exceptions of any kind as faults: a message in the words of the command line, with its file, line and key."""
 
 import errno
 import os
