@@ -52,6 +52,7 @@ def in_options(message: str) -> str:
         "fit": "gtb fit",
         "hole": "--hole EDGE",
         "let": "--set",
+        "g2_tolerance": "--g2-tolerance",
         "lifting": "--lifting",
         "max_degree": "max_degree in Python",
         "max_faces": "--max-faces",
