@@ -153,7 +153,7 @@ def normal_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corne
 
 
 def _normals(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, list[FloatArray]]:
-    """Return the limits of normals, the terms of P_s × P_t, the two knots of each limit, and the rays between limits."""
+    """Return the limits of normals, the terms of P_s × P_t, the two knots of each limit, and the rays between."""
     area, pairs = _areas(knots)
     chain = newton_polygon(area.x, knots.gaps)
     if not len(chain):
