@@ -102,10 +102,7 @@ def _compared(golden: str, out: str, comparing: Comparing) -> Iterable[Verdict]:
 
 
 def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, out: str) -> list[Verdict]:
-    """Return the verdicts on files with these names, as `gtb diff` prints them, or that match them as patterns.
-
-    Files with equal bytes are left out.
-    """
+    """Return the verdicts on files, but for equal bytes, with names as `gtb diff` prints them, or that match these."""
     chosen, unknown = dict[str, None](), list[str]()
     for name in names:
         if not name:

@@ -20,10 +20,7 @@ def limit_of_addresses() -> int | None:
 
 
 def is_scarce() -> bool:
-    """Tell whether memory is limited so much that this process had better do all work itself, and first load scipy.
-
-    A worker process that cannot allocate what it needs to send its result would be waited for in vain.
-    """
+    """Tell whether memory is so limited that a worker process might lack what it needs to send its result."""
     limit = limit_of_addresses()
     return limit is not None and limit < SCARCE_BYTES
 

@@ -34,10 +34,7 @@ def inputs_of(specs: Sequence[str], output: str, meshes: bool = False) -> tuple[
 def attempted(
     spec: str, function: Callable[[Task], Found], task: Task, passing: tuple[type[Exception], ...] = ()
 ) -> Found | GtbError:
-    """Return ``function(task)``, or its error, which does not stop the other specs.
-
-    An error raised on purpose names the spec; others are called internal. Errors of the kinds in `passing` are raised.
-    """
+    """Return ``function(task)`` or its error, which names the spec; errors of the kinds in `passing` are raised."""
     try:
         return function(task)
     except passing:

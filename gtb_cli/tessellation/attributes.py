@@ -14,7 +14,6 @@ from gtb_cli.tessellation.sampler import Sampler, torically_inside
 from gtb_cli.theory.curvature import Curvature, curvature, curvatures_at
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.tangents import tangents
 from gtb_cli.vocabulary import ATTRIBUTES, BASIS
 
 QUALITY_NAME = "quality"  # the scalar that MeshLab colours by; it repeats the first attribute that was asked for
@@ -101,10 +100,3 @@ def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
         result[found] = np.bincount(known[:, 0], share, len(values))[found]
         finite |= found
     return result
-
-
-def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "linear") -> FloatArray:
-    """Return the unit tangents of a curve at both ends of each segment of its mesh, (k, 2, 3)."""
-    if mesh.parameters is None:
-        raise DomainError("tangents: the mesh has no parameters")
-    return np.asarray(tangents(patch, mesh.parameters, parametrization)[mesh.cells])

@@ -12,7 +12,6 @@ from gtb_cli.solids.rims import with_flat_rims
 from gtb_cli.solids.solidity import crossing_remarks, folded_places, where
 from gtb_cli.solids.thickening import thicken
 from gtb_cli.solids.tube import folded_segments, tube
-from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.remarks import offset_folds, thin_wall
 from gtb_cli.tessellation.requirements import require
 from gtb_cli.tessellation.tessellate import tessellate
@@ -45,8 +44,8 @@ class TubeMaker:
     def solid(self, curve: Mesh, radius: float) -> Solid:
         """Make the tube of a radius."""
         tangents = None
-        if curve.is_curve and isinstance(self.spec, Patch):
-            tangents = curve_tangents(self.spec, curve, self.parametrization)
+        if isinstance(self.spec, Patch) and curve.is_curve and curve.parameters is not None:
+            tangents = self.spec.tangents(curve.parameters, self.parametrization)[curve.cells]
         folded = folded_segments(curve, radius, tolerance=self.tolerance, tangents=tangents)
         folds = []
         if len(folded):
