@@ -15,7 +15,6 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.values import frozen
 
 LATTICE_TOLERANCE = 1e-6  # of a step, by which knots may be off their lattice: thirds typed with seven digits pass
-
 MAX_BINOMIAL_DEGREE = 1029  # largest degree whose binomial coefficients are all floats
 
 

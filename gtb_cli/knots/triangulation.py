@@ -33,10 +33,9 @@ class Triangulation:
         return face
 
     def moved(self, corners: FloatArray, edge: int, fractions: FloatArray) -> "Triangulation":
-        """Move the vertices on an edge of Δ to (N + 1,) ascending fractions of it, and those inside along with them.
+        """Move the vertices on an edge of Δ to (N + 1,) ascending fractions of it.
 
-        A vertex between the centroid of the (r, 2) corners and the edge moves parallel to this, the less the nearer it
-        is to the centroid.
+        A vertex between the edge and the centroid of the (r, 2) corners moves along, the less the nearer to that.
         """
         start, end = corners[edge], corners[(edge + 1) % len(corners)]
         center, u = corners.mean(axis=0), self.parameters.copy()

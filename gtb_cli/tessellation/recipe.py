@@ -1,7 +1,4 @@
-"""`Recipe`: how fine a mesh is, as a tube or solid, with which attributes, and what it must be.
-
-The command line reads its options with this module, so whatever computes is imported only when a mesh is made.
-"""
+"""`Recipe`: how fine a mesh is, as a tube or solid, with which attributes, and what it must be; light to import."""
 
 from __future__ import annotations
 
@@ -215,10 +212,7 @@ class Recipe:
         return tolerance_for(spec, self.tolerance)
 
     def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
-        """Say how sure the tolerance is: certified for curves, sampled for surfaces; None without a tolerance.
-
-        The middle line of a tube is certified, its surface is not.
-        """
+        """Say how sure the tolerance is: certified for curves, sampled for surfaces and tubes; None without one."""
         if self.tolerance is None:
             return None
         return "certified" if spec.dimension == 1 and self.radius is None else "sampled"

@@ -119,10 +119,8 @@ def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
 
 
 def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: int) -> str:
-    """Name the largest of a few smaller values that make a solid, or say that none does.
-
-    The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
-    """
+    """Name the largest of a few smaller values that make a solid, or say that none does."""
+    # The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
     few, many = 5_000, 20_000  # cells up to which there is time for eight tries, and from which on only for one
     tries = 8 if cells < few else 4 if cells < many else 1
     low, high, tried = 0.0, value, 0

@@ -88,10 +88,7 @@ _ALL_SIDES = _SplitPattern(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5)
 
 
 class Subdivision:
-    """The vertices, edges and cells of a complex that grows; their order depends on the input alone.
-
-    It starts from a simplicial complex, with the points of a sampler.
-    """
+    """The vertices, edges and cells of a simplicial complex that grows, with the points of a sampler."""
 
     def __init__(self, start: Complex, sampler: Sampler) -> None:
         thin_height = 0.01  # of a triangle in Δ over its longest side, in units of the smallest such ratio at the start
@@ -118,7 +115,7 @@ class Subdivision:
         return [self.points.take(vertex, axis=0) for vertex in self.cells.cells.take(rows, axis=0).T]
 
     def corner_columns(self, rows: IntArray) -> list[FloatArray]:
-        """Return what `corners` does in columns, (3, k)."""
+        """Return the points of `corners` as columns, (3, k)."""
         return [np.ascontiguousarray(corner.T) for corner in self.corners(rows)]
 
     def ends(self, rows: IntArray) -> list[FloatArray]:
@@ -145,9 +142,8 @@ class Subdivision:
     def mark_thin(self, marked: BoolArray) -> None:
         """Mark the longest edge of triangles that are thin, in space or in Δ, and have a marked edge.
 
-        Without triangles thin in Δ, parts of a surface that bends to and fro along an edge could be split for ever.
-        Those beyond the newly marked edges are left as they are: near a knot close to an edge of Δ all triangles are
-        thin, in space and in Δ along different sides, and marks would spread over the whole neighbourhood.
+        Otherwise a surface that bends to and fro along an edge could be split for ever. Marks do not spread further:
+        near a knot close to an edge of Δ all triangles are thin, in space and in Δ along different sides.
         """
         if not self.is_surface:
             return
@@ -224,10 +220,7 @@ class Subdivision:
         return pieces, made
 
     def _patterns(self, whole: Cells, vertex: IntArray) -> Iterator[tuple[Cells, _SplitPattern]]:
-        """Yield triangles turned so that their split sides come first, and how each of them is cut.
-
-        Of two diagonals the one is taken that is shorter in space.
-        """
+        """Yield triangles turned so that split sides come first, with their patterns: the shorter diagonal is taken."""
         if not self.is_surface:
             yield whole, _SEGMENT
             return

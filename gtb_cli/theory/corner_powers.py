@@ -17,7 +17,6 @@ from gtb_cli.knots.about_a_knot import cleared, coordinate_rounding
 from gtb_cli.knots.domain import LAYER_TOLERANCE, Domain
 
 AXIS = 1e-9  # λ along an edge
-
 PLACES = 1601  # across each way on which limits turn into others
 
 

@@ -177,7 +177,7 @@ def _normals(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, list[F
 def _with_curvature(
     found: CornerLimits, knots: CornerKnots, area: Powers, sectors: Sequence[_Sector], extent: float
 ) -> CornerLimits:
-    """Add what is known of curvature, and of the way to a single normal."""
+    """Add the limits of curvature, and the power with which normals tend to a single one."""
     is_plane = found.angle <= PLANE_DEGREES
     flat = max(1e-9, math.radians(found.angle)) if is_plane else PARALLEL_SINE
     unsure = knots.rounding + flat * np.linalg.norm(knots.points, axis=1)
@@ -213,9 +213,9 @@ def _single(values: FloatArray, size: float) -> float:
 
 
 def _areas(knots: CornerKnots) -> tuple[Powers, IntArray]:
-    """Return the terms of P_s × P_t, and (k, 2) knots of each, −1 if there are more.
+    """Return the terms of P_s × P_t, and the (k, 2) knots of each, −1 if there are more.
 
-    Knots with the corner's control point take its part where two others are in line with the corner.
+    A knot with the corner's control point stands in for it where two others are in line with the corner.
     """
     enough = 20  # knots on the outermost polygons: the first two decide unless control points are special
     away = knots.points.any(axis=1)
@@ -244,10 +244,7 @@ def _areas(knots: CornerKnots) -> tuple[Powers, IntArray]:
 
 
 def _sectors(knots: CornerKnots, pairs: IntArray, rays: Sequence[FloatArray]) -> list[_Sector]:
-    """Return the sectors in which two knots lead: the pairs of a limit of normals, between two rays.
-
-    There are none if knots that lead have points in line with the corner.
-    """
+    """Return the sectors in which two knots lead; none if knots that lead have points in line with the corner."""
     found, live = [], knots.points.any(axis=1)
     for (i, j), (start, end) in zip(pairs.tolist(), pairwise(rays), strict=True):
         if i < 0:

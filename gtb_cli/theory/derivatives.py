@@ -91,10 +91,7 @@ class DerivativeField:
         return np.where(near, whole, shape.heights)
 
     def _toric(self, face: Face, heights: FloatArray, order: Order) -> Iterator[tuple[IntArray, Jet]]:
-        """Yield columns led by one knot, of (r, m) edge functions on a face, and derivatives there.
-
-        A facet through the face has the edge function 0: of its powers in a derivative, 0⁰ = 1 alone is left.
-        """
+        """Yield columns led by one knot, of (r, m) edge functions on a face, and derivatives there: with 0⁰ = 1."""
         shape, zero = self.basis.domain, np.isin(np.arange(len(heights)), face.facets)
         x = np.where(zero[:, None], 1.0, heights)
         e = self._exponents @ np.log(x) + self.basis.log_weights[:, None]
@@ -171,7 +168,7 @@ class DerivativeField:
         second = np.einsum("aim,bjm,ijkm->abkm", whole, whole, bends)
 
         def leave_the_plane(knots: BoolArray) -> BoolArray:
-            """(k, m) whether values of some knots are not those of the tangent plane."""
+            """Mark functions and places, (k, m), at which some knots' values are off the tangent plane."""
             away = axes[:, knots] - own.value[:, None]
             rise = self._columns(local.k)[:, knots, None] - jet.value[:, None]
             planes = slopes[:, :, None] * away[:, None]
@@ -200,10 +197,9 @@ def jet_of(terms: Terms, sums: Callable[[FloatArray], FloatArray]) -> Jet:
 
 
 def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions: FloatArray, order: Order) -> Terms:
-    """Terms e^e, and their derivatives, of products of (n, r) powers of r edge functions.
+    """Return terms e^e, and derivatives up to an order, of products of (n, r) powers of r edge functions.
 
-    Some edge functions are zero. The (r, d, m) directions are derivatives of their logarithms, of those that are zero
-    derivatives of themselves. With order 1, second derivatives, whose time grows with r², are left out.
+    The (r, d, m) directions are derivatives of the logarithms of these or, where they are zero, of the edge functions.
     """
     r, d, m = directions.shape
     on, first, twice = (
@@ -234,7 +230,7 @@ def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions:
 
 
 def _unlimited(powers: FloatArray, order: int) -> BoolArray:
-    """(n,) whether powers of x, or their products, have no finite derivative of an order at x = 0."""
+    """Mark (n,) powers of x that have, or whose products have, no finite derivative of an order at x = 0."""
     every = np.column_stack([powers, powers[:, None] + powers])
     whole = np.abs(every - np.rint(every)) <= 64 * EPS
     return np.asarray(((every > 0) & (every < order) & ~whole).any(axis=1))

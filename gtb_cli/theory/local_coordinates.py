@@ -91,15 +91,12 @@ def _levels(shape: Domain, edge: int, among: BoolArray | None = None) -> FloatAr
 
 
 class Local(NamedTuple):
-    """Coordinates about knot k at m places: d (n, m) `axes`, and the (m,) indices of the `pivots` at which these are 1.
-
-    `turn` is 1 where the three knots of a surface are counter-clockwise, else −1.
-    """
+    """Coordinates of the n knots about knot k, at m places."""
 
     k: int
-    axes: tuple[FloatArray, ...]
-    pivots: tuple[IntArray, ...]
-    turn: FloatArray
+    axes: tuple[FloatArray, ...]  # d coordinates, (n, m)
+    pivots: tuple[IntArray, ...]  # (m,) the knot at which each coordinate is 1
+    turn: FloatArray  # (m,) 1 where the three knots of a surface are counter-clockwise, else −1
 
     def terms(self, e: FloatArray, layers: FaceLayers) -> Terms:
         """Terms at (n, m) logarithms of T relative to knot k, in units in which those of the pivots have slope 1."""
@@ -118,10 +115,7 @@ class Local(NamedTuple):
 def neighbourhoods(
     shape: Domain, log_weights: FloatArray, location: Location, work_arrays: int
 ) -> Iterator[tuple[IntArray, Local, FloatArray, FaceLayers]]:
-    """Yield columns of a location led by one knot, with coordinates about it, (n, m) logarithms of T, and layers.
-
-    `work_arrays` as large as T are alive at once.
-    """
+    """Yield columns of a location led by one knot, with coordinates about it, (n, m) logarithms of T, and layers."""
     face, n = location.face, len(shape.knots)
     layers = face_layers(shape, face)
     knots = location.knots
@@ -136,10 +130,8 @@ def neighbourhoods(
 
 
 def local_coordinates(shape: Domain, k: int, e: FloatArray, layers: FaceLayers) -> Local:
-    """Return coordinates about the knot k with the largest T, for (n, m) logarithms of T.
-
-    The other knots are chosen like pivots, so that the triangle has neither little weight nor a small angle.
-    """
+    """Return coordinates about the knot k with the largest T, for (n, m) logarithms of T."""
+    # The other knots are chosen like pivots, so that the triangle has neither little weight nor a small angle.
     columns = np.arange(e.shape[1])
     if shape.dimension == 1:
         steps = shape.knots - shape.knots[k]
