@@ -77,10 +77,7 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
 def draw_bases(
     axes_of: Callable[[list[str]], list[Axes]], variants: Sequence[Patch], look: Look, names: Sequence[str]
 ) -> None:
-    """Draw basis functions of a surface, or of variants of it, as graphs over Δ, each on axes of its own.
-
-    Each has a scale of its own, from 0 to its maximum. `axes_of` returns axes with titles.
-    """
+    """Draw basis functions of a surface, or of variants of it, as graphs over Δ, each on axes of its own scale."""
     indices = chosen(look, variants[0])
     symbol = "β" if look.unnormalised else "T"
     fine = look.resolution or (64 if len(indices) * len(variants) <= 4 else 48)
@@ -117,7 +114,7 @@ def draw_bases(
 
 
 def _rim(patch: Patch) -> FloatArray:
-    """(m, 2) parameters around Δ."""
+    """Return parameters around Δ, (m, 2), denser towards its corners."""
     corners = patch.domain.vertices
     share = (1 - np.cos(np.linspace(0, np.pi, 65)[:-1, None])) / 2
     ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)

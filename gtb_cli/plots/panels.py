@@ -90,7 +90,7 @@ def film_of_frames(frames: Frames, look: Look) -> Iterator[Figure]:
 
 
 def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
-    """Draw some meshes of a sequence side by side, with a scale that suits all."""
+    """Draw some meshes of a sequence side by side, with a scale that suits all of them."""
     clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points, *frames.own_net]
     limit, film = frames.meshes[-1], frames.film
     flat = limit.is_curve and is_flat(clouds)
@@ -140,7 +140,7 @@ def _with_film(surface: ShadedTriangles, film: Mesh) -> ShadedTriangles:
 
 
 def read_frames(path: str) -> Frames:
-    """Read the meshes that a `sequence.json`, or that of a folder, lists: it may only name files in its own folder."""
+    """Read the meshes that a folder's `sequence.json` lists, which may only name files in its own folder."""
     from gtb_cli.formats.meshfiles import read_mesh
 
     max_record_bytes = 10_000_000  # a record in bytes

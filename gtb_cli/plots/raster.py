@@ -24,27 +24,24 @@ class Raster:
 
     @cached_property
     def farthest_around(self) -> FloatArray:
-        """Return (height, width) least nearness of the triangles at each pixel and its neighbours, -inf without any.
-
-        Behind it a line is hidden. Pixels without triangles do not count: a line just behind an outline is hidden, too.
-        """
+        """Return the nearness behind which lines are hidden at each pixel, (height, width): the least around it."""
+        # Pixels without triangles do not count: a line just behind an outline is hidden, too.
         found = np.where(self.triangle == NO_TRIANGLE, np.inf, self.nearness)
         for axis in (0, 1):
             found = np.minimum(found, np.minimum(np.roll(found, -1, axis), np.roll(found, 1, axis)))
         return np.where(np.isinf(found), -np.inf, found)
 
     def values(self, faces: IntArray, scalars: FloatArray) -> FloatArray:
-        """(p, …) values at the pixels that are covered, row by row, of (m, …) values at the triangles' corners."""
+        """Interpolate (m, …) values at the triangles' corners at the covered pixels, row by row: (p, …)."""
         covered = self.triangle >= 0
         corners = scalars[faces[self.triangle[covered]]]
         return np.asarray(np.einsum("pk...,pk->p...", corners, self.weights[covered]))
 
 
 def rasterised(points: FloatArray, faces: IntArray, width: int, height: int) -> Raster:
-    """Find what is nearest at each pixel; where several triangles are equally near, the first of them.
+    """Find the nearest triangle at each pixel, the first of equally near ones.
 
-    The (m, 3) points are in pixels to the right and upwards from the lower left corner, and nearness, the larger the
-    nearer.
+    The (m, 3) points are in pixels to the right and upwards from the lower left corner, and nearness to the eye.
     """
     pixels, triangles, shares = _fragments(points, faces, width, height)
     near = np.einsum("pk,pk->p", points[:, 2][faces[triangles]], shares)

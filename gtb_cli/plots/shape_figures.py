@@ -85,10 +85,7 @@ def surface_of(mesh: Mesh, patches: int = 1) -> ShadedTriangles:
 
 
 def with_normals(mesh: Mesh, *, smooth: bool = False) -> Mesh:
-    """Return a mesh with normals: a mesh from a file has none, and gets the means of its faces' normals.
-
-    Faces that meet at a sharp edge have different means, unless the mesh is of a `smooth` surface.
-    """
+    """Return a mesh with normals or, without any, the means of its faces' normals; over sharp edges if `smooth`."""
     if mesh.normals is not None or mesh.is_curve:
         return mesh
     if not smooth:
@@ -105,7 +102,7 @@ def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
 
 
 def draw_net(view: View, patches: Sequence[Patch], look: Look) -> None:
-    """Draw control points, numbered, and the lines between them: by the lifting, or those of a lattice."""
+    """Draw control points, numbered, and the net of the lifting or of a lattice."""
     net = [patch.control_points[list(pair)] for patch in patches for pair in net_of(patch)]
     view.lines(net, colour=NET, width=0.9, hidden=HIDDEN_STRENGTH, order=4)
     # Patches may share points, which are numbered once.
@@ -117,10 +114,7 @@ def draw_net(view: View, patches: Sequence[Patch], look: Look) -> None:
 
 
 def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: ShadedTriangles, look: Look) -> ShadedTriangles:
-    """Return a surface coloured by its curvature, and draw the scale beside it.
-
-    Values beyond the ends of the scale have the colours of these.
-    """
+    """Return a surface coloured by its curvature, clipped to a scale, which is drawn beside it."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 

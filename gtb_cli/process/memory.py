@@ -65,10 +65,7 @@ def shown(size: int) -> str:
 
 
 def prepare_for_limit() -> None:
-    """Let BLAS take its memory first: later, where there is none left, it ends the process itself or hangs.
-
-    Raises a `GtbError` if the limit is so low that not even the libraries can be loaded.
-    """
+    """Let BLAS take its memory first, as it ends the process or hangs without any; refuse a limit that is too low."""
     limit = limit_of_addresses()
     if limit is None:
         return

@@ -115,7 +115,7 @@ def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = (),
 
 
 def _amount(value: float) -> str:
-    """Four digits of a number, those of thousands apart."""
+    """Write four digits of a number, with thousands apart."""
     longest = 1e9  # from which on powers of ten are easier to read
     rounded = float(f"{value:.4g}")
     return f"{value:.4g}" if abs(rounded) < 1e3 or abs(rounded) >= longest else f"{rounded:,.0f}".replace(",", " ")

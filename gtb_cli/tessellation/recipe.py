@@ -145,7 +145,7 @@ class Recipe:
         return mesh, remarks + faults + folds + thin
 
     def _surface(self, spec: Patch | Model, rounding: float) -> tuple[Mesh, float | None]:
-        """Mesh the surface or curve; also return the tolerance, that of a tube less what its rings need."""
+        """Mesh the surface or curve; also return the tolerance, for a tube without what its rings need."""
         from gtb_cli.tessellation.tessellate import tessellate
 
         tolerance, around = self.tolerance_for(spec), 1

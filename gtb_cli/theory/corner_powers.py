@@ -72,7 +72,7 @@ def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, co
 
 
 def alike(columns: FloatArray, gaps: Iterable[float]) -> IntArray:
-    """Number groups of points that are equal up to gaps, from (d, n) coordinates: (n,), by the first of these first."""
+    """Number groups of points that are equal up to gaps, (n,), ascending by the first of (d, n) coordinates first."""
     group = np.zeros(columns.shape[1], dtype=np.int64)
     for values, gap in zip(columns, gaps, strict=True):
         # A gap splits each group found so far.
@@ -83,7 +83,7 @@ def alike(columns: FloatArray, gaps: Iterable[float]) -> IntArray:
 
 
 def summed(number: IntArray, logs: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the (k,) largest logarithms of groups of terms, and their (k, c) sums but for these."""
+    """Return the largest logarithm of each group of terms, (k,), and the sums of terms over it, (k, c)."""
     count = int(number.max(initial=-1)) + 1
     tops = np.full(count, -np.inf)
     np.maximum.at(tops, number, logs)

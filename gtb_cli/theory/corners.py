@@ -93,7 +93,7 @@ class CornerLimits:
 
     @property
     def normal(self) -> FloatArray:
-        """(3,) the limit of normals; NaN if there are several, with more than `PLANE_DEGREES` between them."""
+        """The limit of normals, (3,); NaN if there are several, with more than `PLANE_DEGREES` between them."""
         if not self.angle <= PLANE_DEGREES:
             return np.full(3, math.nan)
         return np.asarray(unit(self.normals.sum(axis=0, keepdims=True))[0])

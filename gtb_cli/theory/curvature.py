@@ -24,7 +24,7 @@ from gtb_cli.theory.parametrization import Blend, Parametrization
 
 
 class Curvature(NamedTuple):
-    """(…) curvatures of a surface at points; NaN without a finite limit. Found by `Patch.curvature`.
+    """Curvatures of a surface at points, (…); NaN without a finite limit. Found by `Patch.curvature`.
 
     K = κ₁ κ₂ is in units of 1 / length², H = (κ₁ + κ₂) / 2 in units of 1 / length. H is positive if the surface bends
     away from its normal: 1 / R for a sphere with outward normals.

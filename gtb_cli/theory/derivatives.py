@@ -29,7 +29,7 @@ Order: TypeAlias = Literal[1, 2]
 
 
 class Jet(NamedTuple):
-    """(k, m) values of k functions at m places, (d, k, m) first derivatives, and (d, d, k, m) second ones."""
+    """Values of k functions at m places, (k, m), first derivatives, (d, k, m), and second ones, (d, d, k, m)."""
 
     value: FloatArray
     first: FloatArray
@@ -45,7 +45,7 @@ class DerivativeField:
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # where there is no finite limit
     def at(self, u: FloatArray, order: Order, parametrization: Parametrization) -> FloatArray:
-        """(m, k, d) first or (m, k, d, d) second derivatives at (m, d) parameters; see `Patch.derivatives`."""
+        """Return derivatives at (m, d) parameters, (m, k, d) or (m, k, d, d); see `Patch.derivatives`."""
         if order not in (1, 2):
             raise DomainError(f"order: expected 1 or 2, got {order!r}")
         shape, work_arrays = self.basis.domain, 24  # as large as T, alive at once
@@ -84,7 +84,7 @@ class DerivativeField:
 
     @cached_property
     def _exponents(self) -> FloatArray:
-        """(n, r) exponents h_j(a_i), exactly 1 and 2 where they are to rounding."""
+        """The exponents h_j(a_i), (n, r), exactly 1 and 2 where they are to rounding."""
         shape = self.basis.domain
         whole = np.clip(np.rint(shape.heights), 0, 2)
         near = np.abs(shape.heights - whole) <= knot_tolerance(shape.knots) * shape.normal_lengths
@@ -127,7 +127,7 @@ class DerivativeField:
         return np.where(np.abs(normal) > least * np.abs(normal).max(), normal, 0.0)
 
     def _linear(self, face: Face, p: FloatArray, local: Local, e: FloatArray, layers: FaceLayers) -> Jet:
-        """Derivatives at (m, d) points of Δ, near which `local` are coordinates of the knots."""
+        """Return derivatives at (m, d) points of Δ, near which `local` are coordinates of the knots."""
         shape = self.basis.domain
         steps = np.array([shape.knots[pivot] - shape.knots[local.k] for pivot in local.pivots])
         knot_step = knot_tolerance(shape.knots) / np.sqrt((steps**2).sum(axis=2))  # rounding of knots, on the axes
@@ -237,7 +237,7 @@ def _unlimited(powers: FloatArray, order: int) -> BoolArray:
 
 
 def _inverse(matrices: FloatArray) -> FloatArray:
-    """(d, d, m) inverse matrices, d up to 2."""
+    """Invert matrices, (d, d, m), d up to 2."""
     if len(matrices) == 1:
         return np.asarray(1 / matrices)
     (a, b), (c, d) = matrices

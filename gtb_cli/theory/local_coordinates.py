@@ -23,7 +23,7 @@ from gtb_cli.values import frozen
 
 
 class Terms(NamedTuple):
-    """(n, m) terms of T up to a factor for each column, their d first derivatives, and their second: xx, xy, yy."""
+    """Terms of T up to a factor for each column, (n, m), and their derivatives: d first, and second, xx, xy and yy."""
 
     point: FloatArray
     first: tuple[FloatArray, ...]
@@ -32,21 +32,17 @@ class Terms(NamedTuple):
 
 @frozen
 class FaceLayers:
-    """(n,) bool each: the knots that count in each sum on a face, and those that prevent a limit there.
+    """The knots, (n,) bool, that count in each sum on a face, and the knots that prevent a limit there.
 
     Inside Δ all knots count in all sums. A limit on an edge is a sum over the knots with one value of η, a limit at a
-    corner is one over the knots with one value of ξ and of η.
-
-    `slow` are the knots at a corner because of which first derivatives have no limit, and `against`, for each facet
-    through the face, those because of which second derivatives across this facet have none; unless their values are
-    those of the tangent plane.
+    corner is one over the knots with one value of ξ and of η. Knots in the tangent plane prevent no limit.
     """
 
     point: BoolArray
     first: tuple[BoolArray, ...]
     second: tuple[BoolArray, ...]
-    slow: BoolArray
-    against: tuple[tuple[int, BoolArray], ...]
+    slow: BoolArray  # because of them, first derivatives at a corner have no limit
+    against: tuple[tuple[int, BoolArray], ...]  # because of them, second ones across a facet through the face have none
 
     @cached_property
     def hindering(self) -> BoolArray:
@@ -80,7 +76,7 @@ def _at(levels: Sequence[FloatArray], place: tuple[int, ...]) -> BoolArray:
 
 
 def _levels(shape: Domain, edge: int, among: BoolArray | None = None) -> FloatArray:
-    """(n,) heights over the lowest positive one (among some knots), 1 and 2 where they are so to rounding of knots."""
+    """Return heights over the lowest positive one (among some knots), (n,), 1 and 2 where they are to rounding."""
     heights = shape.heights[:, edge]
     lowest = heights[(heights > 0) & (True if among is None else among)].min()
     level = heights / lowest
@@ -99,7 +95,7 @@ class Local(NamedTuple):
     turn: FloatArray  # (m,) 1 where the three knots of a surface are counter-clockwise, else −1
 
     def terms(self, e: FloatArray, layers: FaceLayers) -> Terms:
-        """Terms at (n, m) logarithms of T relative to knot k, in units in which those of the pivots have slope 1."""
+        """Return terms at (n, m) logarithms of T relative to knot k, so scaled that the pivots' terms have slope 1."""
         logs = [e[pivot, np.arange(e.shape[1])] for pivot in self.pivots]
         pairs = combinations_with_replacement(range(len(self.axes)), 2)
         return Terms(
@@ -152,7 +148,7 @@ def _pivot(e: FloatArray, extents: FloatArray, members: BoolArray) -> IntArray:
 
 
 def _weighted(e: FloatArray, members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:
-    """(n, m) factor · T up to exp(shift), for members; exact zeros are kept."""
+    """Return factor · T up to exp(shift) for members, 0 for others, (n, m); exact zeros are kept."""
     x = np.exp(np.clip(e - shift, UNDERFLOW_EXPONENT, -UNDERFLOW_EXPONENT)) * factor
     x[~members] = 0.0
     return np.asarray(x)

@@ -164,7 +164,7 @@ def _at_corner(patch: Blend, face: Face) -> FloatArray:
 
 
 def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
-    """(q, m, 3) normals on an edge of q surfaces with one domain, at (q, m) torus coordinates; NaN where undefined."""
+    """Return normals on an edge of q surfaces with one domain, (q, m, 3), at (q, m) torus coordinates; NaN if none."""
     shape = patches[0].rational_basis.domain
     members = np.flatnonzero(shape.incidence[:, edge])
     along = shape.along(edge, shape.knots)
@@ -205,14 +205,14 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
 
 
 def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
-    """(m, 3) unit vectors along (3, m) sums; NaN if a sum is rounding relative to the (m,) sums of lengths."""
+    """Return unit vectors along (3, m) sums, (m, 3); NaN if a sum is rounding beside the sum of lengths, (m,)."""
     length = np.sqrt((total**2).sum(axis=0))
     good = length > PARALLEL_SINE * size
     return np.asarray(np.where(good, total / np.where(good, length, 1.0), np.nan).T)
 
 
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(…, m, 3) unit cross products of (…, 3, m) vectors, NaN if parallel or zero; and the sines of their angles."""
+    """Return unit cross products of (…, 3, m) vectors, (…, m, 3), NaN if parallel or zero; and sines of angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (unit_columns(v) for v in (first, second))
         normal = np.empty_like(first)
