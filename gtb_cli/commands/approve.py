@@ -60,9 +60,8 @@ def approve(
     if names and gone and not prune:
         raise GtbError(*(Fault(f"has no file {each.name}; --prune removes {each.paths[0]}", out) for each in gone))
     if prune and (linked := [each.paths[0] for each in gone if _is_elsewhere(golden, each)]):
-        raise GtbError(
-            *(Fault("is in a folder that is linked, where --prune removes nothing", path) for path in linked)
-        )
+        why = "is in a folder that is linked, where --prune removes nothing"
+        raise GtbError(*(Fault(why, path) for path in linked))
     for line in _take_over(golden, taken, comparing):
         console.note(line)
     for verdict in gone if prune else ():
