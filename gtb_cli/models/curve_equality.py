@@ -106,8 +106,8 @@ def _difference(one: Curve, other: Curve, scale: float, shift: float) -> tuple[f
     shares = np.exp(logs - np.maximum.reduceat(logs, starts)[group])
     shares = (shares / np.add.reduceat(shares, starts)[group])[:, None]
     means = np.add.reduceat(shares * values, starts)
-    slopes = np.add.reduceat(shares * (rates[:, None] - np.add.reduceat(shares[:, 0] * rates, starts)[group, None])
-                             * values[:, :3], starts)  # fmt: skip
+    means_of_rates = np.add.reduceat(shares[:, 0] * rates, starts)[group, None]
+    slopes = np.add.reduceat(shares * (rates[:, None] - means_of_rates) * values[:, :3], starts)
     step = float((slopes * means[:, :3]).sum() / max((slopes**2).sum(), np.finfo(float).tiny))
     return *_longest(values, means, knots, logs, knots - knots[starts][group]), step
 

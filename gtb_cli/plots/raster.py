@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, planar_cross
 from gtb_cli.values import frozen
 
 NO_TRIANGLE = -1  # index at pixels that no triangle covers
@@ -61,7 +61,7 @@ def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> 
     pixel_batch = 1 << 21  # number of pixels in bounding boxes of triangles that are tested together
     plane = points[:, :2][faces]
     a, b, c = plane[:, 0], plane[:, 1], plane[:, 2]
-    doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    doubled = planar_cross(b - a, c - a)
     low = np.ceil(plane.min(axis=1) - 0.5).clip(0).astype(np.int64)
     high = np.floor(plane.max(axis=1) - 0.5).clip(None, [width - 1, height - 1]).astype(np.int64)
     spans = high - low + 1
@@ -73,9 +73,9 @@ def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> 
         number = np.arange(len(t)) - np.repeat(np.cumsum(boxes[batch]) - boxes[batch], boxes[batch])
         row, column = np.divmod(number, spans[t, 0])
         x, y = low[t, 0] + column, low[t, 1] + row
-        px, py = x + 0.5, y + 0.5
-        share_a = ((b[t, 0] - px) * (c[t, 1] - py) - (b[t, 1] - py) * (c[t, 0] - px)) / doubled[t]
-        share_b = ((c[t, 0] - px) * (a[t, 1] - py) - (c[t, 1] - py) * (a[t, 0] - px)) / doubled[t]
+        middle = np.column_stack([x, y]) + 0.5
+        from_a, from_b, from_c = (corner[t] - middle for corner in (a, b, c))
+        share_a, share_b = planar_cross(from_b, from_c) / doubled[t], planar_cross(from_c, from_a) / doubled[t]
         shares = np.stack([share_a, share_b, 1 - share_a - share_b], axis=1)
         inside = (shares >= 0).all(axis=1)
         found.append(((y * width + x)[inside], t[inside], shares[inside]))

@@ -160,8 +160,8 @@ def join(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation
     owner = np.repeat(np.arange(len(parts), dtype=index_type(len(parts))), np.diff(offsets))
     parameters = np.concatenate([part.parameters for part in parts])
     face = np.concatenate([part.faces(patch.domain.faces) for patch, part in zip(patches, parts, strict=True)])
-    turned = [part.cells[:, [0, 2, 1]] if is_surface and flipped else part.cells
-              for part, flipped in zip(parts, joints.flipped, strict=True)]  # fmt: skip
+    flips = [is_surface and flipped for flipped in joints.flipped]
+    turned = (part.cells[:, [0, 2, 1]] if flip else part.cells for part, flip in zip(parts, flips, strict=True))
     kind = index_type(len(owner))
     cells = np.concatenate([shifted(own, n).astype(kind) for own, n in zip(turned, offsets[:-1], strict=True)])
     shared, collapsed = _pairs(joints, parts, offsets)
@@ -192,15 +192,15 @@ def join(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation
 def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) -> tuple[IntArray, IntArray]:
     """Return the pairs of vertices that joints make one, (c, 2), and of neighbours on edges that are points, (q, 2)."""
 
-    def side(ref: EdgeRef) -> IntArray:
+    def side(ref: EdgeRef, step: int = 1) -> IntArray:
         patch, edge = ref
-        return np.asarray(offsets[patch] + parts[patch].side(edge))
+        return np.asarray(offsets[patch] + parts[patch].side(edge)[::step])
 
     none = np.empty((0, 2), dtype=np.int64)
-    shared = [np.column_stack([side(joint.first), side(joint.second)[:: -1 if joint.opposite else 1]])
-              for joint in joints.shared]  # fmt: skip
-    collapsed = [np.column_stack([side(ref)[:-1], side(ref)[1:]]) for ref in joints.collapsed]
-    return np.concatenate([none, *shared]), np.concatenate([none, *collapsed])
+    shared = [(side(joint.first), side(joint.second, -1 if joint.opposite else 1)) for joint in joints.shared]
+    collapsed = [(side(ref)[:-1], side(ref)[1:]) for ref in joints.collapsed]
+    one, other = (np.concatenate([none, *map(np.column_stack, pairs)]) for pairs in (shared, collapsed))
+    return one, other
 
 
 def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
