@@ -20,15 +20,11 @@ MAX_BINOMIAL_DEGREE = 1029  # largest degree whose binomial coefficients are all
 
 @frozen
 class Direction:
-    """A direction of a lattice: the only one of a segment or triangle, or one of the two of a parallelogram.
-
-    `shares`, (n, e), are barycentric coordinates of the knots in the segment (e = 2) or triangle (e = 3), beginning
-    with its first corner; `steps`, (e − 1, d), lead from a knot to the next ones, towards the other corners.
-    """
+    """A direction of a lattice: the only one of a segment or triangle, or one of the two of a parallelogram."""
 
     degree: int
-    shares: FloatArray
-    steps: FloatArray
+    shares: FloatArray  # (n, e) barycentric coordinates of the knots in a segment (e = 2) or triangle (e = 3)
+    steps: FloatArray  # (e − 1, d) from a knot to the next ones, towards the other corners
 
     @property
     def places(self) -> IntArray:

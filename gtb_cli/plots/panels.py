@@ -34,22 +34,17 @@ if TYPE_CHECKING:
 
 @frozen
 class Frames:
-    """Meshes of a sequence, the limit last, for values of the parameter `key`, "x" or "step".
+    """Meshes of a sequence, the limit last."""
 
-    Their distances from the limit, and from it with its film, are empty or None where they are not known. `net` are
-    pairs of the (n, 3) control points of the limit's net, and `own_net` the net of the patch before any knot moves, as
-    paths. `film` is the part of the limit that its last mesh lacks.
-    """
-
-    key: str
+    key: str  # the parameter, "x" or "step"
     values: tuple[float, ...]
     meshes: tuple[Mesh, ...]
-    distances: tuple[float, ...] = ()
-    film_distances: tuple[float, ...] | None = None
-    net_points: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
-    net: tuple[tuple[int, int], ...] = ()
-    film: Mesh | None = None
-    own_net: tuple[FloatArray, ...] = ()
+    distances: tuple[float, ...] = ()  # from the limit; empty where they are not known
+    film_distances: tuple[float, ...] | None = None  # from the limit with its film
+    net_points: FloatArray = field(default_factory=lambda: np.empty((0, 3)))  # control points of the limit's net
+    net: tuple[tuple[int, int], ...] = ()  # pairs of these
+    film: Mesh | None = None  # the part of the limit that the last mesh lacks
+    own_net: tuple[FloatArray, ...] = ()  # the net of the patch before any knot moves, as paths
 
     @property
     def titles(self) -> list[str]:
@@ -182,16 +177,12 @@ def default_values(what: str) -> tuple[list[float], list[float]]:
 
 @dataclass(frozen=True)
 class Approach:
-    """The degeneration (x, lifting) or knot limit (merge, steps) that a sequence shows; empty or None is what suits.
-
-    The lifting is (n,) values, or the index of the knot whose weight alone grows; None is that of the patch. `merge`
-    leads from knots to the knots at whose places they arrive, and `steps` are fractions of the way.
-    """
+    """The degeneration (x, lifting) or knot limit (merge, steps) that a sequence shows; empty or None is what suits."""
 
     x: Sequence[float] = ()
-    lifting: ArrayLike | None = None
-    merge: Mapping[int, int] = field(default_factory=dict)
-    steps: Sequence[float] | None = None
+    lifting: ArrayLike | None = None  # (n,) values, or the index of the knot whose weight alone grows
+    merge: Mapping[int, int] = field(default_factory=dict)  # from knots to the knots at whose places they arrive
+    steps: Sequence[float] | None = None  # fractions of the way
 
     @property
     def given(self) -> list[str]:

@@ -12,15 +12,11 @@ NO_TRIANGLE = -1  # index at pixels that no triangle covers
 
 @frozen
 class Raster:
-    """The visible parts of triangles, row 0 the lowest.
+    """The visible parts of triangles at the centres of pixels, row 0 the lowest."""
 
-    At each pixel's centre: `triangle` (height, width), the nearest or `NO_TRIANGLE`; `weights` (height, width, 3), its
-    barycentric coordinates in it; and `nearness` (height, width), its third coordinate there, or -inf.
-    """
-
-    triangle: IntArray
-    weights: FloatArray
-    nearness: FloatArray
+    triangle: IntArray  # (height, width) the nearest, or `NO_TRIANGLE`
+    weights: FloatArray  # (height, width, 3) barycentric coordinates in it
+    nearness: FloatArray  # (height, width) its third coordinate there, or -inf
 
     @cached_property
     def farthest_around(self) -> FloatArray:

@@ -51,14 +51,11 @@ def _reported(spec: str, report: Callable[[str], Found]) -> Found | GtbError:
 
 @dataclass(frozen=True)
 class ReportRequest:
-    """The specs, and folders of them, on which a command reports, and how it does so.
-
-    Without `in_full`, each of several specs gets a line, and a large model an extract.
-    """
+    """The specs, and folders of them, on which a command reports, and how it does so."""
 
     specs: tuple[str, ...]
     as_json: bool
-    in_full: bool
+    in_full: bool  # else each of several specs gets a line, and a large model an extract
     weld: float | str | None
     jobs: int
     streams: Streams

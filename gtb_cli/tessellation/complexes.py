@@ -21,17 +21,13 @@ from gtb_cli.values import frozen
 
 @frozen
 class Complex:
-    """Vertices and cells, without positions in space.
+    """Vertices and cells, without positions in space."""
 
-    A vertex on a shared edge belongs to the first patch that has it: `patch` (v,), with `parameters` (v, d) in the
-    patch's domain, inside the domain's `face` (v,). The (k, d + 1) `cells` are in the (k,) patches `cell_patch`.
-    """
-
-    patch: IntArray
-    parameters: FloatArray
-    face: IntArray
-    cells: IntArray
-    cell_patch: IntArray
+    patch: IntArray  # (v,) the patch of each vertex: of several that share it, the first
+    parameters: FloatArray  # (v, d) in the domain of that patch
+    face: IntArray  # (v,) the number of the domain's face that holds the vertex
+    cells: IntArray  # (k, d + 1)
+    cell_patch: IntArray  # (k,)
     # `corners`; or those that are not just the parameters of the cells' vertices, behind their places among all
     own_corners: FloatArray | tuple[IntArray, FloatArray]
     collapsed: IntArray  # (c, 2) pairs of neighbouring vertices on edges of patches that are one point

@@ -44,16 +44,12 @@ def torically_inside(
 
 @frozen
 class Sampler:
-    """Points and normals of several patches; parameters of patches with equal knots are located together.
-
-    Parameters may be in `parts` of the patches' domains; then `faces`, (patches, faces), has the number of the face of
-    the patch's domain that holds each face of its part.
-    """
+    """Points and normals of several patches; parameters of patches with equal knots are located together."""
 
     patches: Sequence[Patch]
     locate: Locate = LinearParametrization.locations
-    parts: Sequence[Domain] = ()
-    faces: IntArray | None = None
+    parts: Sequence[Domain] = ()  # of the patches' domains, if parameters are in these
+    faces: IntArray | None = None  # (patches, faces) of each domain, by number, that hold the faces of its part
 
     @property
     def domains(self) -> Sequence[Domain]:

@@ -16,36 +16,27 @@ from gtb_cli.theory.edges import edge_curves
 
 
 class Vertices(NamedTuple):
-    """Vertices, each with its patch, its (v, d) parameters there and the number of the face of Δ that holds them.
-
-    The (v, 2) `guess` is for points of a surface beside the vertex, see `gtb_cli.tessellation.sampling`.
-    """
+    """The v vertices of a subdivision."""
 
     patch: IntArray
-    parameters: FloatArray
-    face: IntArray
+    parameters: FloatArray  # (v, d) in the domain of the patch
+    face: IntArray  # the number of the face of Δ that holds them
     points: FloatArray
-    guess: FloatArray
+    guess: FloatArray  # (v, 2) for points of a surface beside the vertex, see `gtb_cli.tessellation.sampling`
 
 
 class Edges(NamedTuple):
-    """Sides of cells, and the surface over them as far as it is known; NaN stands for what is not known yet.
+    """The e sides of cells, and what is known of the surface over them; NaN stands for what is not known yet."""
 
-    An edge has two `ends` with (e, 2, d) `parameters` in a patch, and the face of Δ that holds its middle; the (e, 3)
-    `middle` of its curve, and the (e, 2) `guess` of a vertex there. `bend` and `error` are the distances of the middle
-    and of the farthest sample of the curve from the edge, 0 if it was split; `roughness` is by how much samples differ
-    from a parabola.
-    """
-
-    ends: IntArray
+    ends: IntArray  # (e, 2)
     patch: IntArray
-    parameters: FloatArray
-    face: IntArray
-    middle: FloatArray
-    guess: FloatArray
-    bend: FloatArray
-    error: FloatArray
-    roughness: FloatArray
+    parameters: FloatArray  # (e, 2, d) of the ends in the domain of the patch
+    face: IntArray  # the number of the face of Δ that holds the middle
+    middle: FloatArray  # (e, 3) the middle of the curve over the edge
+    guess: FloatArray  # (e, 2) of a vertex there
+    bend: FloatArray  # distance of that middle from the edge
+    error: FloatArray  # distance of the farthest sample of the curve from the edge, 0 if it was split
+    roughness: FloatArray  # by how much samples differ from a parabola
 
     @property
     def middles(self) -> FloatArray:
@@ -60,17 +51,13 @@ class Edges(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Cells with their vertices and sides: side i runs from vertex i to the next.
+    """The k cells: segments or triangles."""
 
-    The (k, d + 1, d) `corners` are parameters in the domain of the cell's own patch. A cell that `holds` was found to
-    be within the tolerance: everywhere if it is a segment, at samples if it is a triangle.
-    """
-
-    cells: IntArray
-    sides: IntArray
-    corners: FloatArray
+    cells: IntArray  # (k, d + 1) vertices
+    sides: IntArray  # (k, 1 or 3) edges; side i runs from vertex i to the next
+    corners: FloatArray  # (k, d + 1, d) parameters in the domain of the cell's own patch
     patch: IntArray
-    holds: BoolArray
+    holds: BoolArray  # found to be within the tolerance: a segment everywhere, a triangle at samples
 
 
 class _SplitPattern(NamedTuple):

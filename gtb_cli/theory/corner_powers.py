@@ -21,24 +21,21 @@ PLACES = 1601  # across each way on which limits turn into others
 
 
 class CornerKnots(NamedTuple):
-    """Knots but for those at the corner: (n, 2) exponents, (n,) log weights and (n, 3) points from that of the corner.
+    """The n knots that are not at a corner, as seen from it."""
 
-    Exponents are equal up to (2,) `gaps`, and points up to `rounding`.
-    """
-
-    x: FloatArray
-    logs: FloatArray
-    points: FloatArray
-    gaps: FloatArray
-    rounding: float
+    x: FloatArray  # (n, 2) exponents
+    logs: FloatArray  # (n,) logarithms of weights
+    points: FloatArray  # (n, 3) differences of control points from the corner's
+    gaps: FloatArray  # (2,) up to which exponents are equal
+    rounding: float  # up to which points are equal
 
 
 class Powers(NamedTuple):
-    """A sum of powers: (k, 2) exponents, all different, and (k, c) factors but for their (k,) logarithms."""
+    """A sum of k powers, whose factors are ``factors · exp(logs)``."""
 
-    x: FloatArray
-    logs: FloatArray
-    factors: FloatArray
+    x: FloatArray  # (k, 2) exponents, all different
+    logs: FloatArray  # (k,)
+    factors: FloatArray  # (k, c)
 
     def of_order(self, order: float, ray: FloatArray, gaps: FloatArray) -> "Powers":
         """Return the terms of an order, and of lower ones, on a way."""
