@@ -32,11 +32,11 @@ from gtb_cli.shell.streams import (
     Streams,
     about,
     file_stem,
+    input_stem,
     is_device,
     is_folder,
     is_terminal,
     shown_input,
-    stem_of,
     write_blocks,
 )
 from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfaces
@@ -204,7 +204,7 @@ def _planned(path: str, place: str, options: MeshOptions, kind: str, streams: St
     if book is not None:
         from gtb_cli.shell.manifest import input_sums
 
-        output = _output(place, kind, stem_of(path))
+        output = _output(place, kind, input_stem(path))
         if path != STANDARD and (entry := book.kept(output, path)) is not None:
             cells = "segments" if "segments" in entry else "faces"
             size = f"{entry['vertices']} vertices, {entry[cells]} {cells}, up to date"
@@ -212,7 +212,7 @@ def _planned(path: str, place: str, options: MeshOptions, kind: str, streams: St
         sums = input_sums(path, streams.reading.spec_format)  # before the spec is read: it may change meanwhile
     with streams.spec_of(path) as spec:
         options.recipe.check_size(spec)
-    return Task(_output(place, kind, stem_of(path) or file_stem(spec.name)), path, spec, sums)
+    return Task(_output(place, kind, input_stem(path) or file_stem(spec.name)), path, spec, sums)
 
 
 def _output(place: str, kind: str, stem: str | None) -> str:

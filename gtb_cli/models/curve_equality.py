@@ -69,7 +69,7 @@ def equal(one: Curve, other: Curve, tolerance: float) -> Match | None:
     uneven = [_unevenness(curve, one.ends, tolerance / 2) for curve in (one, other)]
     if sum(uneven) <= tolerance:
         return Match(tolerance, True, True)
-    found = measured(one, other, tolerance) if sum(uneven) < np.inf else None
+    found = matched(one, other, tolerance) if sum(uneven) < np.inf else None
     return found and Match(tolerance, True, False, found.places)
 
 
@@ -173,11 +173,11 @@ def beside(one: Curve, other: Curve, reach: float, most: float) -> Match:
     ends = float(np.linalg.norm(one.ends - other.ends, axis=1).max())  # no points can correspond at a lesser distance
     if even.distance <= max(reach, 1.001 * ends) or np.abs(one.ends - other.ends).max() > most:
         return even
-    found = measured(one, other, most)
+    found = matched(one, other, most)
     return even if found is None or even.distance <= found.distance else found
 
 
-def measured(one: Curve, other: Curve, reach: float) -> Match | None:
+def matched(one: Curve, other: Curve, reach: float) -> Match | None:
     """Match curves with about the same ends; None if farther apart than `reach`, or one runs to and fro."""
     even = _fractions(one)
     fine = distinct(np.concatenate([np.linspace(0.0, 1.0, 129), _fractions(other)]))

@@ -15,7 +15,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.plots.look import Look, subscript
 from gtb_cli.plots.palette import FAINT, INK, line_style
 from gtb_cli.plots.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, View, note, space_views
-from gtb_cli.plots.shape_figures import surface_of, with_normals
+from gtb_cli.plots.shape_figures import triangles_of, with_normals
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.basis import gt_bernstein
 from gtb_cli.theory.patch import Patch
@@ -96,7 +96,7 @@ def draw_bases(
             plane = (mesh.parameters - patch.domain.center) / patch.domain.size
             graph = with_normals(Mesh(np.column_stack([plane, GRAPH_HEIGHT * column]), mesh.faces), smooth=True)
             colours = look.colours or "viridis"
-            surfaces.append(replace(surface_of(graph), scalars=column.clip(0, 1), colour_map=colours))
+            surfaces.append(replace(triangles_of(graph), scalars=column.clip(0, 1), colour_map=colours))
             edge = (around - patch.domain.center) / patch.domain.size
             rims.append(np.column_stack([edge, GRAPH_HEIGHT * rim / (highest or 1.0)]))
             titles.append(f"{name}{': ' if name else ''}{subscript(symbol, index)}, up to {highest:.3g}")

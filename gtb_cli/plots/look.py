@@ -189,7 +189,7 @@ def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> lis
     return found
 
 
-def encoded(figure: Figure, kind: str) -> bytes:
+def encoded_figure(figure: Figure, kind: str) -> bytes:
     """Return a figure as "png", "svg" or "pdf" bytes, the same for the same figure, matplotlib and fonts."""
     # Metadata that would change from day to day, or from one version of matplotlib to the next
     changing = {"png": ["Software"], "svg": ["Date", "Creator"], "pdf": ["CreationDate"]}

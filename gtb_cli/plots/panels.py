@@ -22,7 +22,7 @@ from gtb_cli.plots.look import Look, empty_figure, panels, settings, with_number
 from gtb_cli.plots.net_lines import is_flat, net_of
 from gtb_cli.plots.palette import LINE_COLOURS, NET
 from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, plain, plane_view, space_views
-from gtb_cli.plots.shape_figures import surface_of, with_normals
+from gtb_cli.plots.shape_figures import triangles_of, with_normals
 from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -78,7 +78,7 @@ def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
     return _figure_of_members(frames, range(len(frames.meshes)), look)
 
 
-def film_of_frames(frames: Frames, look: Look) -> Iterator[Figure]:
+def animation_of_frames(frames: Frames, look: Look) -> Iterator[Figure]:
     """Draw the meshes one by one, all with one camera and one scale."""
     for member in range(len(frames.meshes)):
         yield _figure_of_members(frames, [member], look)
@@ -97,7 +97,7 @@ def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Fi
             views = [plane_view(ax, np.concatenate(clouds)) for ax in axes]
         else:
             smooth = [with_normals(mesh, smooth=True) for mesh in meshes]
-            surfaces = [None if mesh.is_curve else surface_of(mesh) for mesh in smooth]
+            surfaces = [None if mesh.is_curve else triangles_of(mesh) for mesh in smooth]
             if film is not None and surfaces[-1] is not None and meshes[-1] is limit:
                 surfaces[-1] = _with_film(surfaces[-1], with_normals(film, smooth=True))
             views = space_views(axes, look.camera, surfaces, clouds)
@@ -167,10 +167,10 @@ def _refuse_pipe(path: str) -> None:
 
 
 def default_values(what: str) -> tuple[list[float], list[float]]:
-    """Return the x of a degeneration, and the steps of a knot limit, of a "sequence", a "film" or a "distance"."""
+    """Return the x of degenerations, and the steps of knot limits, of a "sequence", "animation" or "distance"."""
     if what == "distance":
         return [10 ** (k / 2) for k in range(9)], [1 - 10 ** (-k / 2) for k in range(7)]
-    if what == "film":
+    if what == "animation":
         return [10 ** (k / 8) for k in range(25)], [1 - 10 ** (-k / 8) for k in range(25)]
     return [1.0, 10.0, 100.0], [0.0, 0.4, 0.8]
 

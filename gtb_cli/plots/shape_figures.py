@@ -53,7 +53,7 @@ def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: L
     for ax, shape in zip(axes, shapes, strict=True):
         fine = look.resolution or (16 if len(shape.patches) > 4 else 64) * (2 if stripes else 1)  # segments of an edge
         mesh = tessellate(shape, fine, parametrization="linear").split
-        surface = replace(surface_of(mesh, len(shape.patches)), stripes=stripes)
+        surface = replace(triangles_of(mesh, len(shape.patches)), stripes=stripes)
         surfaces.append(surface if look.curvature is None else _by_curvature(ax, shape, mesh, surface, look))
     with_net = bool(look.net) if stripes else look.draws_net(len(shapes[0].patches))
     points = [patch.control_points for shape in shapes for patch in shape.patches] if with_net else []
@@ -72,14 +72,14 @@ def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: L
 
 def draw_mesh(ax: Axes, mesh: Mesh, look: Look) -> None:
     """Draw a mesh: its segments, or its triangles and open sides."""
-    surface = None if mesh.is_curve else surface_of(with_normals(mesh).split, max(len(mesh.groups), 1))
+    surface = None if mesh.is_curve else triangles_of(with_normals(mesh).split, max(len(mesh.groups), 1))
     (view,) = space_views([ax], look.camera, [surface], [mesh.vertices])
     pairs = mesh.cells if mesh.is_curve else mesh.open_sides
     view.lines(list(mesh.vertices[pairs]), colour=LINE_COLOURS[0] if mesh.is_curve else INK, width=1.4)
     view.triad()
 
 
-def surface_of(mesh: Mesh, patches: int = 1) -> ShadedTriangles:
+def triangles_of(mesh: Mesh, patches: int = 1) -> ShadedTriangles:
     """Return the surface of a mesh, with a colour for each patch."""
     colours = plain(len(mesh.cells))
     if patches > 1:

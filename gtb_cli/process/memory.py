@@ -56,10 +56,10 @@ def divided_among(jobs: int) -> int:
 
 def shortage() -> str:
     """Return the message for what needs more memory than there is."""
-    return "not enough memory for this" + (f" within --max-memory {shown(_allowed)}" if _allowed else "")
+    return "not enough memory for this" + (f" within --max-memory {size_text(_allowed)}" if _allowed else "")
 
 
-def shown(size: int) -> str:
+def size_text(size: int) -> str:
     """Return a number of bytes as --max-memory takes it."""
     return f"{size / (1 << 20):.6g}M"
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import ToleranceError
-from gtb_cli.shell.streams import Spec, format_of, refuse_terminal
+from gtb_cli.shell.streams import Spec, output_format, refuse_terminal
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, Up
@@ -85,8 +85,8 @@ class MeshOptions:
         return messages
 
     def format_for(self, output: str, more: Iterable[str] = ()) -> str:
-        """Return the format of an output, as `format_of` does; refuse a binary one on a terminal."""
-        kind = format_of(output, self.format, FORMATS, more)
+        """Return the format of an output, as `output_format` does; refuse a binary one on a terminal."""
+        kind = output_format(output, self.format, FORMATS, more)
         if not FORMATS[kind].is_text(self.ascii):
             refuse_terminal(output, kind, "-o FILE" if FORMATS[kind].text == "never" else "-o FILE or --ascii")
         return kind

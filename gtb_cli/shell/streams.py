@@ -95,7 +95,7 @@ def opened(path: str) -> Iterator[IO[bytes]]:
         raise SpecError(Fault(str(error.strerror or error), shown_input(path))) from None
 
 
-def number_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:
+def numbered_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:
     """Yield the numbers in each line of a file, with the number of the line; empty lines and comments are skipped.
 
     `SpecError` is raised for a line with other words, and for a row whose length is not in `sizes` or not the first's.
@@ -250,7 +250,7 @@ def is_device(output: str) -> bool:
     return os.path.exists(output) and not os.path.isfile(output) and not os.path.isdir(output)
 
 
-def format_of(output: str, given: str | None, formats: Collection[str], more: Iterable[str] = ()) -> str:
+def output_format(output: str, given: str | None, formats: Collection[str], more: Iterable[str] = ()) -> str:
     """Return the format given, or by the suffix of a file, which is refused if unknown; the first for other outputs."""
     suffix = suffix_of(output)
     if given is not None or suffix in formats:
@@ -277,6 +277,6 @@ def file_stem(name: str | None) -> str:
     return kept.encode("utf-8")[:MAX_STEM_BYTES].decode("utf-8", "ignore").rstrip() or "patch"
 
 
-def stem_of(path: str) -> str | None:
+def input_stem(path: str) -> str | None:
     """Return the stem of an input's file name, as `file_stem` does; None for standard input."""
     return None if path == STANDARD else file_stem(os.path.splitext(os.path.basename(path))[0])

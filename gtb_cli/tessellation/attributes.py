@@ -44,7 +44,7 @@ def with_attributes(
     replaced = 0
     if any(name.endswith("curvature") for name in names):
         found = _curvature_of(shape, mesh, mesh.parameters, parametrization)
-        values |= {f"{kind}_curvature": filled(mesh, scalars) for kind, scalars in found._asdict().items()}
+        values |= {f"{kind}_curvature": filled_scalars(mesh, scalars) for kind, scalars in found._asdict().items()}
         replaced = int(np.count_nonzero(np.isnan(found.gaussian)))
     if functions and isinstance(shape, Patch):
         basis = shape.basis(mesh.parameters, parametrization)
@@ -81,7 +81,7 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
     return found
 
 
-def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
+def filled_scalars(mesh: Mesh, values: FloatArray) -> FloatArray:
     """Replace (m,) values at vertices that are not finite by the mean of the neighbours' values, ring by ring."""
     finite = np.isfinite(values)
     if finite.all():
