@@ -147,7 +147,7 @@ def repeated(rows: NDArray[Any]) -> tuple[tuple[int, ...], ...]:
 
 
 def _repeat(rows: NDArray[Any]) -> str:
-    """Say which of the knots' rows is first there again; or nothing."""
+    """Name the first row that repeats an earlier one, as knots; empty if none does."""
     first, again = min((group[:2] for group in repeated(rows)), key=itemgetter(1), default=(0, 0))
     return f"knots[{again}] repeats knots[{first}]" if again else ""
 

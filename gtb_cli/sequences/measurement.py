@@ -24,7 +24,7 @@ LEAST_RESOLUTION = 4  # segments along each edge of what is measured
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How finely distances from a limit are measured."""
+    """The accuracy with which distances from a limit are measured."""
 
     chord_error: float  # of meshes between which distances from films are measured, as a fraction of the diagonal
     cells: int  # rough number from which those meshes are refined

@@ -319,7 +319,7 @@ def refuse_rounding(tolerance: float, points: FloatArray) -> None:
 
 
 def cells_needed(errors: FloatArray) -> float:
-    """Estimate how many cells there will be, from the (1 or 3, k) errors of sides in units of the tolerance."""
+    """Estimate the final number of cells, from the (1 or 3, k) errors of sides in units of the tolerance."""
     # Halving the width divides errors by four. A triangle bends in a second direction as its straightest side does.
     parts = np.exp2(np.ceil(np.log2(np.maximum(errors, 1.0)) / 2))
     return float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())

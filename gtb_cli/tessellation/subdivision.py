@@ -98,7 +98,7 @@ class Subdivision:
         return len(self.cells.cells)
 
     def corners(self, rows: IntArray) -> list[FloatArray]:
-        """Return the points, (k, 3), of the first vertices of some cells, of the second ones, and so on."""
+        """Return the points of some cells' first vertices, (k, 3), of their second vertices, and so on."""
         return [self.points.take(vertex, axis=0) for vertex in self.cells.cells.take(rows, axis=0).T]
 
     def corner_columns(self, rows: IntArray) -> list[FloatArray]:
@@ -122,7 +122,7 @@ class Subdivision:
         return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
 
     def has_mark(self, marked: BoolArray, rows: IntArray | None = None) -> BoolArray:
-        """Mark the cells, all or (k,) of given ones, that have a marked side."""
+        """Mark cells, all or the (k,) given, that have a marked side."""
         sides = self.cells.sides if rows is None else self.cells.sides.take(rows, axis=0)
         return reduce(np.logical_or, [marked.take(side) for side in sides.T])
 
@@ -327,5 +327,5 @@ def _slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _largest(rows: Sequence[FloatArray] | FloatArray) -> IntArray:
-    """Return the number of the largest of three rows in each column, the first of equal ones."""
+    """Return the number of the largest of three rows in each column, the first if some are equal."""
     return np.where(rows[2] > np.maximum(rows[0], rows[1]), 2, rows[1] > rows[0])
