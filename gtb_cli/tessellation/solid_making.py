@@ -15,6 +15,7 @@ from gtb_cli.solids.tube import folded_segments, tube
 from gtb_cli.tessellation.remarks import offset_folds, thin_wall
 from gtb_cli.tessellation.requirements import require
 from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -75,6 +76,9 @@ class WallMaker:
 
     def solid(self, surface: Mesh, thickness: float) -> Solid:
         """Make the wall of a thickness."""
+        for refs in self.spec.joints.crowded if isinstance(self.spec, Model) else ():
+            names = ", ".join(edge_name(self.spec.patches, ref) for ref in refs)
+            raise DomainError(f"thickness: {names} are one curve, where at most two may meet: is a patch there twice?")
         folds = offset_folds(self.spec, surface, thickness)
         wall = thicken(surface, thickness)
         thin = thin_wall(wall, thickness)
