@@ -177,7 +177,7 @@ def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach
 
 
 def _refuse_solid(recipe: Recipe | None, reason: str) -> None:
-    """Refuse options of the mesh of a spec, but that of its resolution."""
+    """Refuse options of the mesh of a spec, but its resolution."""
     for name in ("tolerance", "radius", "thickness", "weld"):
         if recipe is not None and getattr(recipe, name) is not None:
             raise click.UsageError(f"--{name} {reason}")

@@ -132,10 +132,7 @@ def _inward_faces(mesh: Mesh) -> list[str]:
 
 
 def _merged_faces(mesh: Mesh) -> list[str]:
-    """Say which faces of a closed mesh collapse, or meet others at an edge, as vertices are at the same place.
-
-    Readers put such vertices together. The edges of a collapsed face have four faces for one that keeps it.
-    """
+    """Say which faces of a closed mesh collapse, or fall upon others, once readers merge vertices at one place."""
     cells = weld(mesh.vertices)[1][mesh.faces]
     collapsed = np.flatnonzero(~are_proper(cells))
     if len(collapsed):
