@@ -1,4 +1,7 @@
-"""The `gtb` command: the list of its commands, and the one place where errors become messages and exit statuses."""
+"""The `gtb` command: the list of its commands, and the one place where errors become messages.
+
+Signals, such as Ctrl-C, get their exit statuses in `gtb_cli.__main__`.
+"""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""`gtb fit`: points → a curve or surface through them, or near them."""
+"""`gtb fit`: points → a curve through them."""
 
 from itertools import islice
 

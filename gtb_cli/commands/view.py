@@ -109,7 +109,7 @@ def view(
     if watch:
         if output is not None or STANDARD in paths:
             raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
-        from gtb_cli.shell.serving import Pages, serve
+        from gtb_cli.shell.view_server import Pages, serve
 
         return serve(Pages(paths, reading, see), paths, port, console, opens=not no_open)
     from gtb_cli.pages.page import page_of
