@@ -38,12 +38,21 @@ def edited(**changes):
     tree = copy.deepcopy(TREE)
     for path, value in changes.items():
         *parents, last = [int(key) if key.isdigit() else key for key in path.replace("HELD", HELD).split(".")]
-        reduce(lambda inner, key: inner[key], parents, tree)[last] = value
+        reduce(lambda inner, key: inner[key], parents, tree)[last] = copy.deepcopy(value)
     return decode_mesh(glb(tree, BINARY), "a")
 
 
+LOOK = "materials in GLB: 1 cell has another one"
+WEBP = {"textures.0": {"extensions": {"EXT_texture_webp": {"source": 1}}}}
+VARIANT = {"meshes.0.primitives.0.extensions": {"KHR_materials_variants": {"mappings": [{"material": 1}]}}}
+SCENE = {"scenes": [{"nodes": [0, 1]}]}
+SCENES = {"scenes": [{"nodes": [0]}, {"nodes": [1]}], "nodes": [{"mesh": 0}, {"mesh": 1}]}
+SCENES |= {"meshes": [*TREE["meshes"], {"primitives": [{"attributes": {"POSITION": 2}}]}]}
+NODES = [{"name": "a", "mesh": 0}, {"name": "b"}, {"name": "c", "children": [0]}]
+TREES, TURNED = {"nodes": NODES}, [NODES[2] | {"children": [2]}, *NODES[1::-1]]
+JOINTS = {"skins": [{"joints": [1], "inverseBindMatrices": 1}]}
 VIEW = {"bufferView": 0}
-SPARSE = {"count": 1, "indices": VIEW, "values": {"bufferView": 2}}
+SPARSE = {"count": 1, "indices": VIEW | {"componentType": 5121}, "values": {"bufferView": 2}}
 OTHER = "other data: description: "
 
 
@@ -55,10 +64,26 @@ OTHER = "other data: description: "
         ({"HELD._NORMALS": 1}, {"HELD._NORMALS": 2}, "attribute normals: up to 254 apart"),
         ({"HELD._A": 1, "HELD._a": 1}, {"HELD._A": 1, "HELD._a": 2}, "attribute a: up to 254 apart"),
         ({"materials.0.name": "a"}, {"materials.0.name": "b"}, ""),
-        ({"images.0.bufferView": 1}, {"samplers": [{"wrapS": 1}], "materials.0.alphaMode": "OPAQUE"}, ""),
-        ({}, {"textures.0.source": 1}, "materials in GLB: 1 cell has another one"),
-        ({}, {"materials.0.doubleSided": True}, "materials in GLB: 1 cell has another one"),
-        ({}, {"materials.0.extras": {"source": "a", "index": 9}}, "materials in GLB: 1 cell has another one"),
+        ({"images.0.name": "a"}, {"samplers": [{"wrapS": 1}], "materials.0.alphaMode": "OPAQUE"}, ""),
+        ({"images.0.bufferView": 3, "bufferViews": [*TREE["bufferViews"], TREE["bufferViews"][0]]}, {}, ""),
+        ({}, {"images.0.bufferView": 1}, LOOK),
+        ({}, {"textures.0.source": 1}, LOOK),
+        ({"textures.0": {"extensions": {"EXT_texture_webp": {"source": 0}}}}, WEBP, LOOK),
+        ({}, {"materials.0.doubleSided": True}, LOOK),
+        ({}, {"materials.0.extensions": {"KHR_materials_unlit": {}}}, LOOK),
+        ({}, {"materials.0.extensions": {"KHR_texture_transform": {"texCoord": 0}}}, LOOK),
+        ({}, {"materials.0.extras": {"source": "a", "index": 9}}, LOOK),
+        (VARIANT | {"materials": [MATERIAL, MATERIAL]}, VARIANT | {"materials": [MATERIAL, {}]}, OTHER),
+        (VARIANT | {"materials": [MATERIAL, {}]}, VARIANT | {"materials": [MATERIAL, {"alphaMode": "OPAQUE"}]}, ""),
+        ({}, {"nodes.1.translation": [1, 0, 0]}, OTHER),
+        ({"scenes": [{"nodes": [0, 1]}]}, {"scenes": [{"nodes": [1, 0]}], "asset.generator": "a"}, ""),
+        ({}, {"extras": {"a": 1}}, OTHER),
+        (SCENE, {"scenes": [{"nodes": [0, 1], "extras": {"a": 1}}]}, OTHER),
+        (SCENES | {"meshes.1.primitives.0.attributes.POSITION": 1}, SCENES, OTHER),
+        (SCENES | {"meshes.1.primitives.0.indices": 1}, SCENES | {"meshes.1.primitives.0.indices": 2}, OTHER),
+        (TREES | {"nodes.1.children": [0], "nodes.2.children": []}, TREES, OTHER),
+        (TREES | {"skins": [{"joints": [2]}]}, TREES | {"nodes": TURNED, "skins": [{"joints": [0]}]}, ""),
+        (JOINTS | {"accessors.1.normalized": True}, JOINTS, OTHER),
         ({"materials.0.alphaCutoff": 1}, {"materials.0.alphaCutoff": 1.0, "materials.0.extensions": {}}, ""),
         ({}, {"nodes.0.extras": {"a": 1}}, OTHER),
         ({"nodes.1.extras": {"a": 1}}, {"nodes.0.extras": {"a": 1}}, OTHER),
@@ -72,7 +97,8 @@ OTHER = "other data: description: "
         ({}, {"meshes.0.primitives.0.targets": [{"POSITION": 0}]}, OTHER),
         ({"skins": [{"joints": [1]}]}, {"skins": [{"joints": [1]}], "nodes.1.translation": [3, 0, 0]}, OTHER),
         ({"animations": [{"samplers": [{"input": 1}]}]}, {"animations": [{"samplers": [{"input": 2}]}]}, OTHER),
-        ({"nodes.1.name": "arm"}, {"nodes.1.name": "leg"}, ""),  # of all there is
+        ({"nodes.1.name": "arm"}, {"nodes.1.name": "leg"}, OTHER),
+        ({"nodes.1": {"children": [0]}}, {"nodes.1": {"name": "leg", "children": [0]}}, ""),  # of all there is
     ],
 )
 def test_what_a_glb_file_says(one, other, said):
@@ -91,7 +117,7 @@ def test_few_bytes_of_glb_cannot_stand_for_many():
         decode_mesh(glb(tree, BINARY), "a")
     tree = copy.deepcopy(TREE)
     tree["nodes"] += [{"mesh": 0, "name": f"{k}\ud800"} for k in range(5000)]  # not many for what they are
-    assert len(decode_mesh(glb(tree, BINARY), "a").values()) == 2
+    assert len(decode_mesh(glb(tree, BINARY), "a").values()) == 3
     tree["animations"] = [{"samplers": [{"input": 2}] * 1000}]
     decode_mesh(glb(tree, BINARY), "a").values()
     with pytest.raises(GtbError, match="expected 4 numbers, got 3"):
