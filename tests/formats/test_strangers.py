@@ -1,6 +1,8 @@
 """What GLB and 3MF files of other programs hold, beside what ours do: each change is seen, and renumbering is none."""
 
 import copy
+import io
+import zipfile
 from functools import reduce
 
 import numpy as np
@@ -143,14 +145,61 @@ THING = f'{COLOURS}<object id="1" pid="9" pindex="0">{TRIANGLE}</object>'
             "objects that are not printed, or support: only",
         ),
         ('id="1"', 'id="7"', ""),
+        ('id="9"', 'id="8"', ""),
         ("<triangle ", '<triangle p2="0" p3="0" p1="0" ', ""),
     ],
 )
 def test_what_a_3mf_file_says(old, new, said):
-    build = '<item objectid="1"/>'
+    assert_said(THING, '<item objectid="1"/>', old, new, said)
+
+
+def assert_said(objects, build, old, new, said):
     one, other = (
-        decode_mesh(archive(objects, item), "a")
-        for objects, item in ((THING, build), (THING.replace(old, new), build.replace(old, new)))
+        decode_mesh(archive(one, other), "a")
+        for one, other in ((objects, build), (objects.replace(old, new), build.replace(old, new)))
     )
     values = difference(one, other).values
     assert [each.startswith(said) for each in values] == [True] * bool(said), values
+
+
+FURTHER = '<t id="4"/><t id="5"/><g id="6" texid="4"/><s:stack xmlns:s="s"><s:vertex x="0"/></s:stack>'
+BASE = '<basematerials id="9"><base name="PLA"/></basematerials>'
+PARTS = [
+    f'<object id="{k}" name="{name}" pid="9" pindex="0">{TRIANGLE}</object>' for k, name in enumerate(("rim", "hub"))
+]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"PLA"', '"ABS"', "other data: material: not the same"),
+        ('"rim"', '"tyre"', "objects: 1 cell has another one"),
+        ('name="hub"', 'name="hub" partnumber="7"', "other data: extensions: not the same"),
+        ('name="hub"', 'name="hub" q:UUID="7" xmlns:q="q"', ""),
+        ('vertex x="0"/', 'vertex x="1"/', "other data: extensions: not the same"),
+        ('texid="4"', 'texid="5"', "other data: extensions: not the same"),
+        ('"4"', '"7"', ""),
+    ],
+)
+def test_what_parts_of_a_3mf_file_say(old, new, said):
+    moved = '<item objectid="1" transform="1 0 0 0 1 0 0 0 1 4 0 0"/>'
+    assert_said(FURTHER + BASE + "".join(PARTS), f'<item objectid="0"/>{moved}', old, new, said)
+
+
+@pytest.mark.parametrize(
+    ("name", "is_seen"),
+    [
+        ("3D/Textures/a.png", True),
+        ("Metadata/model_settings.config", True),
+        ("Metadata/plate_1.png", False),
+        ("3D/_rels/3dmodel.model.rels", False),
+    ],
+)
+def test_further_files_in_a_3mf_archive(name, is_seen):
+    found = []
+    for content in (b"a", b"b"):
+        file = io.BytesIO(archive(THING))
+        with zipfile.ZipFile(file, "a") as written:
+            written.writestr(name, content)
+        found.append(decode_mesh(file.getvalue(), "a"))
+    assert difference(*found).values == is_seen * ("other data: further parts: not the same",)
