@@ -153,16 +153,18 @@ class Description:
             if said:
                 of_nodes.append(said | {"node": number})
         shown = dict.fromkeys(as_index(nodes[number]["mesh"]) for number in self.labels if "mesh" in nodes[number])
-        of_meshes = [mesh for number, mesh in enumerate(meshes) if number not in shown]
+        of_meshes = []
         for mesh in (meshes[number] for number in shown):
             rest = [each if each.get("mode") == POINTS else without(each, drawing) for each in mesh["primitives"]]
             of_meshes.append(without(mesh, {"name"}) | {"primitives": rest})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
         found["scenes"] = scenes if len(scenes) > 1 else [without(scene, {"nodes", "name"}) for scene in scenes]
-        found["others"] = [node for number, node in enumerate(nodes) if number not in self.labels]
         told: dict[str, Any] = self._told(found | {"meshes": of_meshes})
-        of_nodes = sorted(map(self._told, of_nodes), key=partial(json.dumps, sort_keys=True))  # in any order
-        return told | ({"nodes": of_nodes} if of_nodes else {})
+        unseen = [node for number, node in enumerate(nodes) if number not in self.labels]
+        unseen += [mesh for number, mesh in enumerate(meshes) if number not in shown]
+        for name, values in (("nodes", of_nodes), ("others", unseen)):  # in any order
+            told |= {name: sorted(map(self._told, values), key=partial(json.dumps, sort_keys=True))} if values else {}
+        return told
 
     def _told(self, value: Any, key: str = "", above: str = "") -> Any:
         """Return a value with marks of what it refers to; `key` and `above` are the names below which it stands."""

@@ -189,7 +189,7 @@ class _Reader:
             group, member = given.get("pid", mesh.part[0]), given.get("p1", mesh.part[1])
             same = ("v1", "v2", "v3", "pid", "p1", *(key for key in ("p2", "p3") if given.get(key) == member))
             rest = [key for key in given if key not in same]
-            part = group, member, "".join(f"{key} {given[key]}\n" for key in sorted(rest))
+            part = group, member, "".join(sorted(f"{key.rpartition(':')[2]} {given[key]}\n" for key in rest))
             if not mesh.parts or mesh.parts[-1][1] != part:
                 mesh.parts.append((len(mesh.corners) // 3, part))
             mesh.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
