@@ -203,3 +203,66 @@ def test_further_files_in_a_3mf_archive(name, is_seen):
             written.writestr(name, content)
         found.append(decode_mesh(file.getvalue(), "a"))
     assert difference(*found).values == is_seen * ("other data: further parts: not the same",)
+
+
+CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n"
+LINES, PLAIN, NORMAL = "vt 0 0\nvt 1 1\nl 1/1 2/2\n", "f 1 2 3\nf 2 4 3\n", "\tvn 0 0 1\n f 1//1 2//1 3//1\n"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "said"),
+    [
+        (LINES, LINES.replace("1 1", "1 0.5"), "texture coordinates: up to 0.5 apart"),
+        (NORMAL, NORMAL.replace("\tvn", "vn"), ""),
+        (NORMAL, NORMAL.replace("0 0 1", "0 1 0"), "normals: up to 90 degrees"),
+        (f"s 1\n{PLAIN}", f"s 1\n{PLAIN}".replace("\nf 2", "\ns 2\nf 2"), "smoothing groups: 1 cell has another one"),
+        (f"s off\n{PLAIN}", f"{PLAIN}s 1\n", ""),
+    ],
+)
+def test_what_an_obj_file_says(one, other, said):
+    values = difference(*(decode_mesh(f"{CORNERS}{text}".encode(), "a") for text in (one, other))).values
+    assert [each.startswith(said) for each in values] == [True] * bool(said), values
+
+
+TABLE = """ply
+format ascii 1.0
+element vertex 4
+property int x
+property int y
+property int z
+property float h
+property list uchar int bones
+element face 2
+property list uchar int vertex_indices
+property list uchar float tags
+element camera 1
+property int view
+end_header
+0 0 0 1e30 1 2000001
+1 0 0 -9999 2 7 8
+0 1 0 1 1 9
+1 1 0 2 0
+3 0 1 2 LONG
+3 1 3 2 1 5
+6
+"""
+FIRST, SECOND = "3 0 1 2 LONG\n", "3 1 3 2 1 5\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("2000001", "2000000", "bones of vertices: up to 1 apart (tolerance 0)"),
+        ("1 9\n", "1 9.0\n", ""),
+        ("1 9\n", "0\n", "bones of vertices: at 2 corners in one of them only"),
+        ("0 1 0 1 1", "0 1 0 1.001 1", "h: up to 0.001 apart"),
+        (FIRST + SECOND, SECOND + FIRST, ""),
+        ("LONG", "70" + 70 * " 4", "tags of faces: "),
+        ("\n6\n", "\n7\n", "other data: view of camera: not the same"),
+        (f"{FIRST}{SECOND}6", "3 0 1 3 1 5\n3 0 3 2 LONG\n7", "other data: view of camera: not the same"),
+    ],
+)
+def test_what_a_ply_file_says(old, new, said):
+    one, other = (text.replace("LONG", "70" + 70 * " 3").encode() for text in (TABLE, TABLE.replace(old, new)))
+    values = difference(decode_mesh(one, "a"), decode_mesh(other, "a")).values
+    assert [each.startswith(said) for each in values] == [True] * bool(said), values
