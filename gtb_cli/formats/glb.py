@@ -22,7 +22,7 @@ from gtb_cli.formats.file_arrays import (
 from gtb_cli.formats.glb_tree import (
     HEADER_BYTES,
     POINTS,
-    Description,
+    SceneDescription,
     accessor_values,
     as_index,
     glb_chunks,
@@ -224,7 +224,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     groups = []
     others: dict[str, list[_Part]] = {}
     materials: list[tuple[list[float], int, int]] = []
-    description, placed = Description(tree, binary), [*placed_nodes(tree)]
+    description, placed = SceneDescription(tree, binary), [*placed_nodes(tree)]
     count = rows = used = 0
     for node, place in ((tree["nodes"][number], place) for number, _, place in placed):
         if "mesh" not in node:

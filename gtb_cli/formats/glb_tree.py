@@ -110,7 +110,7 @@ def meant(rows: NDArray[Any], accessor: dict[str, Any]) -> FloatArray:
     return rows.astype(np.float64)
 
 
-class Description:
+class SceneDescription:
     """What a file says of materials, skins and more, whatever the numbers of tables and nodes, and without defaults."""
 
     def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
