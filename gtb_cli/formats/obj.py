@@ -155,7 +155,8 @@ class _ObjLines:
                 [each for each in self.names if each[0] in kinds] for kinds in (b"go", b"o", (b"usemtl",), b"s")
             )
         )
-        is_divided = len({name for name, *_ in objects}) > 1 and any(keyword == b"g" for keyword, *_ in self.names)
+        is_divided = len({name for name, *_ in objects}) > 1 or sum(b - a for _, a, b in objects) < self.cell_count
+        is_divided = is_divided and any(keyword == b"g" for keyword, *_ in self.names)
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
         marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])

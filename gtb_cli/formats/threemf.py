@@ -219,6 +219,7 @@ class _Reader:
             link = given["objectid"], _matrix(given.get("transform")), "" if is_printed else "not printed\n"
             (self.items if name == "item" else self.components[self.id]).append(link)
             self.note(f"{name} {len(self.items)}", given, *_KNOWN)
+            self.extensions.update((self.meshes[self.id].name if name == "component" else "").encode())
         elif name not in _PLAIN:
             self.foreign = self.depth
             self.note(name, given)

@@ -178,12 +178,15 @@ PARTS = [
         ('name="hub"', 'name="hub" q:UUID="7" xmlns:q="q"', ""),
         ('vertex x="0"/', 'vertex x="1"/', "other data: extensions: not the same"),
         ('texid="4"', 'texid="5"', "other data: extensions: not the same"),
-        ('"4"', '"7"', ""),
+        ('"4"', '"8"', ""),
+        ('"both"', '"wheel"', "other data: extensions: not the same"),
     ],
 )
 def test_what_parts_of_a_3mf_file_say(old, new, said):
     moved = '<item objectid="1" transform="1 0 0 0 1 0 0 0 1 4 0 0"/>'
-    assert_said(FURTHER + BASE + "".join(PARTS), f'<item objectid="0"/>{moved}', old, new, said)
+    both = '<object id="7" name="both"><components><component objectid="0"/></components></object>'
+    items = f'<item objectid="7"/>{moved}'
+    assert_said(FURTHER + BASE + "".join(PARTS) + both, items, old, new, said)
 
 
 @pytest.mark.parametrize(
@@ -216,6 +219,7 @@ LINES, PLAIN, NORMAL = "vt 0 0\nvt 1 1\nl 1/1 2/2\n", "f 1 2 3\nf 2 4 3\n", "\tv
         (NORMAL, NORMAL.replace("\tvn", "vn"), ""),
         (NORMAL, NORMAL.replace("0 0 1", "0 1 0"), "normals: up to 90 degrees"),
         (f"s 1\n{PLAIN}", f"s 1\n{PLAIN}".replace("\nf 2", "\ns 2\nf 2"), "smoothing groups: 1 cell has another one"),
+        (f"{PLAIN}o a\ng b\nf 1 2 4\n", f"{PLAIN}o c\ng b\nf 1 2 4\n", "objects: 1 cell has another one"),
         (f"s off\n{PLAIN}", f"{PLAIN}s 1\n", ""),
     ],
 )
