@@ -10,25 +10,8 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.file_arrays import (
-    SINGLE_FLOAT,
-    FileArrays,
-    mark_of,
-    segments,
-    single_half_steps,
-    triangles,
-    unreserved,
-)
-from gtb_cli.formats.glb_tree import (
-    HEADER_BYTES,
-    POINTS,
-    SceneDescription,
-    accessor_values,
-    as_index,
-    glb_chunks,
-    meant,
-    placed_nodes,
-)
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, segments, single_half_steps, triangles, unreserved
+from gtb_cli.formats.glb_tree import HEADER_BYTES, Scene, accessor_values, glb_chunks, meant
 from gtb_cli.meshes.mesh import MATERIALS, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up
@@ -224,15 +207,13 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     groups = []
     others: dict[str, list[_Part]] = {}
     materials: list[tuple[list[float], int, int]] = []
-    description, placed = SceneDescription(tree, binary), [*placed_nodes(tree)]
+    scene = Scene(tree, binary)
     count = rows = used = 0
-    for node, place in ((tree["nodes"][number], place) for number, _, place in placed):
-        if "mesh" not in node:
-            continue
-        mesh, before = tree["meshes"][as_index(node["mesh"])], rows
+    for mesh, name, place in scene.placed_meshes():
+        before = rows
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", 4)
-            if mode == POINTS:
+            if mode == 0:  # points
                 continue
             positions = accessor_values(tree, binary, primitive["attributes"]["POSITION"])
             if positions.shape[1] != 3 or positions.dtype != SINGLE_FLOAT:
@@ -256,8 +237,8 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
                     others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
             count += len(positions)
             rows += len(found)
-            materials.append((description.material(primitive.get("material")), rows - len(found), rows))
-        name = str(node.get("name", "")) or str(mesh.get("name", ""))
+            materials.append((scene.material(primitive.get("material")), rows - len(found), rows))
+        name = name or str(mesh.get("name", ""))
         if name and rows > before:
             groups.append((name, before, rows))
     if cells[2] and cells[3]:
@@ -284,9 +265,8 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
         for name, parts in sorted(others.items()):
             label = known.get(name) or unreserved(name.lower().strip("_"), found)
             found[label] = _values(tree, binary, name, parts, count, is_z_up), corners
-        if rest := description.further(placed):
-            mark = np.array([[mark_of(json.dumps(rest, sort_keys=True))]])
-            found[f"{OTHER}description"] = mark, np.zeros(corners.shape, dtype=np.int64)
+        if mark := scene.further():
+            found[f"{OTHER}description"] = np.array([[mark]]), np.zeros(corners.shape, dtype=np.int64)
         return found
 
     return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, {f"{MATERIALS}GLB": materials})

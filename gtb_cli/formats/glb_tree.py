@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -14,7 +14,6 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.file_arrays import mark_of
 
-POINTS = 0  # mode of a primitive without cells
 HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its content
 
 
@@ -49,36 +48,9 @@ def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     return tree, chunks.get(buffer, b"")
 
 
-def placed_nodes(tree: dict[str, Any]) -> Iterator[tuple[int, int, FloatArray]]:
-    """Yield the nodes of a scene, each before those within it: their numbers, depths and (4, 4) places."""
-    harmless = {"materials_unlit", "texture_transform", "lights_punctual", "materials_specular"}
-    most = 100  # nodes within nodes
-    needed = set(tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}
-    if needed:
-        raise GtbError(f"needs {', '.join(sorted(map(str, needed)))}, which is not known here")
-    nodes = tree.get("nodes", [])
-    if "scenes" in tree:
-        roots = tree["scenes"][tree.get("scene", 0)].get("nodes", [])
-    else:
-        inner = {child for node in nodes for child in node.get("children", ())}
-        roots = [index for index in range(len(nodes)) if index not in inner]
-    stack = [(as_index(root), np.eye(4), 0) for root in reversed(roots)]
-    seen = set()
-    while stack:
-        index, above, depth = stack.pop()
-        if index in seen:  # glTF has trees of nodes only; others can be longer than any file
-            raise GtbError(f"has node {index} in two places")
-        seen.add(index)
-        if depth > most:
-            raise GtbError(f"has nodes within nodes more than {most} deep")
-        place = above @ _matrix(nodes[index])
-        yield index, depth, place
-        stack += [(as_index(child), place, depth + 1) for child in reversed(nodes[index].get("children", []))]
-
-
 def accessor_values(tree: dict[str, Any], binary: bytes, number: object) -> NDArray[Any]:
     """Return the (count, width) numbers of an accessor."""
-    accessor = tree["accessors"][as_index(number)]
+    accessor = tree["accessors"][_index(number)]
     if "sparse" in accessor or "bufferView" not in accessor:
         raise GtbError("sparse accessors are not known here")
     return _rows(tree, binary, accessor)
@@ -87,15 +59,15 @@ def accessor_values(tree: dict[str, Any], binary: bytes, number: object) -> NDAr
 def _rows(tree: dict[str, Any], binary: bytes, accessor: dict[str, Any]) -> NDArray[Any]:
     component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
     element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-    view = tree["bufferViews"][as_index(accessor["bufferView"])]
-    buffer = tree["buffers"][as_index(view.get("buffer", 0))]
+    view = tree["bufferViews"][_index(accessor["bufferView"])]
+    buffer = tree["buffers"][_index(view.get("buffer", 0))]
     if "uri" in buffer or view.get("buffer", 0) != 0:
         raise GtbError("has its numbers in another file")
     kind = np.dtype(component_types[accessor["componentType"]])
-    width, count = element_widths[accessor["type"]], as_index(accessor["count"])
-    stride = as_index(view.get("byteStride", 0)) or width * kind.itemsize
-    begin = as_index(view.get("byteOffset", 0))
-    start, end = begin + as_index(accessor.get("byteOffset", 0)), begin + as_index(view["byteLength"])
+    width, count = element_widths[accessor["type"]], _index(accessor["count"])
+    stride = _index(view.get("byteStride", 0)) or width * kind.itemsize
+    begin = _index(view.get("byteOffset", 0))
+    start, end = begin + _index(accessor.get("byteOffset", 0)), begin + _index(view["byteLength"])
     if not count:
         return np.empty((0, width), dtype=kind)
     if start + (count - 1) * stride + width * kind.itemsize > min(end, len(binary)):
@@ -110,13 +82,20 @@ def meant(rows: NDArray[Any], accessor: dict[str, Any]) -> FloatArray:
     return rows.astype(np.float64)
 
 
-class SceneDescription:
-    """What a file says of materials, skins and more, whatever the numbers of tables and nodes, and without defaults."""
+class Scene:
+    """The nodes that are shown, and what is said of them, whatever the numbers in tables, and without defaults."""
 
     def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
         self.tree, self.binary = tree, binary
+        self.placed = [*_placed_nodes(tree)]
         self.labels: dict[int, Any] = {}  # of the nodes of the scene: their names, if no other one has them
         self._marks: dict[tuple[str, Any], Any] = {}
+
+    def placed_meshes(self) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:
+        """Yield the meshes with the names of their nodes and their (4, 4) places."""
+        for node, place in ((self.tree["nodes"][number], place) for number, _, place in self.placed):
+            if "mesh" in node:
+                yield self.tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place
 
     def material(self, number: int | None) -> list[float]:
         """Return the colour of a material, the default one's for None, and a mark of all else but its name."""
@@ -126,8 +105,8 @@ class SceneDescription:
             raise GtbError(f"{COLOUR}: expected 4 numbers, got {len(colour)}")
         return [*map(float, colour), self._mark("shadings", number)]
 
-    def further(self, placed: Sequence[tuple[int, int, FloatArray]]) -> dict[str, Any]:
-        """Return what is said beside the faces, places and materials of meshes in these nodes."""
+    def further(self) -> float | None:
+        """Return a mark of what is said beside the faces, places and materials of meshes, if there is anything."""
         placing = {"mesh", "matrix", "translation", "rotation", "scale", "children", "name"}
         drawing = {"attributes", "indices", "material", "mode"}
 
@@ -135,13 +114,13 @@ class SceneDescription:
             return {name: value for name, value in table.items() if name not in names}
 
         nodes, scenes, meshes = (self.tree.get(name, ()) for name in ("nodes", "scenes", "meshes"))
-        names = [nodes[number].get("name") for number, *_ in placed]
+        names = [nodes[number].get("name") for number, *_ in self.placed]
         once = {name for name, count in Counter(names).items() if count == 1}
-        self.labels = {number: names[k] if names[k] in once else k for k, (number, *_) in enumerate(placed)}
+        self.labels = {number: names[k] if names[k] in once else k for k, (number, *_) in enumerate(self.placed)}
         is_plain = len(scenes) < 2 and not self.tree.get("skins")  # no node has a place beside those of the meshes
         has_several, path = sum("mesh" not in nodes[number] for number in self.labels) > 1, list[Any]()
-        of_nodes = []
-        for number, depth, place in placed:
+        of_nodes, of_meshes = [], []
+        for number, depth, place in self.placed:
             node = nodes[number]
             said = without(node, placing if is_plain else {"mesh"})
             path[depth:] = [node.get("name")]
@@ -152,10 +131,9 @@ class SceneDescription:
                 said["place"] = [*(np.round(place / size, 6) + 0.0).ravel().tolist(), float(f"{size:.6g}")]
             if said:
                 of_nodes.append(said | {"node": number})
-        shown = dict.fromkeys(as_index(nodes[number]["mesh"]) for number in self.labels if "mesh" in nodes[number])
-        of_meshes = []
+        shown = dict.fromkeys(_index(nodes[number]["mesh"]) for number in self.labels if "mesh" in nodes[number])
         for mesh in (meshes[number] for number in shown):
-            rest = [each if each.get("mode") == POINTS else without(each, drawing) for each in mesh["primitives"]]
+            rest = [each if each.get("mode") == 0 else without(each, drawing) for each in mesh["primitives"]]
             of_meshes.append(without(mesh, {"name"}) | {"primitives": rest})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
         found["scenes"] = scenes if len(scenes) > 1 else [without(scene, {"nodes", "name"}) for scene in scenes]
@@ -164,30 +142,25 @@ class SceneDescription:
         unseen += [mesh for number, mesh in enumerate(meshes) if number not in shown]
         for name, values in (("nodes", of_nodes), ("others", unseen)):  # in any order
             told |= {name: sorted(map(self._told, values), key=partial(json.dumps, sort_keys=True))} if values else {}
-        return told
+        return mark_of(json.dumps(told, sort_keys=True)) if told else None
 
     def _told(self, value: Any, key: str = "", above: str = "") -> Any:
         """Return a value with marks of what it refers to; `key` and `above` are the names below which it stands."""
         if key == "extras":
             return value
         if isinstance(value, dict):
-            known = {} if above == "extensions" else _DEFAULTS
-            if above == "shadings":
-                known = known | {COLOUR: value.get(COLOUR)}
-            told = {name: self._told(inner, name, key) for name, inner in value.items() if inner != known.get(name)}
+            known = _DEFAULTS | {COLOUR: value.get(COLOUR)} if above == "shadings" else _DEFAULTS
+            said = [each for each in value.items() if above == "extensions" or each[1] != known.get(each[0])]
+            told = {name: self._told(inner, name, key) for name, inner in said}
             return {name: inner for name, inner in told.items() if key == "extensions" or inner not in _NOTHING}
         if isinstance(value, list):
             each = [self._told(inner, key, above) for inner in value]
             return each if any(inner not in _NOTHING for inner in each) else []
-        table = "bufferViews" if key == "bufferView" else ""
-        if key in ("input", "output", "inverseBindMatrices", "indices") or {key, above} & {"targets", "attributes"}:
+        table = _TABLES.get(key, "")
+        if {key, above} & {"targets", "attributes"}:
             table = "accessors"
-        elif key in ("node", "nodes", "joints", "skeleton", "children"):
-            table = "nodes"
         elif "texture" in above.lower():
             table = {"index": "textures", "source": "images", "sampler": "samplers"}.get(key, "")
-        elif key == "material":
-            table = "materials"
         return self._mark(table, value) if table else float(value) if type(value) is int else value
 
     def _mark(self, table: str, number: Any) -> Any:
@@ -215,6 +188,10 @@ class SceneDescription:
 
 
 COLOUR = "baseColorFactor"
+# What numbers below some names refer to
+_TABLES = {"bufferView": "bufferViews", "material": "materials"}
+_TABLES |= dict.fromkeys(("input", "output", "inverseBindMatrices", "indices"), "accessors")
+_TABLES |= dict.fromkeys(("node", "nodes", "joints", "skeleton", "children"), "nodes")
 _NOTHING: tuple[object, ...] = ({}, [], None)
 # Values that say nothing, by names which have no other meaning but within extensions
 _DEFAULTS: dict[str, Any] = {"metallicFactor": 1, "roughnessFactor": 1, "emissiveFactor": [0, 0, 0]}
@@ -222,8 +199,34 @@ _DEFAULTS |= {"alphaMode": "OPAQUE", "alphaCutoff": 0.5, "doubleSided": False, "
 _DEFAULTS |= {"wrapS": 10497, "wrapT": 10497, "interpolation": "LINEAR"}
 
 
-def as_index(value: object) -> int:
-    """Return a whole number of the description."""
+def _placed_nodes(tree: dict[str, Any]) -> Iterator[tuple[int, int, FloatArray]]:
+    """Yield the nodes of a scene, each before those within it: their numbers, depths and (4, 4) places."""
+    harmless = {"materials_unlit", "texture_transform", "lights_punctual", "materials_specular"}
+    most = 100  # nodes within nodes
+    needed = set(tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}
+    if needed:
+        raise GtbError(f"needs {', '.join(sorted(map(str, needed)))}, which is not known here")
+    nodes = tree.get("nodes", [])
+    if "scenes" in tree:
+        roots = tree["scenes"][tree.get("scene", 0)].get("nodes", [])
+    else:
+        inner = {child for node in nodes for child in node.get("children", ())}
+        roots = [index for index in range(len(nodes)) if index not in inner]
+    stack = [(_index(root), np.eye(4), 0) for root in reversed(roots)]
+    seen = set()
+    while stack:
+        index, above, depth = stack.pop()
+        if index in seen:  # glTF has trees of nodes only; others can be longer than any file
+            raise GtbError(f"has node {index} in two places")
+        seen.add(index)
+        if depth > most:
+            raise GtbError(f"has nodes within nodes more than {most} deep")
+        place = above @ _matrix(nodes[index])
+        yield index, depth, place
+        stack += [(_index(child), place, depth + 1) for child in reversed(nodes[index].get("children", []))]
+
+
+def _index(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value) or value < 0:
         raise GtbError(f"expected a whole number in its description, got {value!r:.40}")
     return int(value)
