@@ -122,15 +122,8 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     """All columns but the positions of vertices and the corners of cells; what is neither's, by a mark of it."""
     known: dict[tuple[str, ...], str] = {("nx", "ny", "nz"): NORMALS}
     known |= dict.fromkeys([("s", "t"), ("u", "v"), ("texture_u", "texture_v")], TEXTURE)
-    held = {  # as both kinds of files say them
-        element: {
-            name: (found[0].astype(elements[element].properties[name].kind), found[1])
-            for name, found in columns.items()
-        }
-        for element, columns in tables.items()
-    }
     lists = {name for name, item in elements["vertex"].properties.items() if item.count_kind}
-    columns = {name: numbers for name, (numbers, _) in held["vertex"].items() if name not in {"x", "y", "z", *lists}}
+    columns = {name: numbers for name, (numbers, _) in tables["vertex"].items() if name not in {"x", "y", "z", *lists}}
     values: Values = {}
     for names, label in known.items():
         if columns.keys() >= {*names}:
@@ -138,15 +131,11 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     for name, numbers in columns.items():
         values[unreserved(name, values)] = _exact(numbers), cells
     table, what = ("edge", "edges") if cells.shape[1] == 2 else ("face", "faces")
-    rest = {f"{name} of vertices": held["vertex"][name] for name in lists}
-    ends = (
-        [name for name in held.get("face", {}) if name.startswith("vertex_ind")]
-        if table == "face"
-        else ["vertex1", "vertex2"]
-    )
-    corners = held[table][ends[0]][1] if table == "face" and ends else np.full(len(cells), 3)
+    rest = {f"{name} of vertices": tables["vertex"][name] for name in lists}
+    ends = [name for name in tables.get(table, {}) if name in ("vertex1", "vertex2") or name.startswith("vertex_ind")]
+    corners = tables[table][ends[0]][1] if table == "face" and ends else np.full(len(cells), 3)
     rows = np.broadcast_to(np.repeat(np.arange(len(corners)), corners - 2)[:, None], cells.shape)
-    for name, (numbers, counts) in held.get(table, {}).items():
+    for name, (numbers, counts) in tables.get(table, {}).items():
         if name in ends:
             continue
         if (counts == 1).all():
@@ -160,15 +149,16 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     for label, (numbers, counts) in [each for each in rest.items() if each[1][1].any()]:  # rows, in any order
         longest, exact = int(counts.max()), _exact(numbers)
         if longest >= 64 and longest * len(counts) > 2 * len(numbers):  # marks take less memory
-            parts = np.split(exact, np.cumsum(counts)[:-1])
+            parts = np.split(exact.astype(np.float32) if exact.dtype.kind == "f" else exact, np.cumsum(counts)[:-1])
             exact, longest = np.array([[int(mark_of(part.tobytes()))] for part in parts]), 1
             counts = np.ones_like(counts)
         found = np.full((len(counts), longest), np.nan if exact.dtype.kind == "f" else ABSENT, exact.dtype)
         found[np.arange(longest) < counts[:, None]] = exact[:, 0]
         values[label] = found, cells if label.endswith(" of vertices") else rows
         del rest[label]
-    for name in held.keys() - {"vertex", table}:
-        rest |= {f"{column} of {name}": found for column, found in held[name].items() if elements[name].rows}
+    for name in tables.keys() - {"vertex", table}:
+        for column, (numbers, counts) in tables[name].items() if elements[name].rows else ():
+            rest[f"{column} of {name}"] = numbers.astype(elements[name].properties[column].kind), counts
     for label, (numbers, counts) in rest.items():
         mark = mark_of(numbers.tobytes(), counts.tobytes())
         values[f"{OTHER}{label}"] = np.array([[mark]]), np.zeros(cells.shape, dtype=np.int64)

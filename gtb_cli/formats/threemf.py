@@ -227,19 +227,13 @@ class _Reader:
     def note(self, name: str, given: dict[str, str], *known: str) -> None:
         """Take attributes into account that no place here knows, whatever the prefixes and numbers of this file."""
         plain = {key.rpartition(":")[2]: value for key, value in given.items() if key[:5] != "xmlns"}
-        told = sorted(
-            (key, self.order.get(value, value) if key.endswith("id") else value)
-            for key, value in plain.items()
-            if key not in ("id", "identifier", "UUID", *known)
-        )
+        told = {key: self.order.get(value, value) if key.endswith("id") else value for key, value in plain.items()}
+        told = {key: told[key] for key in sorted(told.keys() - {"id", "identifier", "UUID", *known})}
         if told or not known:
-            self.extensions.update(repr((name, told)).encode())
+            self.extensions.update(f"{name} {told}".encode())
 
     def placed(self) -> Iterator[tuple[_Mesh, FloatArray, str, str]]:
-        """Yield the objects with their places, names if they have none, and what else is said of them.
-
-        Each comes after those that it refers to: an object names only earlier ones.
-        """
+        """Yield the objects that are built with their places, numbers, and what else is said of them."""
         most = 50_000_000  # numbers of all placed objects: few bytes may name many
         effort = 10_000  # numbers that take as long as an object without any
         order = {key: number for number, key in enumerate(self.meshes)}
@@ -247,7 +241,7 @@ class _Reader:
         used, stack = 0, [(*item, len(order)) for item in reversed(self.items)]
         while stack:
             key, place, said, above = stack.pop()
-            if order[key] >= above:
+            if order[key] >= above:  # an object names only earlier ones
                 raise GtbError(f"object {key!r:.40} is not before the object that refers to it")
             mesh = self.meshes[key]
             used += len(mesh.vertices) + len(mesh.corners) + effort
@@ -288,10 +282,12 @@ class _Reader:
         material = materials.pop() if len(materials) == 1 else ""  # that of a whole mesh
         for label, told in (("extensions", extensions), ("further parts", self.others), ("material", material)):
             ranges[f"{OTHER}{label}"] = [([mark_of(told)], 0, rows)] if told else []
-        space = ", ".join([self.unit, *sorted(self.kinds)])
-        return FileArrays(
-            np.concatenate(vertices), np.concatenate(cells), single_half_steps, tuple(groups), space, ranges=ranges
+        points, corners, space = (
+            np.concatenate(vertices),
+            np.concatenate(cells),
+            ", ".join([self.unit, *sorted(self.kinds)]),
         )
+        return FileArrays(points, corners, single_half_steps, tuple(groups), space, ranges=ranges)
 
     def look(self, part: _Part) -> tuple[str, list[float]]:
         """Return the name of a material, and its colour with a mark of what else is said; none if it is plain."""
