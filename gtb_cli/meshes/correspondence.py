@@ -194,7 +194,7 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
         turned = faces.turned()
         starts, width = np.arange(0, cells.size, cells.shape[1])[:, None], cells.shape[1]
         one, other = (
-            (np.argsort(places, axis=1, kind="stable") + starts)[_order(mesh, face, side)].ravel()
+            (np.argsort(places, axis=1, kind="stable") + starts)[_order(mesh, face, side < 0)].ravel()
             for mesh, places, face, side in (
                 (a.mesh, cells, faces.face, faces.side),
                 (b.mesh, others, faces.other, faces.other_side),
@@ -218,7 +218,7 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
     return Matching(vertices, there, np.asarray(reduce(np.hypot, apart.T)), turned, remarks, slots, (cells, others))
 
 
-def _order(mesh: Mesh, face: IntArray, side: IntArray) -> IntArray:
+def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
     """(k,) the order of faces by their numbers, and of equal ones by the parts of the mesh to which they belong.
 
     Parts with the same faces follow each other, those that are turned alike first of all.
@@ -227,10 +227,10 @@ def _order(mesh: Mesh, face: IntArray, side: IntArray) -> IntArray:
         return np.argsort(face, kind="stable")
     _, part = np.unique(components_of(mesh.cells, len(mesh.vertices))[mesh.cells[:, 0]], return_inverse=True)
     marks = np.random.default_rng(0).integers(1 << 30, size=(int(face.max()) + 1, 2))  # sums of 8 million are exact
-    sums = [np.bincount(part, marks[face, 0]), np.bincount(part, marks[face, 1] * side)]
+    sums = [np.bincount(part, marks[face, 0]), np.bincount(part, marks[face, 1] * odd)]
     rank = np.empty(len(sums[0]), dtype=np.int64)
     rank[np.lexsort(sums[::-1])] = np.arange(len(rank))
-    return np.lexsort((side, rank[part], face))
+    return np.lexsort((odd, rank[part], face))
 
 
 def _used_count(mesh: Mesh) -> int:
