@@ -47,6 +47,7 @@ def edited(**changes):
 LOOK = "materials in GLB: 1 cell has another one"
 WEBP = {"textures.0": {"extensions": {"EXT_texture_webp": {"source": 1}}}}
 VARIANT = {"meshes.0.primitives.0.extensions": {"KHR_materials_variants": {"mappings": [{"material": 1}]}}}
+BASIS = {"accessors.1.bufferView": 2}
 SCENE = {"scenes": [{"nodes": [0, 1]}]}
 SCENES = {"scenes": [{"nodes": [0]}, {"nodes": [1]}], "nodes": [{"mesh": 0}, {"mesh": 1}]}
 SCENES |= {"meshes": [*TREE["meshes"], {"primitives": [{"attributes": {"POSITION": 2}}]}]}
@@ -86,6 +87,7 @@ OTHER = "other data: description: "
         (TREES | {"nodes.1.children": [0], "nodes.2.children": []}, TREES, OTHER),
         (TREES | {"skins": [{"joints": [2]}]}, TREES | {"nodes": TURNED, "skins": [{"joints": [0]}]}, ""),
         (JOINTS | {"accessors.1.normalized": True}, JOINTS, OTHER),
+        (JOINTS | {"accessors.1.sparse": SPARSE}, JOINTS | {"accessors.1.sparse": SPARSE, **BASIS}, OTHER),
         ({"materials.0.alphaCutoff": 1}, {"materials.0.alphaCutoff": 1.0, "materials.0.extensions": {}}, ""),
         ({}, {"nodes.0.extras": {"a": 1}}, OTHER),
         ({"nodes.1.extras": {"a": 1}}, {"nodes.0.extras": {"a": 1}}, OTHER),
@@ -164,8 +166,9 @@ def assert_said(objects, build, old, new, said):
 
 FURTHER = '<t id="4"/><t id="5"/><g id="6" texid="4"/><s:stack xmlns:s="s"><s:vertex x="0"/></s:stack>'
 BASE = '<basematerials id="9"><base name="PLA"/></basematerials>'
+PAINTED = TRIANGLE.replace("<triangle ", '<triangle s:paint="4" ')
 PARTS = [
-    f'<object id="{k}" name="{name}" pid="9" pindex="0">{TRIANGLE}</object>' for k, name in enumerate(("rim", "hub"))
+    f'<object id="{k}" name="{name}" pid="9" pindex="0">{PAINTED}</object>' for k, name in enumerate(("rim", "hub"))
 ]
 
 
@@ -173,6 +176,8 @@ PARTS = [
     ("old", "new", "said"),
     [
         ('"PLA"', '"ABS"', "other data: material: not the same"),
+        (' s:paint="4"', ' q:paint="4"', ""),
+        ('s:paint="4"', 's:paint="8"', "materials in 3MF: 2 cells have another one"),
         ('"rim"', '"tyre"', "objects: 1 cell has another one"),
         ('name="hub"', 'name="hub" partnumber="7"', "other data: extensions: not the same"),
         ('name="hub"', 'name="hub" q:UUID="7" xmlns:q="q"', ""),
