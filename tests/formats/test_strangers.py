@@ -166,7 +166,7 @@ def assert_said(objects, build, old, new, said):
 
 FURTHER = '<t id="4"/><t id="5"/><g id="6" texid="4"/><s:stack xmlns:s="s"><s:vertex x="0"/></s:stack>'
 BASE = '<basematerials id="9"><base name="PLA"/></basematerials>'
-PAINTED = TRIANGLE.replace("<triangle ", '<triangle s:paint="4" ')
+PAINTED = TRIANGLE.replace("<triangle ", '<triangle s:paint="C" ')
 PARTS = [
     f'<object id="{k}" name="{name}" pid="9" pindex="0">{PAINTED}</object>' for k, name in enumerate(("rim", "hub"))
 ]
@@ -176,8 +176,8 @@ PARTS = [
     ("old", "new", "said"),
     [
         ('"PLA"', '"ABS"', "other data: material: not the same"),
-        (' s:paint="4"', ' q:paint="4"', ""),
-        ('s:paint="4"', 's:paint="8"', "materials in 3MF: 2 cells have another one"),
+        (' s:paint="C"', ' q:paint="C"', ""),
+        ('s:paint="C"', 's:paint="8"', "materials in 3MF: 2 cells have another one"),
         ('"rim"', '"tyre"', "objects: 1 cell has another one"),
         ('name="hub"', 'name="hub" partnumber="7"', "other data: extensions: not the same"),
         ('name="hub"', 'name="hub" q:UUID="7" xmlns:q="q"', ""),
