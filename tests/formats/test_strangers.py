@@ -55,6 +55,12 @@ NODES = [{"name": "a", "mesh": 0}, {"name": "b"}, {"name": "c", "children": [0]}
 TREES, TURNED = {"nodes": NODES}, [NODES[2] | {"children": [2]}, *NODES[1::-1]]
 JOINTS = {"skins": [{"joints": [1], "inverseBindMatrices": 1}]}
 VIEW = {"bufferView": 0}
+
+
+def image_in(view):
+    return {"images.0.bufferView": 3, "bufferViews": [*TREE["bufferViews"], view]}
+
+
 SPARSE = {"count": 1, "indices": VIEW | {"componentType": 5121}, "values": {"bufferView": 2}}
 OTHER = "other data: description: "
 
@@ -68,13 +74,13 @@ OTHER = "other data: description: "
         ({"HELD._A": 1, "HELD._a": 1}, {"HELD._A": 1, "HELD._a": 2}, "attribute a: up to 254 apart"),
         ({"materials.0.name": "a"}, {"materials.0.name": "b"}, ""),
         ({"images.0.name": "a"}, {"samplers": [{"wrapS": 1}], "materials.0.alphaMode": "OPAQUE"}, ""),
-        ({"images.0.bufferView": 3, "bufferViews": [*TREE["bufferViews"], TREE["bufferViews"][0]]}, {}, ""),
+        (image_in({"byteLength": 4}), image_in({"byteOffset": 8, "byteLength": 4}), ""),
         ({}, {"images.0.bufferView": 1}, LOOK),
         ({}, {"textures.0.source": 1}, LOOK),
         ({"textures.0": {"extensions": {"EXT_texture_webp": {"source": 0}}}}, WEBP, LOOK),
         ({}, {"materials.0.doubleSided": True}, LOOK),
         ({}, {"materials.0.extensions": {"KHR_materials_unlit": {}}}, LOOK),
-        ({}, {"materials.0.extensions": {"KHR_texture_transform": {"texCoord": 0}}}, LOOK),
+        ({"materials.0.extensions": {"a": {}}}, {"materials.0.extensions": {"a": {"texCoord": 0}}}, LOOK),
         ({}, {"materials.0.extras": {"source": "a", "index": 9}}, LOOK),
         (VARIANT | {"materials": [MATERIAL, MATERIAL]}, VARIANT | {"materials": [MATERIAL, {}]}, OTHER),
         (VARIANT | {"materials": [MATERIAL, {}]}, VARIANT | {"materials": [MATERIAL, {"alphaMode": "OPAQUE"}]}, ""),
