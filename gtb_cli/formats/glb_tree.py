@@ -66,6 +66,8 @@ def _rows(tree: dict[str, Any], binary: bytes, accessor: dict[str, Any]) -> NDAr
     kind = np.dtype(component_types[accessor["componentType"]])
     width, count = element_widths[accessor["type"]], _index(accessor["count"])
     stride = _index(view.get("byteStride", 0)) or width * kind.itemsize
+    if stride < width * kind.itemsize:
+        raise GtbError("has rows of numbers that overlap, which would be more than the file holds")
     begin = _index(view.get("byteOffset", 0))
     start, end = begin + _index(accessor.get("byteOffset", 0)), begin + _index(view["byteLength"])
     if not count:

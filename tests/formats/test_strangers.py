@@ -51,6 +51,7 @@ BASIS = {"accessors.1.bufferView": 2}
 SCENE = {"scenes": [{"nodes": [0, 1]}]}
 SCENES = {"scenes": [{"nodes": [0]}, {"nodes": [1]}], "nodes": [{"mesh": 0}, {"mesh": 1}]}
 SCENES |= {"meshes": [*TREE["meshes"], {"primitives": [{"attributes": {"POSITION": 2}}]}]}
+INDEXED = SCENES | {"meshes.1.primitives.0.indices": 1}
 NODES = [{"name": "a", "mesh": 0}, {"name": "b"}, {"name": "c", "children": [0]}]
 TREES, TURNED = {"nodes": NODES}, [NODES[2] | {"children": [2]}, *NODES[1::-1]]
 JOINTS = {"skins": [{"joints": [1], "inverseBindMatrices": 1}]}
@@ -89,7 +90,7 @@ OTHER = "other data: description: "
         ({}, {"extras": {"a": 1}}, OTHER),
         (SCENE, {"scenes": [{"nodes": [0, 1], "extras": {"a": 1}}]}, OTHER),
         (SCENES | {"meshes.1.primitives.0.attributes.POSITION": 1}, SCENES, OTHER),
-        (SCENES | {"meshes.1.primitives.0.indices": 1}, SCENES | {"meshes.1.primitives.0.indices": 2}, OTHER),
+        (INDEXED, INDEXED | {"accessors.1.byteOffset": 4, "accessors.1.count": 2}, OTHER),
         (TREES | {"nodes.1.children": [0], "nodes.2.children": []}, TREES, OTHER),
         (TREES | {"skins": [{"joints": [2]}]}, TREES | {"nodes": TURNED, "skins": [{"joints": [0]}]}, ""),
         (JOINTS | {"accessors.1.normalized": True}, JOINTS, OTHER),
@@ -130,6 +131,8 @@ def test_few_bytes_of_glb_cannot_stand_for_many():
     assert len(decode_mesh(glb(tree, BINARY), "a").values()) == 3
     tree["animations"] = [{"samplers": [{"input": 2}] * 1000}]
     decode_mesh(glb(tree, BINARY), "a").values()
+    with pytest.raises(GtbError, match="has rows of numbers that overlap"):
+        edited(**{"bufferViews.0.byteStride": 4})
     with pytest.raises(GtbError, match="expected 4 numbers, got 3"):
         edited(**{"materials.0": {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0]}}})
 
