@@ -14,7 +14,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, triangles, unreserved
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import ABSENT, NORMALS, OTHER, TEXTURE, Mesh, Values
+from gtb_cli.meshes.mesh import ABSENT, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 
 
@@ -147,14 +147,14 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         else:
             rest[f"{name} of {what}"] = numbers, counts
     for label, (numbers, counts) in [each for each in rest.items() if each[1][1].any()]:  # rows, in any order
-        longest, exact = int(counts.max()), _exact(numbers)
+        longest, exact, suffix = int(counts.max()), _exact(numbers), ""
         if longest >= 64 and longest * len(counts) > 2 * len(numbers):  # marks take less memory
             parts = np.split(exact.astype(np.float32) if exact.dtype.kind == "f" else exact, np.cumsum(counts)[:-1])
             exact, longest = np.array([[int(mark_of(part.tobytes()))] for part in parts]), 1
-            counts = np.ones_like(counts)
+            counts, suffix = np.ones_like(counts), MARKED
         found = np.full((len(counts), longest), np.nan if exact.dtype.kind == "f" else ABSENT, exact.dtype)
         found[np.arange(longest) < counts[:, None]] = exact[:, 0]
-        values[label] = found, cells if label.endswith(" of vertices") else rows
+        values[label + suffix] = found, cells if label.endswith(" of vertices") else rows
         del rest[label]
     for name in tables.keys() - {"vertex", table}:
         for column, (numbers, counts) in tables[name].items() if elements[name].rows else ():

@@ -29,6 +29,7 @@ ABSENT = -(2**62)  # among whole numbers, what NaN is among others
 NORMALS, TEXTURE, FACETS = "normals", "texture coordinates", "facet normals"
 GROUPS, OBJECTS, MATERIALS = "groups", "objects", "materials in "  # these with the format: no other has the same
 COLOURS, SMOOTHING = "colours of vertices", "smoothing groups"
+MARKED = " (long lists)"  # values that are marks end with it
 OTHER = "other data: "  # what a file holds that belongs to neither vertices nor cells: compared as a whole
 
 

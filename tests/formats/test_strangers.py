@@ -268,6 +268,18 @@ FIRST, SECOND = "3 0 1 2 LONG\n", "3 1 3 2 1 5\n"
 
 
 @pytest.mark.parametrize(
+    ("first", "last", "said"), [(5, 5, ""), (5, 6, "tags of faces (long lists): 1 cell has another")]
+)
+def test_long_lists_beside_short_ones_count_in_any_order(first, last, said):
+    ends = [f"3 0 1 2 70{69 * ' 5'} {number}\n" for number in (first, last)]
+    rest = "3 1 3 2 1 5\n3 0 3 1 0\n"
+    head = TABLE.replace("face 2", "face 3").replace(FIRST + SECOND, "FACES")
+    texts = head.replace("FACES", ends[0] + rest), head.replace("FACES", rest + ends[1])
+    values = difference(*(decode_mesh(text.encode(), "a") for text in texts)).values
+    assert [each.startswith(said) for each in values] == [True] * bool(said), values
+
+
+@pytest.mark.parametrize(
     ("old", "new", "said"),
     [
         ("2000001", "2000000", "bones of vertices: up to 1 apart (tolerance 0)"),
