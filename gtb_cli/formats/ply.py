@@ -134,7 +134,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     rest = {f"{name} of vertices": tables["vertex"][name] for name in lists}
     ends = [name for name in tables.get(table, {}) if name in ("vertex1", "vertex2") or name.startswith("vertex_ind")]
     corners = tables[table][ends[0]][1] if table == "face" and ends else np.full(len(cells), 3)
-    rows = np.broadcast_to(np.repeat(np.arange(len(corners)), corners - 2)[:, None], cells.shape)
+    rows = np.broadcast_to(np.repeat(np.arange(len(corners)), (corners - 2).astype(np.intp))[:, None], cells.shape)
     for name, (numbers, counts) in tables.get(table, {}).items():
         if name in ends:
             continue
@@ -337,9 +337,9 @@ def _text_block(lines: list[bytes], element: Element) -> Columns:
         check(~broken, "expected a whole number")
         return found.astype(np.int64)
 
-    one = np.ones(len(lines), dtype=np.int64)
+    one = np.ones(len(lines), dtype=np.intp)
     for name, item in element.properties.items():
-        counts = take(item.count_kind, one) if item.count_kind else one
+        counts = take(item.count_kind, one).astype(np.intp) if item.count_kind else one
         columns[name] = take(item.kind, counts), counts
     check(left == 0, "a row has too many numbers")
     return columns
