@@ -14,7 +14,7 @@ from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.digits import BLOCK_ROWS, text_rows
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, single_half_steps
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import FACETS, Values
 
 
@@ -68,7 +68,7 @@ def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray]
     fault = faulty_point(corners)
     if fault is not None:
         raise MeshError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
-    first, labels = weld(corners)
+    first, labels = numbered_places(corners)
     cells = labels.reshape(-1, 3)
 
     def values() -> Values:

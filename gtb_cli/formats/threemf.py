@@ -21,7 +21,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import MATERIALS, OBJECTS, OTHER
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.vocabulary import PATCH_COLOURS
@@ -43,7 +43,7 @@ def threemf_blocks(
     if longest * (len(vertices) + len(triangles)) > LARGEST:
         raise ExportError("3MF: holds no more than 2 GB of text")
     single = vertices.astype(SINGLE_FLOAT).astype(np.float64)
-    first, place = weld(single)
+    first, place = numbered_places(single)
     cells = place[triangles]
     kept = are_proper(cells)
     if not kept.any():

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.correspondence import Slots
 from gtb_cli.meshes.mesh import (
     ABSENT,
@@ -37,7 +37,8 @@ def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | None, left_out: Col
     remarks = _remarks(a, b, here, there, slots)
     if not remarks or slots is None:
         return remarks
-    cells = weld(a.mesh.vertices)[1][a.mesh.cells]  # by places: faces that are there twice may share no vertices
+    places = numbered_places(a.mesh.vertices)[1]  # as faces that are there twice may share no vertices
+    cells = places[a.mesh.cells]
     return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots))
 
 
@@ -73,7 +74,7 @@ def _listed(names: list[str]) -> str:
 def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots) -> Slots:
     """Pair faces in the same places that look to the same side by all that they hold, not by their order."""
     one, other = (each.reshape(cells.shape).copy() for each in slots)
-    _, face = weld(np.sort(cells.ravel()[one], axis=1)[:, [0, 1, -1]].astype(np.float64))
+    _, face = numbered_places(np.sort(cells.ravel()[one], axis=1)[:, [0, 1, -1]].astype(np.float64))
     again = np.flatnonzero(np.bincount(face)[face] > 1)
     if not len(again):
         return slots

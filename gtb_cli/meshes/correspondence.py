@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of, cross, dot, paired
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
@@ -71,7 +71,7 @@ def _is_likely(a: Mesh, b: Mesh, found: Matching, tolerance: float) -> bool:
     Then many vertices are far from their own ones, and few places have none of the other mesh.
     """
     count = len(found.vertices)
-    _, label = weld(np.concatenate([a.vertices[found.vertices], b.vertices[found.others]]))
+    _, label = numbered_places(np.concatenate([a.vertices[found.vertices], b.vertices[found.others]]))
     return bool((found.distances > tolerance).sum() <= 2 * (~np.isin(label[:count], label[count:])).sum())
 
 
@@ -102,7 +102,7 @@ def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator
 
 def _places(mesh: Mesh, kind: type = np.float64) -> tuple[IntArray, IntArray]:
     """The index of one vertex at each place in use, in the order of cells, and the cells as numbers of these places."""
-    _, place = weld(mesh.vertices.astype(kind).astype(np.float64))
+    _, place = numbered_places(mesh.vertices.astype(kind).astype(np.float64))
     corners = mesh.cells.ravel()
     first = np.full(int(place.max(initial=-1)) + 1, len(corners))
     np.minimum.at(first, place[corners], np.arange(len(corners)))
@@ -168,7 +168,7 @@ def _faces(cells: IntArray, others: IntArray) -> _Faces:
         side = np.where(is_even, 1, -1) * ((rows[:, 0] < rows[:, 1]) & (rows[:, 1] < rows[:, 2]))
     else:
         rows = np.pad(rows, ((0, 0), (0, 1)))
-    _, labels = weld(rows.astype(np.float64))
+    _, labels = numbered_places(rows.astype(np.float64))
     here, there = (np.bincount(part, minlength=int(labels.max()) + 1) for part in (labels[:count], labels[count:]))
     return _Faces(labels[:count], labels[count:], side[:count], side[count:], here, there)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import bounds_of, cross, dot
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, are_used, component_count, sides_of
@@ -89,7 +89,7 @@ def measure(mesh: Mesh) -> Measures:
     if not (np.isfinite(low) & np.isfinite(high)).all():
         raise DomainError("mesh: vertices must be finite")
     frame = Frame.around(points)
-    first, labels = weld(points)
+    first, labels = numbered_places(points)
     place = np.zeros(len(mesh.vertices), dtype=np.int64)
     place[used] = labels
     cells = place[mesh.cells]

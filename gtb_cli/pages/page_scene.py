@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, dot, joined as rows_joined, shifted, unit
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, sides_of
 from gtb_cli.models.model import Model
@@ -175,7 +175,7 @@ def content_of_mesh(mesh: Mesh, name: str) -> Content:
     groups = mesh.groups or ((name, 0, len(mesh.cells)),)
     word, count = _word(mesh), len(mesh.vertices)
     if mesh.normals is None and not mesh.is_curve:
-        first, labels = weld(mesh.vertices)
+        first, labels = numbered_places(mesh.vertices)
         mesh = with_normals(Mesh(mesh.vertices[first], labels[mesh.cells]))
     shown = mesh.split
     lines, wall = sides(mesh, groups), _wall(shown)

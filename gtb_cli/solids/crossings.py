@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, bounds_of, cross, dot, unit
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.meshes.topology import are_proper, sides_of
 
@@ -28,7 +28,7 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     million triangles take about ten seconds.
     """
     found = [np.empty((0, 2), dtype=np.int64)]
-    places = weld(vertices)[1]
+    places = numbered_places(vertices)[1]
     proper = np.flatnonzero(are_proper(places[cells]))
     cells = cells[proper]
     corners = vertices[cells]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, point_text, unit
-from gtb_cli.meshes.coincident import merged, weld
+from gtb_cli.meshes.coincident import merged, numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, are_proper
@@ -79,7 +79,7 @@ def inward_faces(mesh: Mesh) -> IntArray:
     is the sum of their triangles' solid angles there, by 4π (A. Van Oosterom, J. Strackee, The solid angle of a plane
     triangle, IEEE Trans. Biomed. Eng. 30, 1983).
     """
-    first, places = weld(mesh.vertices)
+    first, places = numbered_places(mesh.vertices)
     cells = places[mesh.faces]
     proper = are_proper(cells)
     part = merged(len(cells), adjacent(cells)[0])

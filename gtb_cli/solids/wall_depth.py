@@ -3,7 +3,7 @@
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, column_dot, cross, cross_of_columns, dot, unit
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
@@ -33,7 +33,7 @@ def wall_of_faces(mesh: Mesh) -> FloatArray | None:
     It is None if the mesh is not closed and consistently oriented, and NaN behind triangles without area or where there
     is no way out, as faces look inwards there. It takes about 4 s for 100 000 triangles.
     """
-    first, places = weld(mesh.vertices)
+    first, places = numbered_places(mesh.vertices)
     cells = places[mesh.faces]
     proper = np.flatnonzero(are_proper(cells))
     if not len(proper) or len(sides_of(cells[proper]).open):

@@ -6,7 +6,7 @@ import numpy as np
 
 from gtb_cli.arrays import point_text
 from gtb_cli.errors import RequirementError
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, components_of, sides_of
 from gtb_cli.models.joint_search import find_joints
@@ -65,7 +65,7 @@ def require(
 
 def _pieces(mesh: Mesh) -> list[str]:
     """Say in how many pieces a mesh is, if it is not one, and where the smallest is; places count as one vertex."""
-    vertex = weld(mesh.vertices)[1]
+    vertex = numbered_places(mesh.vertices)[1]
     names, sizes = np.unique(
         components_of(vertex[mesh.cells], len(mesh.vertices))[vertex[mesh.cells[:, 0]]], return_counts=True
     )
@@ -133,7 +133,7 @@ def _inward_faces(mesh: Mesh) -> list[str]:
 
 def _merged_faces(mesh: Mesh) -> list[str]:
     """Say which faces of a closed mesh collapse, or fall upon others, once readers merge vertices at one place."""
-    cells = weld(mesh.vertices)[1][mesh.faces]
+    cells = numbered_places(mesh.vertices)[1][mesh.faces]
     collapsed = np.flatnonzero(~are_proper(cells))
     if len(collapsed):
         return [f"faces collapse, {where(mesh, collapsed)}"]

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, strategies as st
 
 from gtb_cli.meshes import coincident
-from gtb_cli.meshes.coincident import merged, weld
+from gtb_cli.meshes.coincident import merged, numbered_places
 
 COORDINATES = st.sampled_from([0.0, -0.0, 1.0, 1.0 + 2**-52, -1.0, 1e-300, 1e300])
 
@@ -25,14 +25,14 @@ def by_dictionary(points: np.ndarray) -> tuple[list[int], list[int]]:
 @given(st.lists(st.tuples(COORDINATES, COORDINATES, COORDINATES), max_size=40))
 def test_as_a_dictionary_does_it(points):
     array = np.array(points).reshape(-1, 3)
-    first, labels = weld(array)
+    first, labels = numbered_places(array)
     assert (first.tolist(), labels.tolist()) == by_dictionary(array)
 
 
 def test_keys_that_are_equal_by_chance(monkeypatch):
     monkeypatch.setattr(coincident, "_FACTORS", np.zeros(3, dtype=np.uint64))  # all keys are zero
     points = np.random.default_rng(1).integers(0, 3, (50, 3)).astype(float)
-    first, labels = weld(points)
+    first, labels = numbered_places(points)
     assert (first.tolist(), labels.tolist()) == by_dictionary(points)
 
 
