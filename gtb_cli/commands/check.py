@@ -33,15 +33,13 @@ def check(request: ReportRequest) -> None:
     """
     from gtb_cli.checks.report import counts
 
-    colours = (
-        is_terminal(request.streams.output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-    )
+    is_plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
     rows, errors = request.found(_checked)
     request.write(
         rows,
         _data,
         lambda name, row: f"{'holds' if row.holds else 'fails'}  {name}: {counts(row.findings)}",
-        partial(_text, colours=colours),
+        partial(_text, colours=is_terminal(request.streams.output) and not is_plain),
     )
     if errors:
         raise GtbError(*errors)

@@ -93,15 +93,9 @@ class LazyGroup(click.Group):
         if name not in COMMANDS and not name.startswith("-"):
             from difflib import get_close_matches
 
-            others = {
-                "render": "plot",
-                "draw": "plot",
-                "show": "view",
-                "open": "view",
-                "export": "mesh",
-                "build": "mesh",
-            }
-            likely = [others[name]] if name in others else get_close_matches(name, COMMANDS, n=1)
+            others = {"plot": "render draw", "view": "show open", "mesh": "export build"}
+            likely = [command for command, words in others.items() if name in words.split()]
+            likely = likely or get_close_matches(name, COMMANDS, n=1)
             if name.endswith((".toml", ".json")):
                 likely = [f"mesh {name}"]
             suggestion = f" Did you mean {likely[0]}?" if likely else ""

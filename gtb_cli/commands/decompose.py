@@ -88,11 +88,7 @@ def _every_one(patch: Patch, triangulations: bool, most: int | None, console: Co
 
 
 def _data(found: RegularDecomposition) -> dict[str, Any]:
-    return {
-        "cells": [list(cell) for cell in found.cells],
-        "polygons": [list(polygon) for polygon in found.polygons],
-        "absent": list(found.absent),
-    }
+    return {"cells": [*map(list, found.cells)], "polygons": [*map(list, found.polygons)], "absent": [*found.absent]}
 
 
 def _text(found: RegularDecomposition) -> str:

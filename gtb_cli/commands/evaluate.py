@@ -87,9 +87,8 @@ def evaluate(
     if as_json:
         found = list(batches)
         data = {part.key: [row for _, arrays in found for row in _plain(arrays[k])] for k, part in enumerate(parts)}
-        return write_json(
-            streams.output, data | {"parameters": [row for u, _ in found for row in u.tolist()]}, by_row=True
-        )
+        data["parameters"] = [row for u, _ in found for row in u.tolist()]
+        return write_json(streams.output, data, by_row=True)
     first = [" ".join([*_axes(loaded), *(name for part in parts for name in part.columns)]).encode() + b"\n"]
     rows = (_rows([u, *arrays] if header else arrays) for u, arrays in batches)
     write_blocks(streams.output, chain(first if header else (), rows))

@@ -111,12 +111,9 @@ def bezier(spec: str, split: tuple[float, ...] | None, streams: Streams) -> None
             pieces = split_curve(loaded, split[0])
         text = dump(pieces)
     streams.write(text)
-    if isinstance(loaded, Model) and loaded.dimension == 2:
-        opened = len(pieces.joints.open) - 2 * len(loaded.joints.open)
-        if opened > 0:
-            streams.console.warn(
-                f"{opened} edges of pieces are open where patches are joined: they are divided elsewhere"
-            )
+    surfaces = loaded if isinstance(loaded, Model) and loaded.dimension == 2 else None
+    if surfaces and (opened := len(pieces.joints.open) - 2 * len(surfaces.joints.open)) > 0:
+        streams.console.warn(f"{opened} edges of pieces are open where patches are joined: they are divided elsewhere")
 
 
 @click.command

@@ -52,9 +52,8 @@ def glb_blocks(
         used, cells = (slice(None), mesh.cells) if whole else compacted(mesh.cells[start:stop])
         parts.append(Node(label, mesh.vertices[used], cells, *(v if v is None else v[used] for v in (normals, uv))))
     _check_size(sum(4 * np.size(values) for part in parts for values in part[1:] if values is not None))
-    extras: dict[str, Any] = {} if up == FORMATS["glb"].up else {"up": up}  # for `read_glb`
-    extras |= {} if unit is None else {"unit": unit}
-    extras = {"extras": extras} if extras else {}
+    said = ({} if up == FORMATS["glb"].up else {"up": up}) | ({} if unit is None else {"unit": unit})  # for `read_glb`
+    extras: dict[str, Any] = {"extras": said} if said else {}
     return _lines(parts, extras, name) if mesh.is_curve else [_triangles(parts, extras, name)]
 
 
@@ -82,12 +81,10 @@ def _triangles(parts: Sequence[Node], extras: dict[str, Any], root: str) -> byte
         if len(parts) > 1:
             (plain,) = tree["materials"]
             tree["materials"] = [_coloured(plain, number, part.name) for number, part in enumerate(parts)]
-            numbers = {part.name: number for number, part in enumerate(parts)}
-            for mesh in tree["meshes"]:
-                for primitive in mesh["primitives"]:
-                    primitive["material"] = numbers[mesh["name"]]
+        numbers = {part.name: number for number, part in enumerate(parts)}
         for mesh in tree["meshes"]:
             for primitive in mesh["primitives"]:
+                primitive["material"] = numbers[mesh["name"]]
                 for number in primitive["attributes"].values():
                     tree["bufferViews"][tree["accessors"][number]["bufferView"]]["target"] = VERTICES
                 tree["bufferViews"][tree["accessors"][primitive["indices"]]["bufferView"]]["target"] = INDICES
@@ -122,11 +119,7 @@ def _coloured(material: dict[str, Any], number: int, name: str) -> dict[str, Any
 
 
 def _lines(parts: Sequence[Node], extras: dict[str, Any], root: str) -> list[bytes]:
-    """Return indexed lines.
-
-    trimesh's exporter writes every inner vertex of a polyline twice. Its reader takes the vertices for one polyline in
-    their order, and reads these files correctly.
-    """
+    """Return indexed lines, which trimesh reads as they are; its exporter writes inner vertices of polylines twice."""
     chunks: list[bytes] = []
     meshes: list[dict[str, Any]] = []
     accessors: list[dict[str, Any]] = []
@@ -247,9 +240,8 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     points = np.concatenate([np.empty((0, 3)), *vertices])
     extras = tree.get("asset", {}).get("extras")
     extras = extras if isinstance(extras, dict) else {}
-    unit, is_z_up = extras.get("unit"), extras.get("up") == "z"
-    if unit in UNITS:
-        points /= UNITS[unit]
+    unit, is_z_up = extras.get("unit", ""), extras.get("up") == "z"
+    points /= UNITS.get(unit, 1.0)
     if not is_z_up:
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
     space = f"{unit if unit in UNITS else 'no unit'}, {'z' if is_z_up else 'y'} up"
@@ -292,21 +284,16 @@ def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], 
 
 
 def _cells(indices: NDArray[Any], mode: object) -> NDArray[Any]:
-    count = len(indices)
-    if mode == 1:
-        return indices[: count // 2 * 2].reshape(-1, 2)
-    if mode == 2:
-        indices = np.append(indices, indices[:1])
+    if mode in (1, 4):
+        width = 2 if mode == 1 else 3
+        return indices[: len(indices) // width * width].reshape(-1, width)
     if mode in (2, 3):
-        return segments(indices, np.array([len(indices)])[: len(indices)])
-    if mode == 4:
-        return indices[: count // 3 * 3].reshape(-1, 3)
+        corners = np.append(indices, indices[:1]) if mode == 2 else indices
+        return segments(corners, np.array([len(corners)])[: len(corners)])
     if mode == 5:
-        strip = np.empty((max(0, count - 2), 3), dtype=indices.dtype)
-        for k in range(3):
-            strip[:, k] = indices[k : count - 2 + k]
+        strip = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1)
         strip[1::2, :2] = strip[1::2, 1::-1]
         return strip
-    if mode == 6 and count > 2:
-        return triangles(indices, np.array([count]))
+    if mode == 6 and len(indices) > 2:
+        return triangles(indices, np.array([len(indices)]))
     raise GtbError(f"unknown mode {mode!r:.40} of a primitive")

@@ -173,10 +173,7 @@ class _ObjLines:
 
 
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, bytes, str]]]:
-    """Return the places of lines with vertices and cells by keyword; and those of names, with their keywords.
-
-    A keyword followed by another separator is changed to have a blank after it.
-    """
+    """Return the places of vertices and cells by keyword, and of names with theirs; a tab after one becomes a blank."""
     # Keywords of single points, and of anything but geometry
     ignored_keywords = set(b"p mg mtllib maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
     # Keywords of free-form curves and surfaces

@@ -114,14 +114,12 @@ def read_threemf(data: bytes) -> FileArrays:
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
 
+# A material: the number of a group, that of a member, and what else is said of triangles with it
 _Part: TypeAlias = tuple[str | None, str | None, str]
 
 
 class _Mesh(NamedTuple):
-    """The mesh of an object: its numbers, where runs of triangles with one material begin, and its own material.
-
-    A material is the number of a group, that of a member, and what else is said of triangles with it.
-    """
+    """The mesh of an object: its numbers, where runs of triangles with one material begin, and its own material."""
 
     vertices: "array[float]"
     corners: "array[int]"
@@ -282,11 +280,8 @@ class _Reader:
         material = materials.pop() if len(materials) == 1 else ""  # that of a whole mesh
         for label, told in (("extensions", extensions), ("further parts", self.others), ("material", material)):
             ranges[f"{OTHER}{label}"] = [([mark_of(told)], 0, rows)] if told else []
-        points, corners, space = (
-            np.concatenate(vertices),
-            np.concatenate(cells),
-            ", ".join([self.unit, *sorted(self.kinds)]),
-        )
+        points, corners = np.concatenate(vertices), np.concatenate(cells)
+        space = ", ".join([self.unit, *sorted(self.kinds)])
         return FileArrays(points, corners, single_half_steps, tuple(groups), space, ranges=ranges)
 
     def look(self, part: _Part) -> tuple[str, list[float]]:

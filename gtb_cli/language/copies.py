@@ -8,17 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.language.document import shown
-from gtb_cli.language.entries import (
-    COORDINATE,
-    MAX_POINTS,
-    MAX_SIZE,
-    SCALE,
-    Table,
-    Values,
-    likely_word,
-    name_fault,
-    suggestion,
-)
+from gtb_cli.language.entries import COORDINATE, MAX_POINTS, MAX_SIZE, SCALE, Table, Values, name_fault, suggestion
 from gtb_cli.language.expression import COUNTER
 from gtb_cli.language.patch_reader import AT_THE_TOP, COPY_KEYS, PATCH_KEYS
 from gtb_cli.language.scanner import Path
@@ -221,8 +211,8 @@ def carried_out(
             faults.add((*copy.path, "copy"), f"there are several patches {shown(copy.original)}")
         elif copy.original not in named and copy.original not in source:
             others = [name for name in (*named, *source) if not name.startswith(f"{copy.original}-")][:1000]
-            likely = likely_word(copy.original, others) if faults.count < faults.SHOWN else None
-            hint = suggestion(likely) or "".join([", there are ", ", ".join(map(shown, others[:10]))] * bool(others))
+            hint = suggestion(copy.original, others) if faults.count < faults.SHOWN else ""
+            hint = hint or "".join([", there are ", ", ".join(map(shown, others[:10]))] * bool(others))
             faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{hint}")
     source = {name: number for name, number in source.items() if name not in named}
     needs = {n: [source[copy.original]] if copy.original in source else [] for n, copy in copies.items()}

@@ -20,11 +20,8 @@ MAX_SIZE = 1e100  # a coordinate, lifting value or scale: squares and products o
 MAX_NAME = 200  # longest name, in characters
 # Characters not allowed in names: control characters and line ends
 CONTROL_CHARACTERS = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029]"
-
-
 # characters in all expressions of a spec together, repeated ones counted once: a second of evaluation
 MAX_EXPRESSIONS = 200_000
-
 MAX_POINTS = 2_000_000  # control points of all copies together: about 200 MB by the time they are meshed
 
 # Options of gtb mesh that are looked for among the keys, and other words for keys
@@ -143,7 +140,7 @@ class Table:
         for key in [key for key in self.entries if key not in known]:
             word = OTHER_WORDS.get(key)
             likely = word if word in left else likely_word(key, left) if faults.count < faults.SHOWN else None
-            hint = suggestion(likely) or f", known are {', '.join(sorted(known))}"
+            hint = f", did you mean {likely}?" if likely else f", known are {', '.join(sorted(known))}"
             if key in OPTIONS:
                 likely, hint = None, f": gtb mesh has an option --{key}"
             self.fault(key, elsewhere.get(key, f"is not a key of a spec{hint}"))
@@ -165,9 +162,9 @@ class Table:
         value = self.entries.get(key)
         if key not in self.entries or (isinstance(value, str) and value in words):
             return value
-        likely = likely_word(value, words) if isinstance(value, str) and len(words[0]) > 1 else None
+        hint = suggestion(value, words) if isinstance(value, str) and len(words[0]) > 1 else ""
         expected = ", ".join(f'"{word}"' for word in words[:-1]) + f' or "{words[-1]}"'
-        self.fault(key, f"must be {others}{expected}, got {shown(value)}{suggestion(likely)}")
+        self.fault(key, f"must be {others}{expected}, got {shown(value)}{hint}")
         return None
 
     def flag(self, key: str) -> bool:
@@ -210,9 +207,7 @@ def decimal_commas(entries: list[object], expected: int) -> str:
 
 def name_fault(name: str) -> str | None:
     """Return the fault of a name, if any: names go into formats that are read line by line."""
-    # Halves of surrogate pairs, not allowed in names either. Editors with Rust's patterns refuse a schema with this
-    # one.
-    surrogates = r"[\ud800-\udfff]"
+    surrogates = r"[\ud800-\udfff]"  # halves of pairs; a schema with this pattern is refused by editors in Rust
     if not name.strip():
         return "must not be empty"
     if len(name) > MAX_NAME:
@@ -236,6 +231,7 @@ def likely_word(word: str, known: Iterable[str]) -> str | None:
     return next((spelled[name] for name in difflib.get_close_matches(meant, spelled, n=1)), None)
 
 
-def suggestion(likely: str | None) -> str:
-    """Return a question whether a word was meant, or nothing."""
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return a question whether a known word was meant, or nothing."""
+    likely = likely_word(word, known)
     return f", did you mean {likely}?" if likely else ""

@@ -19,10 +19,7 @@ Include = Callable[[str], tuple[Patch, ...]]
 
 
 class ModelReader:
-    """Turns a document's data into a patch or model, and notes all faults.
-
-    `row` is that of `Reader`, and `given` are numbers in place of those of ``let``.
-    """
+    """Turns data into a patch or model, and notes all faults; `row` is that of `Reader`, `given` replaces ``let``."""
 
     def __init__(self, values: Values, include: Include, row: int | None = None, given: Let = NO_LET) -> None:
         self.values = values

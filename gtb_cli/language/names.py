@@ -8,7 +8,7 @@ from typing import Any
 
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import shown
-from gtb_cli.language.entries import FINITE, Values, likely_word, suggestion
+from gtb_cli.language.entries import FINITE, Values, suggestion
 from gtb_cli.language.expression import CONSTANTS, COUNTER, FUNCTIONS, evaluate_expression, names_in
 from gtb_cli.language.reading import Let, Number
 
@@ -33,7 +33,7 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
         return names
     for name in given:
         if name not in let:
-            likely = suggestion(likely_word(name, let)) or f"; there are {', '.join(list(let)[:30]) or 'none'}"
+            likely = suggestion(name, let) or f"; there are {', '.join(list(let)[:30]) or 'none'}"
             values.faults.add((), f"`let` {name}: the spec has no number of this name in its let{likely}")
     for name, value in let.items():
         number = _given(name, given[name], let, values) if name in given else None

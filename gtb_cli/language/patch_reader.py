@@ -15,10 +15,8 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.weights import COEFFICIENTS
 
 MAX_PATCHES = 20_000  # patches in a model, copies and included files counted
-PATCH_KEYS = frozenset(
-    {"name", "knots", "weights", "log_weights", "control_points", "coefficients"}
-    | {"lifting", "edge_normals", "edge_scale"}
-)
+_ARRAYS = frozenset(("knots", "weights", "log_weights", "control_points", "coefficients", "lifting"))  # of a patch
+PATCH_KEYS = _ARRAYS | {"name", "edge_normals", "edge_scale"}
 RIBBONS = ("ribbon", "ribbon2")  # keys of further rows of control points, for gtb fill, in the curves of a loop
 MOVE_KEYS = frozenset(("name", "mirror", "scale", "rotate", "translate", "repeat"))
 COPY_KEYS, INCLUDE_KEYS = MOVE_KEYS | {"copy", "hidden"}, MOVE_KEYS | {"file"}

@@ -9,19 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.correspondence import Slots
-from gtb_cli.meshes.mesh import (
-    ABSENT,
-    FACETS,
-    GROUPS,
-    MARKED,
-    MATERIALS,
-    NORMALS,
-    OBJECTS,
-    OTHER,
-    SMOOTHING,
-    KnownMesh,
-    Values,
-)
+from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, KnownMesh, Values, are_marks
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
@@ -93,7 +81,7 @@ def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
     if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
-    if name in (GROUPS, SMOOTHING) or name.startswith((OBJECTS, MATERIALS)) or name.endswith(MARKED):
+    if are_marks(name):
         moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
         told = f"{len(moved)} {'cell has' if len(moved) == 1 else 'cells have'} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []

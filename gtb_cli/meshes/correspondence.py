@@ -66,10 +66,7 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
 
 
 def _is_likely(a: Mesh, b: Mesh, found: Matching, tolerance: float) -> bool:
-    """Tell whether cells that are used in the same order may be the same: equal parts may stand in another one.
-
-    Then many vertices are far from their own ones, and few places have none of the other mesh.
-    """
+    """Tell whether cells used in one order may be the same: equal parts in another order are far, at known places."""
     count = len(found.vertices)
     _, label = numbered_places(np.concatenate([a.vertices[found.vertices], b.vertices[found.others]]))
     return bool((found.distances > tolerance).sum() <= 2 * (~np.isin(label[:count], label[count:])).sum())
@@ -205,7 +202,7 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
             corners.ravel()[one].reshape(-1, width),
             other_corners.ravel()[other].reshape(-1, width),
         )
-    used, others_used = (_used_count(each.mesh) for each in (a, b))
+    used, others_used = (len(each.mesh.used) for each in (a, b))
     if np.array_equal(corners, other_corners):
         vertices = there = np.flatnonzero(are_used(corners, len(a.mesh.vertices)))
     else:
@@ -219,10 +216,7 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
 
 
 def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
-    """(k,) the order of faces by their numbers, and of equal ones by the parts of the mesh to which they belong.
-
-    Parts with the same faces follow each other, those that are turned alike first of all.
-    """
+    """(k,) the order of faces by number, and of equal ones by the parts of the mesh, first those turned alike."""
     if len(face) == int(face.max()) + 1:  # none is there twice
         return np.argsort(face, kind="stable")
     _, part = np.unique(components_of(mesh.cells, len(mesh.vertices))[mesh.cells[:, 0]], return_inverse=True)
@@ -231,10 +225,6 @@ def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
     rank = np.empty(len(sums[0]), dtype=np.int64)
     rank[np.lexsort(sums[::-1])] = np.arange(len(rank))
     return np.lexsort((odd, rank[part], face))
-
-
-def _used_count(mesh: Mesh) -> int:
-    return int(are_used(mesh.cells, len(mesh.vertices)).sum())
 
 
 @dataclass(frozen=True)
@@ -304,7 +294,7 @@ def unlike(
     if a.has_indices and b.has_indices:
         one, other = (component_count(each.mesh.cells, len(each.mesh.vertices)) for each in (a, b))
         rows.append(("parts that share no vertex", one, other))
-        one, other = (_used_count(each.mesh) - len(_places(each.mesh)[0]) for each in (a, b))
+        one, other = (len(each.mesh.used) - len(_places(each.mesh)[0]) for each in (a, b))
         if bool(one) != bool(other):
             rows.append(("further vertices at the places of others", one, other))
     cell, side = ("segment", "end") if first.is_curve else ("face", "edge")

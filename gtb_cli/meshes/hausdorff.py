@@ -15,9 +15,7 @@ from gtb_cli.meshes.overlay import CellParts
 from gtb_cli.meshes.topology import are_used
 
 RELATIVE_ERROR = 1e-5  # of a distance, at which the search for farther points ends
-
 DISTANCE_ROUNDING = 1e-14  # fraction of the meshes' size below which a distance is rounding
-
 MAX_CUTS = 250_000  # pieces cut in each direction; the search then stops with the bound proved so far
 
 
@@ -100,10 +98,7 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
 
 
 def _distinct(cells: IntArray, used: int) -> IntArray:
-    """Cells of `used` vertices, without repetitions if there are far too many for a surface.
-
-    The search would take each copy for a piece of its own, and damaged files have millions in the same place.
-    """
+    """Cells of `used` vertices, once each if there are far too many, as in damaged files: every copy is searched."""
     most_cells = 16  # for each vertex; surfaces have two for each, and curves one
     if len(cells) <= most_cells * used:
         return cells

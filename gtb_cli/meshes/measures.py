@@ -58,14 +58,9 @@ class Measures:
         }
         if self.is_curve:
             return {**record, "length": _finite(self.length), "open_ends": self.open_edges}
-        return {
-            **record,
-            "area": _finite(self.area),
-            "volume": _finite(self.volume),
-            "boundary_length": _finite(self.boundary_length),
-            "open_edges": self.open_edges,
-            "crowded_edges": self.crowded_edges,
-        }
+        edges = {"open_edges": self.open_edges, "crowded_edges": self.crowded_edges}
+        extents = {"area": self.area, "volume": self.volume, "boundary_length": self.boundary_length}
+        return {**record, **{name: _finite(value) for name, value in extents.items()}, **edges}
 
 
 def labelled(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -100,12 +95,11 @@ def measure(mesh: Mesh) -> Measures:
     edges, number = topology.edges, topology.uses
     sides = vertices[edges[:, 1]] - vertices[edges[:, 0]]
     lengths = np.sqrt(dot(sides, sides))
-    in_use = int(are_used(cells, len(vertices)).sum())
+    euler = int(are_used(cells, len(vertices)).sum()) - len(edges) + (0 if mesh.is_curve else len(cells))
     area = length = volume = boundary = None
     if mesh.is_curve:
         number = np.bincount(edges.ravel(), minlength=1)
         length = float(frame.length(lengths.sum()))
-        euler = in_use - len(edges)
     else:
         a, b, c = (vertices[corner] for corner in cells.T)
         normal = cross(b - a, c - a)
@@ -113,7 +107,6 @@ def measure(mesh: Mesh) -> Measures:
         boundary = float(frame.length(lengths[number == 1].sum()))
         if len(cells) and not len(topology.open):
             volume = float(frame.length(dot(a, normal).sum() / 6, 3))
-        euler = in_use - len(edges) + len(cells)
     return Measures(
         vertices=len(mesh.vertices),
         cells=len(mesh.cells),

@@ -21,7 +21,6 @@ from gtb_cli.values import by_value, frozen
 if TYPE_CHECKING:
     import trimesh
 
-
 # By name: (r, w) numbers, and the (k, c) rows of them that the corners of cells have
 Values: TypeAlias = dict[str, tuple[FloatArray, IntArray]]
 ABSENT = -(2**62)  # among whole numbers, what NaN is among others
@@ -310,6 +309,11 @@ class KnownMesh:
     def has_indices(self) -> bool:
         """Whether its faces tell which vertices they share: STL has none, GLB and 3MF those of each part."""
         return self.format not in ("stl", "glb", "3mf")
+
+
+def are_marks(name: str) -> bool:
+    """Tell whether values of this name only say what belongs together: then no distance between them counts."""
+    return name in (GROUPS, SMOOTHING) or name.startswith((OBJECTS, MATERIALS)) or name.endswith(MARKED)
 
 
 def known_exactly(mesh: Mesh) -> KnownMesh:

@@ -9,9 +9,7 @@ from gtb_cli.arrays import FloatArray, IntArray, bounds_of, column_dot, cross_of
 from gtb_cli.values import frozen
 
 BLOCK_POINTS = 8192  # points that are measured together: their arrays stay in the processor's cache
-
 BRANCHES = 8  # boxes in each box of the tree
-
 PAIR_BATCH = 1 << 18  # pairs of a point and a box examined together; longer lists are halved, which bounds the memory
 
 

@@ -119,10 +119,9 @@ def mesh_text(report: dict[str, Any]) -> str:
     if box := shown.get("bounds"):
         size = max(map(operator.sub, *reversed(box)))
         shown["bounds"] = corners(box)
-        if shown.get("centroid") is not None:
-            shown["centroid"] = row(_rounded(shown["centroid"], size))
-        if shown.get("second_moments") is not None:
-            shown["second_moments"] = row(_rounded(shown["second_moments"], size, 2))
+        for power, name in enumerate(("centroid", "second_moments"), 1):
+            if shown.get(name) is not None:
+                shown[name] = row(_rounded(shown[name], size, power))
         if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
     lines = [*labelled(shown).items(), *(("hole", text) for text in holes)]

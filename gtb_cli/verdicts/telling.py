@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
 
-
 OTHER_KIND = "one is a curve, the other a surface"
 
 
