@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import time
 from pathlib import Path
 
@@ -41,10 +42,11 @@ def faults(text: str, source: str = "x.toml") -> list[str]:
     return str(caught.value).splitlines()
 
 
-TABLE = (Path(__file__).parent / "faults.txt").read_text(encoding="utf-8").split("\n\n")[1:]
+def table(name: str) -> list[str]:
+    return (Path(__file__).parent / name).read_text(encoding="utf-8").split("\n\n")[1:]
 
 
-@pytest.mark.parametrize("case", TABLE)
+@pytest.mark.parametrize("case", table("faults.txt"))
 def test_wrong_names_copies_and_models(case):
     text, message = case.rstrip("\n").split("\n> ")
     first, *others = faults(f"{text}\n".replace("WALL\n", PATCH).replace("TRIANGLE\n", TRIANGLE))
@@ -187,60 +189,20 @@ def test_included_patches_come_first_and_can_be_copied(tmp_path):
     assert arrays(parse(dump(found))) == arrays(found)
 
 
-@pytest.mark.parametrize(
-    ("files", "expected"),
-    [
-        (
-            {
-                "main": 'include = ["lid.toml", "none.toml"]\n',
-                "lid": 'include = ["parts/knob.toml"]\nx = 1\n',
-                "parts/knob": "knots = [0, 1]\n\ncontrol_points = [[0], [1]]\n",
-            },
-            [
-                "main.toml:1: include[1]: none.toml: No such file or directory",
-                "lid.toml:2: x: is not a key of a spec, known are include, let, name, patches, weld "
-                "(included by main.toml)",
-                "parts/knob.toml:3: control_points[0]: must be a list of 2 or 3 coordinates, got a list of 1 "
-                "(included by lid.toml)",
-            ],
-        ),
-        (
-            {"main": f'include = ["a.toml", "b.toml"]\n{PATCH}', "a": PATCH, "b": PATCH},
-            [
-                "main.toml:1: include[1]: b.toml has a patch 'wall', as has a.toml: "
-                '{file = "b.toml", name = "other"} would call it \'other-wall\'',
-                "main.toml:3: patches[0].name: 'wall' is the name of a patch of b.toml, too",
-            ],
-        ),
-        (
-            {"main": 'include = ["a.toml"]\n', "a": 'include = ["b.toml"]\n', "b": 'include = ["a.toml"]\n'},
-            ["b.toml:1: include[0]: a.toml: includes itself: a.toml -> b.toml -> a.toml (included by a.toml)"],
-        ),
-        (
-            {"main": 'include = ["a.toml"]\n', "a": 'include = ["main.toml"]\n'},
-            ["a.toml:1: include[0]: main.toml: includes itself: main.toml -> a.toml -> main.toml "
-             "(included by main.toml)"],
-        ),
-        (
-            {"main": 'include = ["a.toml", "b.toml"]\n', "a": 'include = ["b.toml"]\n', "b": PATCH},
-            ["main.toml:1: include[1]: b.toml has a patch 'wall', as has a.toml: "
-             '{file = "b.toml", name = "other"} would call it \'other-wall\''],
-        ),
-        (
-            {"main": 'include = ["a.toml"]\n', "a": "knots = [\n"},
-            ["main.toml:1: include[0]: a.toml:2:1: is not valid TOML, invalid value"],
-        ),
-        (
-            {"main": 'include = ["f0.toml"]\n'} | {f"f{i}": f'include = ["f{i + 1}.toml"]\n' for i in range(150)},
-            ["f99.toml:1: include[0]: f100.toml: at most 100 files can be included (included by f98.toml)"],
-        ),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_included(tmp_path, files, expected):
-    """Errors of included files have their own lines; what clashes, goes round in circles or is too much is named."""
+@pytest.mark.parametrize("case", table("includes.txt"))
+def test_what_cannot_be_included(tmp_path, case):
+    """Errors of included files have their own lines; what clashes or goes round in circles is named."""
+    text, *faults = case.rstrip("\n").split("\n> ")
     (tmp_path / "parts").mkdir()
-    path = folder(tmp_path, **files)
-    assert refusal(path) == expected
+    _, *files = re.split(r"^(\S+)\.toml\n", text, flags=re.MULTILINE)
+    texts = [f"{file.rstrip()}\n".replace("WALL\n", PATCH) for file in files[1::2]]
+    assert refusal(folder(tmp_path, **dict(zip(files[::2], texts, strict=True)))) == faults
+
+
+def test_at_most_a_hundred_files_can_be_included(tmp_path):
+    files = {f"f{i}": f'include = ["f{i + 1}.toml"]\n' for i in range(150)}
+    expected = "f99.toml:1: include[0]: f100.toml: at most 100 files can be included (included by f98.toml)"
+    assert refusal(folder(tmp_path, main='include = ["f0.toml"]\n', **files)) == [expected]
 
 
 def test_nothing_outside_of_the_folder_is_read(tmp_path):
