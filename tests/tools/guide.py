@@ -8,7 +8,6 @@ import json
 import re
 import shutil
 import sys
-import tomllib
 from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
@@ -63,31 +62,28 @@ def one_of_each_kind() -> list[Step]:
     return list(found.values())
 
 
-def installed(extras: Iterable[str]) -> set[str]:
-    """Names of the distributions that come with the package and these extras."""
-    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    left = sum((project["optional-dependencies"][extra] for extra in extras), project["dependencies"])
-    names: set[str] = set()
-    while left:
-        requirement = Requirement(left.pop())
-        name = canonicalize_name(requirement.name)
-        if name not in names and (requirement.marker is None or requirement.marker.evaluate({"extra": ""})):
-            names.add(name)
-            left += metadata.requires(name) or ()
-    return names
-
-
 class OnlyInstalled:
-    """A finder that hides modules of distributions other than these."""
+    """A finder that hides modules of distributions other than the package and what it needs with some extras."""
 
     def __init__(self) -> None:
-        self.names = set[str]()
+        self.names = {"gtb-cli"}
         self._owners = metadata.packages_distributions()
         sys.meta_path.insert(0, self)
 
+    def choose(self, extras: Iterable[str]) -> None:
+        """Hide what neither the package nor one of these extras needs."""
+        names, left = set[str](), [Requirement(f"gtb-cli[{','.join(extras)}]")]
+        while left:
+            given = left.pop()
+            if (name := canonicalize_name(given.name)) not in names:
+                names.add(name)
+                asked = [{"extra": extra} for extra in given.extras or [""]]
+                needed = [Requirement(line) for line in metadata.requires(name) or ()]
+                left += [each for each in needed if not each.marker or any(map(each.marker.evaluate, asked))]
+        self.names = names
+
     def find_spec(self, name: str, path: object = None, target: object = None) -> None:
-        owners = set(map(canonicalize_name, self._owners.get(name, ["gtb-cli"])))
-        if not owners & (self.names | {"gtb-cli"}):
+        if not self.names & set(map(canonicalize_name, self._owners.get(name, ["gtb-cli"]))):
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
@@ -128,7 +124,7 @@ def main(folder: str, *options: str) -> None:
 
     def prepared() -> Iterator[Step]:
         for step in chosen:
-            there.names = installed({*default.split(","), *step.extras})
+            there.choose({*default.split(","), *step.extras})
             yield step
 
     for step, done in run(Path(folder), prepared()):
