@@ -7,6 +7,7 @@ import random
 import struct
 import time
 import tracemalloc
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from gtb_cli.formats.meshfiles import decode_mesh, format_of, read_mesh
 from gtb_cli.formats.obj import read_obj
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS
+from tests.formats.test_threemf import TRIANGLE as ONE_FACE, archive
 from tests.specs import SECONDS
 from tests.tiny_meshes import curve, encoded, glb_file, model, surface, two_curves
 from tests.tools.judge import judge, seeds
@@ -417,7 +419,12 @@ def refused() -> Iterator[tuple[str, bytes, str]]:
         for case in cases.split("\n\n"):
             *lines, message = case.split("\n")
             text = "".join(f"{line}\n" for line in lines).replace("FACET\n", facet())
-            yield format, text.replace("TRIANGLE\n", ply("", *XYZ, *FACE).decode()).encode(), message.removeprefix("> ")
+            data = text.replace("TRIANGLE\n", ply("", *XYZ, *FACE).decode()).encode()
+            yield (
+                format,
+                archive("".join(lines[:-1]), lines[-1]) if format == "3mf" else data,
+                message.removeprefix("> "),
+            )
 
 
 DAMAGED = {
@@ -458,6 +465,26 @@ DAMAGED = {
         (glb(primitive(4), POINTS.tobytes()[:-4]), "is cut off: an accessor is longer than the data"),
         (glb(primitive(4, 10**18), POINTS.tobytes()), "is cut off: an accessor is longer than the data"),
         (scene({"buffers": [{"uri": "x.bin"}]}), "has its numbers in another file"),
+    ],
+    "3mf": [
+        (archive("")[:-9], "is not a whole 3MF file: "),
+        (archive("", method=zipfile.ZIP_BZIP2), "is compressed in a way that no 3MF file is"),
+        (archive("", name="x.xml"), "is a ZIP archive without the model"),
+        (archive(40 * "<a>" + 40 * "</a>"), "has elements more than 32 deep"),
+        (archive("", 100_001 * '<item objectid="1"/>'), "more than 100000 objects, materials and uses"),
+        (archive(17_000_000 * " ", method=zipfile.ZIP_DEFLATED), "or 200 times its packed size"),
+        (archive("", prolog='<!DOCTYPE m [<!ENTITY a "aaaa">]>'), "declares an entity"),
+        (
+            archive(
+                f'<object id="0">{ONE_FACE}</object>'
+                + "".join(
+                    f'<object id="{k}"><components>{9 * f"""<component objectid="{k - 1}"/>"""}</components></object>'
+                    for k in range(1, 9)
+                ),
+                '<item objectid="8"/>',
+            ),
+            "has more than 50000000 numbers in all objects together",
+        ),
     ],
 }
 
