@@ -217,13 +217,8 @@ def _certificate(filling: Filling) -> dict[str, Any]:
 
 
 def _bending(bending: Bending, error: float) -> dict[str, float]:
-    return {
-        "area": bending.area,
-        "bending": bending.energy,
-        "variation": bending.variation,
-        "curvature": bending.curvature,
-        "relative_error": error,
-    }
+    integrals = {"area": bending.area, "bending": bending.energy, "variation": bending.variation}
+    return integrals | {"curvature": bending.curvature, "relative_error": error}
 
 
 def _report(filling: Filling, console: Console) -> None:

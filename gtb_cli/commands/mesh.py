@@ -16,7 +16,7 @@ from gtb_cli.errors import ExportError, GtbError, RequirementError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.meshing import MeshOptions, summary
-from gtb_cli.shell.options import INPUT, OUTPUT, check_outputs, mesh_options, streams_options
+from gtb_cli.shell.options import INPUT, OUTPUT, check_outputs, mesh_options, output_option, reading_streams
 from gtb_cli.shell.several import attempted, inputs_of
 from gtb_cli.shell.streams import (
     Spec,
@@ -65,6 +65,7 @@ class GroupedOptions(click.Command):
 
 @click.command(cls=GroupedOptions)
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
+@output_option
 @mesh_options(*CAD_FORMATS, *CELL_FORMATS)
 @workers_option
 @click.option(
@@ -86,7 +87,7 @@ class GroupedOptions(click.Command):
     help=f"Unit of length of STEP, IGES and 3MF files, {next(iter(UNITS))} without this option; GLB files, which are "
     "in metres, are scaled from it.",
 )
-@streams_options
+@reading_streams
 @watched
 def mesh(
     specs: tuple[str, ...], options: MeshOptions, workers: Workers, manifest: str | None, resume: bool, streams: Streams

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.shell.console import STANDARD
-from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options
 from gtb_cli.shell.options import (
     WholeNumber,
-    console_option,
     numbers_of,
     output_to,
-    reading_option,
+    reading_streams,
     reads,
     resolution_up_to,
     spec_argument,
@@ -112,7 +110,7 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
     type=WholeNumber(1, 1000), help="Segments along each edge of the domain; by default as fine as the figure can show."
 )
 @limit_options
-@gathered("streams", Streams, reading_option, console_option)
+@reading_streams
 def plot(
     spec: str,
     what: str | None,

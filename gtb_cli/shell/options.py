@@ -263,9 +263,10 @@ def _console(quiet: bool) -> Console:
 console_option = gathered("console", _console, click.option("-q", "--quiet", is_flag=True, help="Print only errors."))
 
 
-# Those of commands that make text, of nothing or of a spec; the commands get them as `streams`
+# Those of commands that make text, of nothing or of a spec, or have an -o of their own; all get them as `streams`
 output_options = gathered("streams", Streams, output_option, console_option)
 streams_options = gathered("streams", Streams, output_option, reading_option, console_option)
+reading_streams = gathered("streams", Streams, reading_option, console_option)
 
 
 def spec_from_spec(function: Callable[..., Spec]) -> Function:

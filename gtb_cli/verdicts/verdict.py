@@ -118,12 +118,10 @@ class Verdicts:
         """The verdicts as plain data, ready for ``json.dumps``."""
         if not self.of_folders:
             return self.each[0].record
-        names = {word: [each.name for each in self.each if each.word == word] for word in WORDS}
         return {
             "same": self.status == 0,
             "files": [{"name": each.name, **each.record} for each in self.each if each.word in ("same", "different")],
-            "missing": names["missing"],
-            "extra": names["extra"],
+            **{word: [each.name for each in self.each if each.word == word] for word in ("missing", "extra")},
             "renamed": {each.name: each.renamed for each in self.each if each.word == "missing" and each.renamed},
             "errors": [{"name": each.name, **error_record(error)} for each in self.each for error in each.errors],
         }
