@@ -17,10 +17,11 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
-from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
+from gtb_cli.fairing.energy import Energy, energy_at, torus_samples
 from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as count_folds, sharp_turns
-from gtb_cli.fairing.variation import bendings, variation_matrices
+from gtb_cli.fairing.metric import forms
+from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
@@ -30,7 +31,6 @@ from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.knots.domain import domain
-from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.corners import corner_limits
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
@@ -205,23 +205,23 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
     samples = max(32**2 * min(len(edges), 8), 4 * len(shape.knots))
     resolution = math.ceil(math.sqrt(samples / len(edges)))
     region = domain(shape.knots, "unit")
-    p, areas = energy_samples(region, resolution, NEARER)
+    p, s, areas = torus_samples(region, shape.log_weights, resolution, NEARER, 1.0)
     # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
     depths = np.minimum(_depths(region.vertices, p) / VISIBLE, 1)
     zones = areas * np.stack([depths**16, depths**4])
-    places = MomentMap(shape.knots, shape.log_weights).inverse
-    s = places(p, 1e-6)
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
     measured = partial(bendings, shape.knots, shape.log_weights, s)
     if inner == "fair":
-        matrices = partial(variation_matrices, shape.knots, shape.log_weights, s)
+        matrices = partial(forms, shape.knots, shape.log_weights, orders=(2, 3))
         # The search begins in the metric of the domain.
-        second, third = matrices(zones[0], np.column_stack([shape.knots, np.zeros(len(shape.knots))]))
+        second, third = matrices(s, zones[0], np.column_stack([shape.knots, np.zeros(len(shape.knots))]))
         found = [least(third + 30 / areas.sum() * second)]
         area = measured(zones[0], found)[0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
         # it varies less at the boundary, and more inside.
-        for second, third in matrices(zones, found[0]):
+        seen = depths == 1  # where both weigh alike
+        inside = matrices(s[:, seen], areas[seen], found[0])
+        for second, third in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
             found += [least(third + factor / area * second) for factor in (0, 100, 400)]
         bent, below = measured(zones[0], found), measured(areas, found)
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
@@ -231,9 +231,8 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
         for k in dict.fromkeys((best, 0)):
             yield Patch(shape.knots, found[k], log_weights=shape.log_weights)
     # A thin plate overshoots least; a membrane is what was asked for.
-    p, all_areas = energy_samples(region, resolution)
     kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
-    points = least(energy_at(shape.knots, shape.log_weights, places(p, 1e-6, s), all_areas, kind))
+    points = least(energy_at(shape.knots, shape.log_weights, s, areas, kind))
     yield Patch(shape.knots, points, log_weights=shape.log_weights)
 
 

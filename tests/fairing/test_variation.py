@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.fairing.variation import bendings, linearisation, variation_matrices
+from gtb_cli.fairing.metric import forms
+from gtb_cli.fairing.variation import bendings, linearisation
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.patch import Patch
 
@@ -58,7 +59,7 @@ def test_forms_are_the_integrals_of_the_surface_whose_metric_they_have():
     patch = graph(0.5)
     uneven = Patch(patch.knots, patch.control_points, np.geomspace(1, 3, 16), "binomial")
     where = sampled(uneven)
-    second, third = variation_matrices(*where, uneven.control_points)
+    second, third = forms(*where, uneven.control_points, (2, 3))
     (found,) = bendings(*where, [uneven.control_points])
     points = uneven.control_points
     assert np.einsum("ik,ij,jk->", points, second, points) == pytest.approx(found.energy, rel=1e-9)
@@ -75,7 +76,7 @@ def test_the_third_form_vanishes_on_paraboloids_seen_from_afar():
         patch = bicubic(
             lambda x, y, size=size: np.column_stack([x, y, size * (x * (x - 1 / 3) + y * (y - 1 / 3)) * 1.5])
         )
-        _, third = variation_matrices(*sampled(patch), patch.control_points)
+        (third,) = forms(*sampled(patch), patch.control_points, (3,))
         energies.append(np.einsum("ik,ij,jk->", patch.control_points, third, patch.control_points))
     assert math.log2(energies[1] / energies[0]) == pytest.approx(6, abs=0.1)
 
@@ -97,5 +98,5 @@ def test_the_linearisation_is_that_of_differences():
         np.testing.assert_allclose(2 * slope, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
     for square in squares:
         assert np.linalg.eigvalsh(square).min() > -1e-9 * np.abs(square).max()
-    for matrix, whole in zip(matrices, variation_matrices(*where, uneven.control_points), strict=True):
+    for matrix, whole in zip(matrices, forms(*where, uneven.control_points, (2, 3)), strict=True):
         np.testing.assert_allclose(matrix, whole[np.ix_(members, members)], rtol=1e-9)
