@@ -10,6 +10,7 @@ least variation of curvature: in the metric of the domain, then in that of the s
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -93,7 +94,8 @@ def fill_loop(
     for plan in others:
         if not best.faults and not best.after_others:
             break
-        best = min(best, attempt(*plan), key=lambda found: found[:2])
+        # Later patches of a plan are none better than one without faults.
+        best = min(best, attempt(*plan, None if best.faults else 1), key=lambda found: found[:2])
     patch, turns = best.patch, best.sharp_turns
     ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
     points = patch.control_points * size + middle
@@ -178,17 +180,18 @@ def _attempt(
     fullness: float,
     least: int,
     single: bool,
+    most: int | None = None,
 ) -> _Attempt:
     """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
 
-    Folds are also looked for at the sound corners.
+    Folds are also looked for at the sound corners. At most so many patches are tried.
     """
     edges = [edge_rows(side, n, least) for side, n in zip(sides, normals, strict=True)]
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     found: list[_Attempt] = []
-    for patch in _solved(edges, inner, fullness):
+    for patch in islice(_solved(edges, inner, fullness), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = count_folds(patch) + sum(corner_limits(patch, k).folds for k in sound)
         turns = len(sharp_turns(patch))
