@@ -63,7 +63,7 @@ def blocks(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Iterato
 class Frame(NamedTuple):
     """A surface P at m places, in coordinates X = a x and Y = b x + c y whose metric is the identity.
 
-    `axes` are its (3, m) unit vectors N, P_X and P_Y. `orders` have f_a, f_;ab and f_;abc, by the number of Y: the (3, m)
+    `axes` are its (3, m) unit vectors N, P_X and P_Y. `orders` have f_a, f_;ab and f_;abc, by the number of Y: (3, m)
     of P and then, of T, (10, m) factors of the powers. `space` is the area per area of the domain.
     """
 

@@ -53,17 +53,27 @@ def bendings(
 
     All surfaces have these knots and weights; each has its (n, 3) control points.
     """
-    sums, largest = np.zeros((3, len(surfaces))), np.zeros(len(surfaces))
+    return zone_bendings(knots, log_weights, s, areas[None], surfaces)[0]
+
+
+def zone_bendings(
+    knots: FloatArray, log_weights: FloatArray, s: FloatArray, zones: FloatArray, surfaces: Sequence[FloatArray]
+) -> list[list[Bending]]:
+    """Return the `bendings` for each of (z, m) areas."""
+    sums, largest = np.zeros((len(zones), 3, len(surfaces))), np.zeros(len(surfaces))
     points = np.stack(surfaces, axis=2)
     for block in blocks(knots, log_weights, s):
         found = frame(block, points)
         (xx, xy, yy), (xxx, xxy, xyy, yyy) = found.normal_parts(2), found.normal_parts(3)
         integrands = np.ones_like(xx), xx**2 + 2 * xy**2 + yy**2, ((xxx + xyy) ** 2 + (xxy + yyy) ** 2) / 4
-        sums += (np.stack(integrands) * (areas[block.places] * found.space)).sum(axis=2)
+        sums += np.moveaxis((np.stack(integrands) * found.space) @ zones[:, block.places].T, 2, 0)
         largest = np.maximum(largest, (np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)).max(axis=1))
     return [
-        Bending(area, energy, area * variation, most)
-        for (area, energy, variation), most in zip(sums.T.tolist(), largest.tolist(), strict=True)
+        [
+            Bending(area, energy, area * variation, most)
+            for (area, energy, variation), most in zip(zone.T.tolist(), largest.tolist(), strict=True)
+        ]
+        for zone in sums
     ]
 
 

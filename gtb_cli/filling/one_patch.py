@@ -22,7 +22,7 @@ from gtb_cli.fairing.energy import Energy, energy_at, torus_samples
 from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as count_folds, sharp_turns
 from gtb_cli.fairing.metric import forms
-from gtb_cli.fairing.variation import bendings
+from gtb_cli.fairing.variation import zone_bendings
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
@@ -213,20 +213,20 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
     depths = np.minimum(_depths(region.vertices, p) / VISIBLE, 1)
     zones = areas * np.stack([depths**16, depths**4])
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
-    measured = partial(bendings, shape.knots, shape.log_weights, s)
+    measured = partial(zone_bendings, shape.knots, shape.log_weights, s)
     if inner == "fair":
         matrices = partial(forms, shape.knots, shape.log_weights, orders=(2, 3))
         # The search begins in the metric of the domain.
         second, third = matrices(s, zones[0], np.column_stack([shape.knots, np.zeros(len(shape.knots))]))
         found = [least(third + 30 / areas.sum() * second)]
-        area = measured(zones[0], found)[0].area
+        area = measured(zones[:1], found)[0][0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
         # it varies less at the boundary, and more inside.
         seen = depths == 1  # where both weigh alike
         inside = matrices(s[:, seen], areas[seen], found[0])
         for second, third in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
             found += [least(third + factor / area * second) for factor in (0, 100, 400)]
-        bent, below = measured(zones[0], found), measured(areas, found)
+        bent, below = measured(np.stack([zones[0], areas]), found)
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         power = 0 if any(each.second for each in edges) else BENDING_POWER
         scores = [b.energy**power * b.variation * math.sqrt(d.variation) for b, d in zip(bent, below, strict=True)]
