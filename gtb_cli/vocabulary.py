@@ -1,4 +1,4 @@
-"""Names and limits that commands offer, without numpy."""
+"""What options offer: words, formats with what each holds, percentages, limits, defaults; without numpy."""
 
 import math
 import os
@@ -136,7 +136,8 @@ MAX_FACES = 5_000_000  # largest number of cells of a mesh unless the caller all
 PATCH_COLOURS = ("#8FBCD9", "#F2B48A", "#86CDB5", "#E3B5CE", "#F1CF85", "#AEDBF3", "#C9C9C9", "#E9E39A")
 # Colour maps, by their names in matplotlib: readable in print and with colour-blindness
 COLOUR_MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
-PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "decompositions", "sequence", "distance")
+SHAPE_PICTURES = ("curve", "surface", "stripes")
+PLOT_KINDS = (*SHAPE_PICTURES, "basis", "domain", "decomposition", "decompositions", "sequence", "distance")
 SIZE_LIMITS = ((0.5, 40.0),) * 2  # of a picture, in inches
 CAMERA_LIMITS = ((-360.0, 360.0), (-90.0, 90.0))  # azimuth and elevation in degrees
 STRETCH_LIMITS = ((1e-6, 1e6),) * 3

@@ -9,10 +9,10 @@ import click
 
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, reads, streams_options
+from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, reads, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, read_bytes, shown_input, stem_of, write_blocks, write_json
 from gtb_cli.shell.surface_files import surface_format
-from gtb_cli.vocabulary import CONTINUITIES
+from gtb_cli.vocabulary import CONTINUITIES, percentage
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
@@ -75,6 +75,15 @@ def _kinds(values: tuple[str, ...]) -> dict[str, str]:
 @click.option(
     "--angle", callback=reads(length_of), metavar="DEGREES", help="In a CAD file, keep tangent planes within this."
 )
+@click.option(
+    "--g2-tolerance",
+    callback=reads(lambda text: percentage(text) / 100),
+    default="1%",
+    show_default=True,
+    metavar="PERCENT",
+    help="With g2, the largest difference of curvatures, of the neighbours' largest.",
+)
+@weld_option
 @json_option
 @streams_options
 def fill(
@@ -87,6 +96,8 @@ def fill(
     raises: int | None,
     tolerance: float | None,
     angle: float | None,
+    weld: float | str | None,
+    g2_tolerance: float,
     as_json: bool,
     streams: Streams,
 ) -> None:
@@ -103,7 +114,7 @@ def fill(
 
     Along each side with a ribbon the tangent planes are exact up to rounding. With --continuity g2 so is the curvature:
     that of a neighbour in a model, of a .gbp file of degree 5 or more, or of the strip of a curve, its "ribbon" and its
-    "ribbon2", the third row. Where no polynomial rows have it exactly, the hole is refused.
+    "ribbon2", the third row. Where no polynomial rows have it exactly the nearest are taken, within --g2-tolerance.
 
     A certificate says what was measured: angles between normals along sides, in a model or with g2 also differences of
     curvature; planes and curvature of corners; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its variation), and folds. With
@@ -122,7 +133,7 @@ def fill(
     if kind is None and (tolerance or angle):
         raise click.UsageError("--tolerance and --angle are for an output that is a CAD file, such as -o filled.step")
     data = read_bytes(loop)
-    found, named = read_loop(data, source, streams.reading)
+    found, named = read_loop(data, source, streams.reading, weld)
     with about(source):
         if holes:
             rings = holes_of(found)
@@ -133,7 +144,16 @@ def fill(
                 streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
             return
         name = None if isinstance(found, Model) else named or stem_of(loop)
-        filling = filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness or 1.0, raises=raises)
+        filling = filled(
+            found,
+            hole,
+            name,
+            continuity=continuity,
+            inner=inner,
+            fullness=fullness or 1.0,
+            raises=raises,
+            g2_tolerance=g2_tolerance,
+        )
     if kind is not None and not filling.fault:
         from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
 

@@ -66,7 +66,7 @@ def _kind(found: dict[str, Any]) -> str:
 
 def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool, with_extents: bool) -> dict[str, Any]:
     """Return all that is reported about a spec, or a mesh; unless in full, only the joints that are listed."""
-    from gtb_cli.checks.extents import extents
+    from gtb_cli.checks.areas_and_volumes import extents
     from gtb_cli.models.model import with_weld
 
     if reading != AS_SEEN or suffix_of(spec) in SPEC_FORMATS:

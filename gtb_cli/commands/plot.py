@@ -130,6 +130,7 @@ def plot(
     \b
     curve, surface  with control points and the net of the lifting or, without one, of the lattice;
                     a model's patches have colours of their own, and its open edges are red
+    stripes         what a surface mirrors of a room with parallel lamps: normals, and their kinks at seams
     basis           T_i, or with --unnormalised β_i: over t, or as graphs over the domain
     domain          numbered knots and edges, and weights
     decomposition   cells, λ at the knots, knots in no cell hollow; with --lifted the upper hull

@@ -9,7 +9,7 @@ import click
 
 from gtb_cli.shell.limit_options import heights_option, merge_option, steps_option, x_option
 from gtb_cli.shell.options import spec_argument
-from gtb_cli.shell.sequence_options import SequenceOutput, sequence_options
+from gtb_cli.shell.sequence_folder import SequenceOutput, sequence_options
 from gtb_cli.shell.streams import single
 
 if TYPE_CHECKING:

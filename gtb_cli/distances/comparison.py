@@ -1,4 +1,4 @@
-"""Two things that are meshes, or become meshes, compared: files of meshes, specs, patches and models."""
+"""`diff` and `distance` of any two things: meshes, patches, models, and files of meshes or specs."""
 
 import os
 from bisect import bisect_left

@@ -1,4 +1,4 @@
-"""The fairest control points: descent to the least product of powers of bending and of its variation."""
+"""Descent to the fairest control points: the least product of powers of bending and of its variation."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Curves through points."""
+"""Curves through points, by progressive iterative approximation at the lengths of their polygon."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -24,6 +24,7 @@ from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import CONTINUITIES
 
 
 def fill(
@@ -36,6 +37,7 @@ def fill(
     inner: str = "fair",
     fullness: float = 1.0,
     raises: int | None = None,
+    g2_tolerance: float = 0.01,
     name: str | None = None,
 ) -> Filling:
     """Fill a hole with one patch.
@@ -64,6 +66,9 @@ def fill(
         Smallest number of times that the degree of edges is raised. Default: 2 for a side with a ribbon and 1 for
         others, or one less if the patch folds then, and 4 if edges are not many; with 0, edges stay as they are if an
         exact field is found.
+    g2_tolerance : float
+        Largest difference of curvatures with "g2", of the neighbours' largest; beside rational neighbours the nearest
+        row of knots is taken where none has theirs exactly.
     name : str, optional
         Name of the patch; that of the loop's spec by default.
 
@@ -88,24 +93,24 @@ def fill(
         source = os.fspath(loop)
         found, named = read_loop(read_file(source, MAX_BYTES + 1), source)
         name = name or named
-    return filled(found, hole, name, continuity=continuity, inner=inner, fullness=fullness, raises=raises)
+    return filled(
+        found,
+        hole,
+        name,
+        continuity=continuity,
+        inner=inner,
+        fullness=fullness,
+        raises=raises,
+        g2_tolerance=g2_tolerance,
+    )
 
 
-def filled(
-    found: Sequence[HoleSide] | Model | Part,
-    hole: str | None,
-    name: str | None,
-    *,
-    continuity: str | Mapping[str, str] = "g1",
-    inner: str = "fair",
-    fullness: float = 1.0,
-    raises: int | None = None,
-) -> Filling:
+def filled(found: Sequence[HoleSide] | Model | Part, hole: str | None, name: str | None, **options: Any) -> Filling:
     """Fill a loop of sides, or a hole of a model or a part, with a patch that meets its neighbours as `fill` says.
 
-    The `model` of the filling has the patch, under a name that no other has. Raises `DomainError` as `fill` does.
+    Options are those of `fill_loop`. The `model` of the filling has the patch, under a name that no other has. Raises
+    `DomainError` as `fill` does.
     """
-    options: dict[str, Any] = {"continuity": continuity, "inner": inner, "fullness": fullness, "raises": raises}
     if isinstance(found, Part):
         sides, remarks = found.sides(one_ring(found.rings, hole, "part"))
         filling = filled(sides, None, name, **options)
@@ -144,7 +149,7 @@ def _in_parts(
     sides: Sequence[HoleSide], name: str | None, taken: Sequence[str | None], options: dict[str, Any]
 ) -> Filling:
     """Fill a hole with one patch, or cut it if that has a fault; a loop beside no patches may be cut inside a side."""
-    ordered, remarks = closed(met_with(options["continuity"], sides))
+    ordered, remarks = closed(met_with(options.get("continuity", CONTINUITIES[0]), sides))
 
     def fill_part(part: Sequence[HoleSide]) -> Filling:
         kinds = {side.name: "g1" if side.bend is None else "g2" for side in part}
@@ -203,4 +208,5 @@ def _sides(
                 raise DomainError(f"{key}[{index}]: is the row after a ribbon, and there is none")
             rows.append(points)
     names = [patch_name(curve, index) for index, curve in enumerate(loop)]
-    return [curve_side(*side) for side in zip(loop, found, names, strict=True)]
+    sides = [curve_side(*side) for side in zip(loop, found, names, strict=True)]
+    return [replace(side, weld=loop.weld or 0.0) for side in sides]

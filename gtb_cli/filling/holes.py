@@ -1,6 +1,7 @@
 """Holes: closed rings of open edges, and those of a model as sides with the tangent planes of its patches."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -85,7 +86,7 @@ def model_rings(model: Model) -> list[Ring]:
         knots = patch.domain.edge_knots(edge)[[0, -1]]
         ends.append(patch.control_points[knots if joints.flipped[index] else knots[::-1]])
     names = [edge_name(model.patches, ref) for ref in joints.open]
-    return closed_rings(ends, names, MAX_GAP * float(np.ptp(points, axis=0).max()))
+    return closed_rings(ends, names, max(MAX_GAP * float(np.ptp(points, axis=0).max()), model.weld or 0.0))
 
 
 def ring_sides(model: Model, refs: Sequence[EdgeRef]) -> list[HoleSide]:
@@ -107,4 +108,4 @@ def ring_sides(model: Model, refs: Sequence[EdgeRef]) -> list[HoleSide]:
             side = HoleSide(name, curve, np.cross(tangents, normals), bend, rounding=max(side.rounding, far))
         # The hole's boundary runs in the opposite direction to that of the patch.
         sides.append(side if model.joints.flipped[patch_index] else side.reversed())
-    return sides
+    return [replace(side, weld=model.weld or 0.0) for side in sides]

@@ -1,6 +1,7 @@
 """Holes from files: loops of curves in specs with ribbons, `.gbp` and `.lop`; models; CAD parts."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,23 +14,29 @@ from gtb_cli.importers.nurbs import span_matrices
 from gtb_cli.importers.words import Words
 from gtb_cli.language.loading import parse_loop
 from gtb_cli.language.reading import AS_SEEN, Reading
-from gtb_cli.models.model import Model
+from gtb_cli.models.model import Model, with_weld
 from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import percentage
 
 SUFFIXES = (".gbp", ".lop")
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
-def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> tuple[list[HoleSide] | Model | Part, str | None]:
+def read_loop(
+    data: bytes, source: str, reading: Reading = AS_SEEN, weld: float | str | None = None
+) -> tuple[list[HoleSide] | Model | Part, str | None]:
     """Read a `.gbp` or `.lop` file, by its suffix, a CAD part, or a spec: curves are a loop, with its name.
 
-    Raises `SpecError`, with file and line: the file is too large, has words that are not numbers, or too few or too
-    many numbers; of specs see `gtb_cli.load`; or a ribbon is not valid.
+    A weld, a distance or a percentage, is that of a loop or a model in place of the spec's. Raises `SpecError`, with
+    file and line: the file is too large, has words that are not numbers, or too few or too many numbers; of specs see
+    `gtb_cli.load`; or a ribbon is not valid.
     """
     if reading.spec_format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
-        return loop_from_text(data, source), None
+        return _welded(loop_from_text(data, source), weld), None
     if reading.spec_format is None and (kind := cad_kind(data, source)) is not None:
+        if weld is not None:
+            raise SpecError(f"{source}: is a CAD part, and `weld` is for a loop or a model of patches")
         shape = read_shape(data, kind, source)
         with kernel_faults(source):
             return part_of(shape), None
@@ -37,6 +44,7 @@ def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> tuple[lis
     if isinstance(spec, Patch):
         what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
         raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")
+    spec = with_weld(spec, weld)
     if spec.dimension == 2:
         return spec, None
     names = [patch_name(patch, index) for index, patch in enumerate(spec.patches)]
@@ -44,7 +52,15 @@ def read_loop(data: bytes, source: str, reading: Reading = AS_SEEN) -> tuple[lis
         sides = [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
     except DomainError as error:
         raise SpecError(f"{source}: {error}") from None
-    return sides, spec.name
+    return _welded(sides, spec.weld), spec.name
+
+
+def _welded(sides: list[HoleSide], weld: float | str | None) -> list[HoleSide]:
+    """Return sides whose ends may be moved by a weld, a distance or a percentage of their extent."""
+    if isinstance(weld, str):
+        extent = np.ptp(np.concatenate([side.points for side in sides]), axis=0)
+        weld = percentage(weld) / 100 * float(np.linalg.norm(extent))
+    return [replace(side, weld=weld) for side in sides] if weld else sides
 
 
 def loop_from_text(data: bytes, source: str) -> list[HoleSide]:

@@ -59,6 +59,7 @@ def fill_loop(
     inner: str = "fair",
     fullness: float = 1.0,
     raises: int | None = None,
+    g2_tolerance: float = 0.01,
 ) -> Filling:
     """Fill a hole whose sides are given in any order, with ends that meet; see `gtb_cli.fill` for the options.
 
@@ -103,7 +104,8 @@ def fill_loop(
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
     bends = corner_bends(unit, normals)
     largest = max((np.abs(side.bend).max() for side in unit if side.bend is not None), default=0.0)
-    for k in np.flatnonzero(bends > 1e-6 * largest):  # rounding of what is extrapolated
+    rounding = 1e-9  # of curvatures, of 1 / size: those of flat neighbours
+    for k in np.flatnonzero(bends > 1e-6 * largest + rounding):  # of what is extrapolated
         remarks.append(
             f"{ordered[k - 1].name} and {ordered[k].name}: mean curvatures of their neighbours differ by "
             f"{bends[k] / size:.2g} at their corner"
@@ -117,13 +119,20 @@ def fill_loop(
                 f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply "
                 "there"
             )
+    contacts = tuple(contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True)))
+    for side, found in zip(ordered, contacts, strict=True):
+        if found.bend * size > g2_tolerance * largest + rounding and side.bend is not None:
+            raise DomainError(
+                f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
+                f"{found.bend * size / largest:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
+            )
     return Filling(
         patch,
         ordered,
         bending.scaled(size),
         nearer.scaled(size),
         errors,
-        tuple(contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True))),
+        contacts,
         corner_angles,
         tuple(corner_limits(patch, edge_of(patch, k)) for k in range(len(ordered))),
         best.raises,

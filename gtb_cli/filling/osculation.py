@@ -20,6 +20,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 MIN_CROSSING = 1e-3  # of the mean length of a field: its component across an edge that it crosses
+NEAREST = 1e-2  # relative size of singular values for a row that is not exact: nearer ones are far away
 NULL = 1e-13  # relative size of singular values that are rounding: a field with one of them is in the planes
 
 
@@ -34,9 +35,12 @@ def weight_ratio(degree: int) -> float:
 
 
 def crosses(across: FloatArray) -> bool:
-    """Tell whether a sum of fields, about 1 long on average, crosses an edge everywhere; (f, 96) are components."""
+    """Tell whether a sum of fields crosses an edge everywhere: (f, 96) are components across it of fields about 1 long.
+
+    The sum's is 1 on average. Those of fields along the edge are rounding.
+    """
     factors = np.linalg.lstsq(across.T, np.ones(across.shape[1]), rcond=MIN_CROSSING**2)[0]
-    return bool((factors @ across).min() > MIN_CROSSING)
+    return bool((factors @ across).min() > MIN_CROSSING and np.abs(across).max() > MIN_CROSSING**2)
 
 
 def fields_by_height(values: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -116,8 +120,10 @@ class SecondRow:
         Factors of the given fields in each of the `fields`.
     """
 
-    def __init__(self, rim: Rim, curve: FloatArray, fields: list[FloatArray], bend: FloatArray) -> None:
-        near_null = 1e-9  # of rows with data rounded in files: multiples of these would be large
+    def __init__(
+        self, rim: Rim, curve: FloatArray, fields: list[FloatArray], bend: FloatArray, near_null: float = 1e-9
+    ) -> None:
+        # Rows below `near_null` are left out: multiples of them would be large, with data rounded in files.
         self.curve, self.fields, self.sums, self._rim, self._bend = curve, fields, np.eye(len(fields)), rim, bend
         t = stations()
         values, rates = bernstein(rim.degree - 1, t), (rim.degree - 1) * bernstein(rim.degree - 2, t)
@@ -205,12 +211,14 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
     """Return fields in the planes, and the row 2 that all of their sums have exactly, for the fewest raises.
 
     A field of degree e has a row 2 for some degrees m > e: of polynomial strips for m ≥ 2 e + 2 less the degree of the
-    side. Raises `DomainError` if there is none for any of these counts.
+    side. If none is exact, it is the nearest. Raises `DomainError` if no field crosses the edge.
     """
     exact = 1e-11  # of the terms of II, which are 100 times larger than their sum where sides are long and narrow
     assert side.bend is not None
     t, step = stations(), len(side.multiplier) - 1
     trial = np.random.default_rng(0)
+    rounding, enough = 1e-9, 1e-3  # of curvatures of a patch, from its derivatives; nearer rows need more knots
+    near = list[tuple[float, SecondRow]]()
     for count in counts:
         curve = raised(side.curve, count, side.multiplier)
         rim, most = Rim.of(curve, normals), len(curve) - 2
@@ -227,10 +235,22 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
             found = [raised(field, power, side.multiplier) for field in fields[height <= NULL]]
             if not found:
                 continue
-            second = SecondRow(rim, curve, [raised(field, most - degree) for field in found], side.bend)
-            if second.crosses() and second.shifts(trial.normal(size=len(found)))[2] <= exact:
+            rows, factors = [raised(field, most - degree) for field in found], trial.normal(size=len(found))
+            second = SecondRow(rim, curve, rows, side.bend)
+            if not second.crosses():
+                continue
+            error = second.shifts(factors)[2]
+            if error <= exact:
                 return second
+            if error > rounding:
+                second = SecondRow(rim, curve, rows, side.bend, NEAREST)
+                error = second.shifts(factors)[2]
+            near.append((rounding if error <= rounding else max(error, enough), second))
+        if near and min(error for error, _ in near) == rounding:
+            break
+    if near:
+        return min(near, key=lambda each: each[0])[1]
     raise DomainError(
-        f"{side.name}: no row of knots of degree up to {most} has its neighbour's curvature exactly, as there mostly "
-        "is beside Bézier patches of degree 4 or less: take continuity g1"
+        f"{side.name}: no polynomial field of degree up to {most} follows its tangent planes and crosses it, as is "
+        "needed for its neighbour's curvature: take continuity g1"
     )

@@ -10,6 +10,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.errors import DomainError
+from gtb_cli.models.openings import above
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -17,6 +18,7 @@ from gtb_cli.values import frozen
 MAX_DEGREE = 20  # of a side after gaps between its knots are filled: its coefficients span six digits
 STEP_TOLERANCE = 1e-9  # of a curve's length: knots typed or computed rounded are off equal steps
 MAX_GAP = 1e-5  # between neighbouring sides, of the loop's size: files with six decimals count as closed
+NEAR = 0.02  # of the loop's size: ends that are farther apart were not meant to meet
 POINT_SIZE = 1e-9  # of the loop's size: a side as small is a point
 
 
@@ -29,6 +31,7 @@ class HoleSide:
     tangent × across as the normal; NaN where there is none. None: these are not known. `strip` has the first
     and the second derivative across of a polynomial neighbour along a polynomial side, as Bézier points (m + 1, 3).
     `spline` is the B-spline of which it is a piece. Fields with normal components below `rounding` are in the planes.
+    Ends that are up to `weld` apart are moved together.
     """
 
     name: str
@@ -38,6 +41,7 @@ class HoleSide:
     strip: tuple[FloatArray, FloatArray] | None = None
     spline: str | None = None
     rounding: float = 1e-13  # of sums of some dozen terms
+    weld: float = 0.0
 
     @property
     def degree(self) -> int:
@@ -89,6 +93,7 @@ class HoleSide:
             curve=np.hstack([(self.curve[:, :3] - self.curve[:, 3:] * middle) / size, self.curve[:, 3:]]),
             bend=None if self.bend is None else self.bend * size,
             strip=None if self.strip is None else (self.strip[0] / size, self.strip[1] / size),
+            weld=self.weld / size,
         )
 
     def reversed(self) -> "HoleSide":
@@ -231,7 +236,7 @@ def edge_normals(patch: Patch, edge: int, t: FloatArray) -> FloatArray:
 
 
 def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
-    """Put sides in order, so that each begins where the one before ends, and close gaps due to rounding.
+    """Put sides in order, so that each begins where the one before ends, and close gaps due to rounding or in the weld.
 
     Return them without those that are points, and remarks that say so. Raises `DomainError` if they do not close, or
     are fewer than three.
@@ -239,6 +244,7 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     size = float(np.ptp(np.concatenate([side.points for side in sides]), axis=0).max()) if sides else 0.0
     if not size > 0:
         raise DomainError("loop: has no extent")
+    most = max(MAX_GAP * size, *(side.weld for side in sides))
     remarks, left = [], []
     for side in sides:
         if np.ptp(side.points, axis=0).max() <= POINT_SIZE * size:
@@ -251,33 +257,56 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     chain, turned = [left.pop(0)], []
     while left:
         gaps = np.array([np.linalg.norm(side.ends - chain[-1].ends[1], axis=1) for side in left])
-        k, flip = (0, 0) if gaps[0, 0] <= MAX_GAP * size else divmod(int(gaps.argmin()), 2)
-        if gaps.min() > MAX_GAP * size >= np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1]):
+        k, flip = (0, 0) if gaps[0, 0] <= most else divmod(int(gaps.argmin()), 2)
+        if gaps.min() > most >= np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1]):
             names = ", ".join(side.name for side in left)
             raise DomainError(f"loop: is closed without {names}: islands and guides inside a hole are not taken")
-        _check_gap(float(gaps[k, flip]), size, chain[-1], left[k])
+        _check_gap(float(gaps[k, flip]), most, size, chain[-1], left[k])
         side = left.pop(k)
         if flip:
             turned.append(side.name)
         chain.append(side.reversed() if flip else side)
     if turned:
         remarks.append(f"{', '.join(turned)}: run through from the other end")
-    _check_gap(float(np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1])), size, chain[-1], chain[0])
+    _check_gap(float(np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1])), most, size, chain[-1], chain[0])
     for (i, side), (j, other) in combinations(enumerate(chain), 2):
         if np.linalg.norm(side.ends[0] - other.ends[0]) <= MAX_GAP * size and 1 < j - i < len(chain) - 1:
             at = ", ".join(f"{x:.6g}" for x in side.ends[0])
             raise DomainError(f"loop: passes ({at}) twice, before {side.name} and {other.name}: fill each part alone")
-    curves = [side.curve.copy() for side in chain]
-    worst = 0.0
-    for i in range(len(curves)):
-        end, start = curves[i - 1][-1, :3], curves[i][0, :3]
-        worst = max(worst, float(np.abs(end - start).max()))
-        curves[i - 1][-1, :3] = curves[i][0, :3] = (end + start) / 2
+    starts, ends = np.moveaxis(np.array([side.ends for side in chain]), 1, 0)
+    corners = (starts + np.roll(ends, 1, axis=0)) / 2
+    worst = 2 * float(np.abs(corners - starts).max())
+    met = [
+        _moved(*each, worst > MAX_GAP * size) for each in zip(chain, corners, np.roll(corners, -1, axis=0), strict=True)
+    ]
     if worst > POINT_SIZE * size:
         remarks.append(f"ends of sides are moved by up to {worst / 2:.2g}, so that they meet")
-    return tuple(replace(side, curve=curve) for side, curve in zip(chain, curves, strict=True)), remarks
+    if worst > MAX_GAP * size and (
+        turns := [_turn(*pair) for pair in zip(chain, met, strict=True) if pair[0].across is not None]
+    ):
+        remarks[-1] += f", which turns the planes along them by up to {max(turns):.2g}°"
+    return tuple(met), remarks
 
 
-def _check_gap(gap: float, size: float, side: HoleSide, following: HoleSide) -> None:
-    if gap > MAX_GAP * size:
-        raise DomainError(f"loop: is not closed, {side.name} ends {gap:.3g} from the nearest end, {following.name}'s")
+def _moved(side: HoleSide, start: FloatArray, end: FloatArray, evenly: bool) -> HoleSide:
+    """Return a side with other ends; all its points go with them, less and less, if they are moved `evenly`."""
+    curve, fade = side.curve.copy(), np.linspace(1, 0, len(side.curve))[:, None]
+    if evenly:
+        moves = fade * (start - side.ends[0]) + fade[::-1] * (end - side.ends[1])
+        curve[:, :3] += curve[:, 3:] * moves
+    curve[0, :3], curve[-1, :3] = start, end
+    return replace(side, curve=curve)
+
+
+def _turn(side: HoleSide, moved: HoleSide) -> float:
+    """Return the largest angle, in degrees, by which the planes along a side turn where its curve is moved."""
+    sines = np.linalg.norm(np.cross(side_normals(side), side_normals(moved)), axis=1)
+    return float(np.degrees(np.arcsin(min(sines.max(), 1.0))))
+
+
+def _check_gap(gap: float, most: float, size: float, side: HoleSide, following: HoleSide) -> None:
+    if gap > most:
+        near = f", `weld` {above(gap)} joins them" if gap <= NEAR * size else ""
+        raise DomainError(
+            f"loop: is not closed, {side.name} ends {gap:.3g} from the nearest end, {following.name}'s{near}"
+        )

@@ -6,6 +6,7 @@ curve (tangent distance minimisation; W. Wang, H. Pottmann and Y. Liu, Fitting B
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -40,7 +41,8 @@ def single_curves(sides: Sequence[HoleSide]) -> tuple[list[HoleSide], list[str]]
         for k, (points, _, _) in enumerate(curves):
             curve = np.vstack([ends[k], points[1:-1] * size + start, ends[k + 1]])
             label = name if len(curves) == 1 else f"{name} part {k}"
-            found.append(HoleSide(label, np.column_stack([curve, np.ones(len(curve))])))
+            whole = np.column_stack([curve, np.ones(len(curve))])
+            found.append(replace(group[0], name=label, curve=whole, spline=None))
         distance = f"up to {max(distance for _, distance, _ in curves) * size:.3g} from its B-spline"
         if len(curves) == 1:
             remarks.append(f"{name}: one curve of degree {len(curve) - 1}, {distance}")

@@ -24,7 +24,7 @@ class Imported(NamedTuple):
 
 # Formats and the modules of their readers, imported when they are needed: each gives patches and remarks on what is
 # left out; its `SpecError` says what a file has wrong, and where
-READERS = {"trp": "trp", **dict.fromkeys(("bv", "bpt", "bzr"), "bezierview"), **dict.fromkeys(CAD_FORMATS, "cad_files")}
+READERS = {"trp": "trp", **dict.fromkeys(("bv", "bpt", "bzr"), "bv_bpt_bzr"), **dict.fromkeys(CAD_FORMATS, "cad_files")}
 
 
 def import_file(path: str | os.PathLike[str], format: str | None = None) -> Imported:

@@ -1,4 +1,4 @@
-"""Single values of a spec: numbers, expressions, words and names, with a fault for each wrong one."""
+"""Keys and single values of a spec: a fault for each wrong one, and the key or word that was probably meant."""
 
 import math
 import re

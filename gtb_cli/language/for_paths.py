@@ -1,4 +1,4 @@
-"""Functions of the wings below that take the path of a spec as well: these are the public ones."""
+"""Public functions of the wings below, made to take the path of a spec in place of a patch or model."""
 
 from gtb_cli.language.spec_paths import SpecPath, loaded, of_patch
 from gtb_cli.models.joints import Joints

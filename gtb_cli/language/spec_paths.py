@@ -1,4 +1,4 @@
-"""Functions of a patch or a model that take the path of its spec file as well."""
+"""How a function of a patch or model is made to take the path of its spec file as well."""
 
 import os
 from collections.abc import Callable

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from gtb_cli.vocabulary import percentage
 
 if TYPE_CHECKING:
     from gtb_cli.models.seams import Seam
+
+Shape = TypeVar("Shape", Patch, "Model", "Patch | Model")
 
 
 @by_value
@@ -106,7 +108,7 @@ def joints_of(shape: Patch | Model) -> Joints:
     return shape.joints if isinstance(shape, Model) else unjoined(shape)
 
 
-def with_weld(shape: Patch | Model, weld: float | str | None) -> Patch | Model:
+def with_weld(shape: Shape, weld: float | str | None) -> Shape:
     """Return a model with another weld, in model units or as a percentage of its size; else the shape as it is."""
     if weld is None or not isinstance(shape, Model):
         return shape

@@ -56,7 +56,7 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
     """Say how two near curves differ or, without a distance, two with the same ends; return None if all differs."""
     turned = min((other, other.reversed()), key=lambda curve: float(np.abs(one.ends - curve.ends).max()))
     if not np.abs(one.ends - turned.ends).max() <= tolerance:
-        return f"{distance or 0.0:.3g} from {{}}, `weld` {_above(distance or 0.0)} joins them"
+        return f"{distance or 0.0:.3g} from {{}}, `weld` {above(distance or 0.0)} joins them"
     count = len(one.points)
     if count == len(turned.points):
         if np.abs(one.points - turned.points).max() <= tolerance:
@@ -72,10 +72,10 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
     if distance is None:  # such as the two halves of a round opening
         return None
     counts = "" if count == len(turned.points) else f" ({count} control points against {len(turned.points)})"
-    return f"same ends as {{}}, but curves{counts} up to {distance:.3g} apart, `weld` {_above(distance)} joins them"
+    return f"same ends as {{}}, but curves{counts} up to {distance:.3g} apart, `weld` {above(distance)} joins them"
 
 
-def _above(distance: float) -> str:
+def above(distance: float) -> str:
     """Write a round number above a distance."""
     exponent = np.floor(np.log10(distance)) if distance > 0 else -9
     digit = np.ceil(1.05 * distance / 10.0**exponent)

@@ -1,1 +1,1 @@
-"""Figures for print, and films as GIF, drawn by matplotlib."""
+"""Figures for print, and animated GIFs, drawn by matplotlib."""

@@ -1,4 +1,4 @@
-"""Films: figures of one size, one after the other, as an animated GIF."""
+"""Animated GIFs: figures of one size, one after the other."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_fra
 from gtb_cli.plots.plates import draw_all_decompositions
 from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import PLOT_KINDS
+from gtb_cli.vocabulary import PLOT_KINDS, SHAPE_PICTURES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +64,8 @@ def plot(
     ax : matplotlib.axes.Axes, optional
         Where to draw. Default: axes of a new figure, ``ax.figure``, without a window. Axes of a surface get limits and
         an aspect that suit it, and show no numbers; they are not axes of `mpl_toolkits.mplot3d`.
-    what : {"curve", "surface", "basis", "domain", "decomposition", "decompositions", "sequence", "distance"}, optional
+    what : str, optional
+        "curve", "surface", "stripes", "basis", "domain", "decomposition", "decompositions", "sequence" or "distance".
         Default: a curve or a surface, or with `x` or `merge` a "sequence". A sequence, the "distance" from its limit,
         all "decompositions", several functions of the "basis" of a surface and variants of a surface make a figure of
         their own, the first of whose axes are returned.
@@ -142,11 +143,14 @@ def _check(thing: Patch | Model | Mesh, picture: Picture) -> None:
         if what not in ("sequence", "distance") and not (what == "decomposition" and name == "lifting"):
             cells_too = "decomposition, " if name == "lifting" else ""
             raise DomainError(f"`{name}` is for `what` {cells_too}sequence and distance")
-    if what in ("curve", "surface") and kind != what:
-        raise DomainError(f"is a {kind}, and has no picture as a {what}: expected `what` {kind}")
-    if what not in ("curve", "surface") and isinstance(thing, Model):
+    if what in SHAPE_PICTURES and (kind == "curve") != (what == "curve"):
+        other = "surface" if kind == "curve" else "curve"
+        raise DomainError(f"is a {kind}, and `what` {what} is for a {other}: expected `what` {kind}")
+    if what not in SHAPE_PICTURES and isinstance(thing, Model):
         raise DomainError(f"is a model of {len(thing.patches)} patches, and `what` {what} is for one")
-    if vary is not None and (what not in ("curve", "surface", "basis") or not isinstance(thing, Patch)):
+    if look.curvature is not None and what == "stripes":
+        raise DomainError("`curvature` is for `what` surface, and this is stripes")
+    if vary is not None and (what not in (*SHAPE_PICTURES, "basis") or not isinstance(thing, Patch)):
         raise DomainError("`vary` is for a single curve or surface, or its basis")
 
 
@@ -172,9 +176,9 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
             if what == "basis":
                 draw_bases(lambda titles: panels(figure, titles), variants, _with_index(look, vary), names)
             else:
-                draw_surfaces(panels(figure, names), variants, look)
+                draw_surfaces(panels(figure, names), variants, look, stripes=what == "stripes")
         else:
-            in_space = isinstance(thing, Mesh) or what == "surface"
+            in_space = isinstance(thing, Mesh) or what in ("surface", "stripes")
             in_space |= _is_surface(thing) and (what == "basis" or (what == "decomposition" and look.lifted))
             if what == "curve" and not isinstance(thing, Mesh):
                 in_space = not is_flat([patch.control_points for patch in thing.patches])
@@ -194,8 +198,8 @@ def _draw_on(ax: Axes, thing: Patch | Model | Mesh, picture: Picture) -> None:
     what, look, approach, vary = picture
     if isinstance(thing, Mesh):
         draw_mesh(ax, thing, look)
-    elif what == "surface":
-        draw_surfaces([ax], [thing], look)
+    elif what in ("surface", "stripes"):
+        draw_surfaces([ax], [thing], look, stripes=what == "stripes")
     elif what == "curve" and vary is None:
         draw_curves(ax, thing.patches, look)
     elif isinstance(thing, Patch):

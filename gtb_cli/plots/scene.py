@@ -31,7 +31,8 @@ class ShadedTriangles:
     """(k, 3) triangles of (m, 3) vertices, with (m, 3) unit normals, without which all are equally bright.
 
     Each has a colour, red, green and blue of (k, 3), unless there are (m,) `scalars`: numbers at the vertices, from 0
-    to 1 on the map `colour_map`.
+    to 1 on the map `colour_map`; or with `stripes` mirrors a room with parallel lamps on its ceiling, which shows
+    normals: stripes go on where two surfaces have the same normals, and bend where their curvature differs.
     """
 
     vertices: FloatArray
@@ -40,6 +41,7 @@ class ShadedTriangles:
     colours: FloatArray
     scalars: FloatArray | None = None
     colour_map: str = "cividis"
+    stripes: bool = False
 
 
 @frozen
@@ -238,6 +240,8 @@ def _shaded(surface: ShadedTriangles, camera: Camera, raster: Raster) -> FloatAr
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         away = normals[:, 2] < 0
         normals = np.where(away[:, None], -normals, normals)
+        if surface.stripes:
+            return _on(raster, np.repeat(_striped(normals)[:, None], 3, axis=1))
         halfway = light + np.array([0.0, 0.0, 1.0])
         halfway /= np.linalg.norm(halfway)
         ambient = 0.5 if surface.scalars is None else map_brightness
@@ -245,8 +249,22 @@ def _shaded(surface: ShadedTriangles, camera: Camera, raster: Raster) -> FloatAr
         bright *= np.where(away, back_brightness, 1.0)
         shine = 0.2 * np.clip(normals @ halfway, 0, None) ** 28 * np.where(away, 0.3, 1.0)
         base = base * bright[:, None] + shine[:, None]
+    return _on(raster, base)
+
+
+def _striped(normals: FloatArray) -> FloatArray:
+    """(p,) brightness of mirrors in a room with lamps, by (p, 3) unit normals: to the right, upwards, to the eye."""
+    lamps = 4.0  # between the ceiling and the horizon
+    upwards = np.clip(2 * normals[:, 2] * normals[:, 1], -1, 1)  # of the mirrored direction of the eye
+    place = lamps * np.arccos(upwards) / (np.pi / 2)
+    return np.asarray(np.where(np.abs(place % 1 - 0.5) > 0.25, 0.92, 0.16) * (0.75 + 0.25 * normals[:, 2]))
+
+
+def _on(raster: Raster, colours: FloatArray) -> FloatArray:
+    """(height, width, 4) image, opaque where (p, 3) colours are."""
+    covered = raster.triangle >= 0
     image = np.zeros((*raster.triangle.shape, 4))
-    image[covered, :3] = base.clip(0, 1)
+    image[covered, :3] = colours.clip(0, 1)
     image[covered, 3] = 1
     return image
 

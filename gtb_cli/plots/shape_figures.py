@@ -44,20 +44,24 @@ def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[s
     view.triad()
 
 
-def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: Look) -> None:
-    """Draw surfaces, or the patches of models, shaded by their exact normals, each on axes of its own."""
+def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: Look, *, stripes: bool = False) -> None:
+    """Draw surfaces, or the patches of models, shaded by their exact normals, each on axes of its own.
+
+    With `stripes` they reflect lamps, and only their open edges are drawn: a line would hide what a seam does to them.
+    """
     surfaces = []
     for ax, shape in zip(axes, shapes, strict=True):
-        fine = look.resolution or (16 if len(shape.patches) > 4 else 64)  # segments of each edge
+        fine = look.resolution or (16 if len(shape.patches) > 4 else 64) * (2 if stripes else 1)  # segments of an edge
         mesh = tessellate(shape, fine, parametrization="linear").split
-        surface = surface_of(mesh, len(shape.patches))
+        surface = replace(surface_of(mesh, len(shape.patches)), stripes=stripes)
         surfaces.append(surface if look.curvature is None else _by_curvature(ax, shape, mesh, surface, look))
-    with_net = look.draws_net(len(shapes[0].patches))
+    with_net = bool(look.net) if stripes else look.draws_net(len(shapes[0].patches))
     points = [patch.control_points for shape in shapes for patch in shape.patches] if with_net else []
     for view, shape in zip(space_views(axes, look.camera, surfaces, points), shapes, strict=True):
         shared, free = borders(shape)
-        view.lines(shared, width=0.9)
-        if isinstance(shape, Model):
+        if not stripes:
+            view.lines(shared, width=0.9)
+        if isinstance(shape, Model) and not stripes:
             view.lines(free, colour=OPEN, width=2.0, hidden=HIDDEN_STRENGTH, order=4)
         else:
             view.lines(free, width=1.2, hidden=HIDDEN_STRENGTH)

@@ -1,4 +1,4 @@
-"""Work shared among processes."""
+"""Work shared among the processes of `-j`: results in order, and an error if a process is killed."""
 
 from __future__ import annotations
 

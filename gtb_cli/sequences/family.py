@@ -17,7 +17,7 @@ from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.joints import Joint, Joints, unjoined
-from gtb_cli.sequences.membranes import film_mesh
+from gtb_cli.sequences.film_meshes import film_mesh
 from gtb_cli.tessellation.complexes import Complex, alone, coarse_complexes, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler

@@ -1,4 +1,4 @@
-"""Messages and progress on standard error."""
+"""Errors, warnings, notes and progress on standard error: as text, as JSON, or as annotations of GitHub."""
 
 import os
 import sys

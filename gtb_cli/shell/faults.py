@@ -1,4 +1,4 @@
-"""Errors of any kind as faults: what is said in the words of the command line, and where it is."""
+"""Exceptions of any kind as faults: a message in the words of the command line, with its file, line and key."""
 
 import errno
 import os
@@ -52,6 +52,7 @@ def in_options(message: str) -> str:
         "fit": "gtb fit",
         "hole": "--hole EDGE",
         "let": "--set",
+        "g2_tolerance": "--g2-tolerance",
         "lifting": "--lifting",
         "max_degree": "max_degree in Python",
         "max_faces": "--max-faces",

@@ -1,4 +1,4 @@
-"""Options that ask for a degeneration or a knot limit: x, lifting, merge and steps."""
+"""`-x`, `--lifting`, `--merge` and `--steps`: the options that ask for a degeneration or a knot limit."""
 
 from __future__ import annotations
 

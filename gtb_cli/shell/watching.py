@@ -1,4 +1,4 @@
-"""Files that are followed: `gtb mesh --watch` makes its meshes again when they change."""
+"""Files that `--watch` follows: whether they have changed, and `gtb mesh`, which then makes its meshes again."""
 
 import functools
 import os

@@ -1,4 +1,4 @@
-"""The workers that take several specs: this process, several processes, or a cluster."""
+"""`-j` and `--cluster`: several specs, each done by this process, by one of several processes, or on a cluster."""
 
 from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple, TypeVar

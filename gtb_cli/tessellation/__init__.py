@@ -1,1 +1,1 @@
-"""Patch or model to mesh: recipes, subdivision within a tolerance, welding, attributes, requirements."""
+"""Patch or model to mesh: recipes, cells joined along edges, refinement within a tolerance, welding, requirements."""

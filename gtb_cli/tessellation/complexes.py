@@ -1,4 +1,4 @@
-"""A cell complex over the domains of one or several patches, joined along shared edges."""
+"""A cell complex over the domains of one or several patches, which have the same vertices along shared edges."""
 
 from __future__ import annotations
 

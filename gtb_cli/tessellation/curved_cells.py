@@ -1,4 +1,4 @@
-"""Quadratic cells through points of surfaces and curves: where these have no exact cells, and for fields on them."""
+"""Cells for ParaView: exact Bézier cells where a shape has them, else quadratic ones, which also carry attributes."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Patches and models to meshes: uniform, or to a tolerance; patches that share edges are welded."""
+"""Patches and models to meshes, uniform or within a tolerance: joined, refined and welded by the rooms beside."""
 
 import math
 import os

@@ -1,1 +1,1 @@
-"""The paper, in its order: weights, basis, parametrisations, patch, edges; then normals, curvature, integrals."""
+"""The paper, in its order: weights, basis, parametrisations, patch, edges; then normals, curvature, quadrature."""

@@ -2,6 +2,7 @@
 
 import random
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from gtb_cli.filling.sides import loop
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
+from tests.filling.loops import random_sides
 from tests.filling.test_one_patch import CUP, HERE, PLANES, TRIANGLE
 from tests.marks import long, mostly_long
 from tests.solids.test_rims import walls
@@ -53,6 +55,38 @@ def test_fill_takes_files_and_models(tmp_path):
         gtb_cli.fill(triangle(), [None])
     with pytest.raises(DomainError, match=r"ribbons\[1\]: expected shape \(2, 3\), got \(3, 3\)"):
         gtb_cli.fill(triangle(), [None, np.eye(3), None])
+
+
+def test_a_weld_closes_a_hole_between_patches_that_are_apart():
+    # Three walls of a pyramid without its tip, each moved by itself
+    moved = [
+        wall.replace(control_points=wall.control_points + shift)
+        for wall, shift in zip(walls([(3, 0), (2, 0), (2, 1)], 3), 1e-3 * np.eye(3), strict=True)
+    ]
+    with pytest.raises(DomainError, match="hole: the model has 3"):  # each wall by itself
+        gtb_cli.fill(Model(moved))
+    filling = gtb_cli.fill(Model(moved, weld=0.01), hole="patches[0] edge 2", raises=1)
+    (said,) = (remark for remark in filling.remarks if "are moved" in remark)
+    turned = float(said.rpartition("by up to ")[2].removesuffix("°"))
+    assert filling.model is not None
+    model = filling.model
+    assert all(ref[0] < 3 for ref in model.joints.open)
+    seams = [seam.angle for seam in model.seams if 3 in (seam.first[0], seam.second[0])]
+    assert len(seams) == 3
+    assert max(seams) == pytest.approx(turned, rel=0.1)
+
+
+def test_points_of_a_side_go_with_its_ends():
+    apart = [
+        replace(side, weld=0.1, curve=side.curve + np.append(shift, 0))
+        for side, shift in zip(random_sides(4, 0), 0.01 * np.eye(4)[:, :3], strict=True)
+    ]
+    met, _ = loop(apart)
+    for old, new in zip(apart, met, strict=True):
+        moves = new.points - old.points
+        share = np.linspace(0, 1, len(moves))[:, None]
+        assert moves == pytest.approx((1 - share) * moves[0] + share * moves[-1], abs=1e-12)
+        assert np.linalg.norm(moves[[0, -1]], axis=1).min() > 1e-3
 
 
 @pytest.mark.parametrize(

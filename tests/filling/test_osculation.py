@@ -9,8 +9,10 @@ from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.filling.certificate import Filling, bend_inside, edge_of
 from gtb_cli.filling.fill import fill
+from gtb_cli.filling.holes import ring_sides
 from gtb_cli.filling.one_patch import fill_loop
-from gtb_cli.filling.sides import HoleSide, bernstein, edge_places
+from gtb_cli.filling.osculation import osculating, patch_bend
+from gtb_cli.filling.sides import HoleSide, bernstein, edge_places, side_normals, stations
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.models.model import Model
 from gtb_cli.theory.curvature import curvatures_at
@@ -121,6 +123,41 @@ def test_what_is_not_known_is_said() -> None:
     bend[0] = np.nan
     with pytest.raises(DomainError, match=r"^side 1: its neighbour has no finite curvature near t = 0.000"):
         fill_loop([found[0], replace(found[1], bend=bend), *found[2:]], continuity="g2")
+
+
+WAVES = 0.1 * np.cos(30 * np.arccos(1 - 2 * stations()))  # of a curvature that no row of knots has
+
+
+@pytest.mark.parametrize("bound", mostly_long([0.01, 1]))
+def test_a_row_that_is_nearest_is_measured_and_bounded(bound: float) -> None:
+    given = sides(strips(3, 1, 2))
+    found = [replace(given[0], bend=given[0].bend + WAVES, strip=None), *given[1:]]
+    options = {"continuity": {"": "g1", "side 0": "g2"}, "raises": 0, "g2_tolerance": bound}
+    if bound < 0.1:
+        with pytest.raises(
+            DomainError, match=r"^side 0: the nearest row .* off its neighbour's, \d+\.\d% of the largest"
+        ):
+            fill_loop(found, **options)
+        return
+    filling = fill_loop(found, **options)
+    assert filling.angle < 1e-9
+    own = patch_bend(filling.patch, edge_of(filling.patch, 0), filling.sides[0].curve, side_normals(filling.sides[0]))
+    assert filling.contacts[0].bend == pytest.approx(np.abs(own - filling.sides[0].bend).max(), rel=1e-6)
+    assert 0.05 < filling.contacts[0].bend < 0.2
+
+
+def test_a_row_is_exact_to_the_rounding_of_its_neighbours_curvature() -> None:
+    """Beside a bent patch of a sphere, no row is exact to 1e-11 of its terms: curvatures come from derivatives."""
+    h = 0.25
+    arc = np.array([[np.cos(h), -np.sin(h)], [1 / np.cos(h), 0], [np.cos(h), np.sin(h)]])
+    grid = [(i, j) for i in range(3) for j in range(3)]
+    points = np.array([[arc[j, 0] * arc[i, 0], arc[j, 0] * arc[i, 1], arc[j, 1]] for i, j in grid])
+    points += np.array([0.08, 0.1, 0.07]) * np.sin(2 * points[:, [1, 2, 0]] + 1)
+    weights = [np.cos(h) ** ((i == 1) + (j == 1)) for i, j in grid]
+    neighbour = Patch(grid, points, weights, [(1 + (i == 1)) * (1 + (j == 1)) for i, j in grid])
+    (side,) = ring_sides(Model([neighbour]), [(0, 1)])
+    second = osculating(side, side_normals(side), range(1, 4))
+    assert second.shifts(np.random.default_rng(1).normal(size=len(second.fields)))[2] < RELATIVE
 
 
 @long

@@ -116,6 +116,43 @@ def test_curvature_has_a_scale_with_zero_in_its_middle():
     assert low == -high == -3.0
 
 
+QUARTER_PIPE = """\
+knots = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]]
+weights = [1, "sqrt(2)", 1, 1, "sqrt(2)", 1]
+control_points = [[0, -1, 0], [0, -1, 1], [0, 0, 1], [2, -1, 0], [2, -1, 1], [2, 0, 1]]
+"""
+
+
+def test_stripes_are_lamps_in_a_mirror(tmp_path):
+    spec = tmp_path / "pipe.toml"
+    spec.write_text(QUARTER_PIPE, encoding="utf-8")
+    image = png(spec, "--what", "stripes", "--camera=-90,0", "--size", "4,3", "--dpi", "300", "-n", "64")
+    column = image[:, 600, 0].astype(int)
+    high, low = np.flatnonzero(column < 250)[[0, -1]]
+    assert low - high > 100
+    inside = column[high + 6 : low - 5] > 100  # without the outline, which covers the uppermost dark stripe
+    starts, ends = np.flatnonzero(np.diff(inside.astype(int)))[:14].reshape(7, 2).T
+    heights = (low - (high + 6 + (starts + ends) / 2)) / (low - high)
+    # A normal that rises by a mirrors what is 90° - 2a from the zenith, where each eighth of 90° has a lamp.
+    turned = np.radians(90 * np.arange(7, 0, -1) / 8)
+    assert np.abs(heights - (np.sin(turned - np.pi / 64) + np.sin(turned + np.pi / 64)) / 2).max() < 0.01
+
+
+def test_no_line_hides_a_seam_of_stripes(tmp_path):
+    flat = tmp_path / "flat.toml"
+    flat.write_text(
+        "".join(
+            f"[[patches]]\nknots = [[0, 0], [1, 0], [0, 1], [1, 1]]\n"
+            f"control_points = [[{x}, 0, 0], [{x + 1}, 0, 0], [{x}, 1, 0], [{x + 1}, 1, 0]]\n"
+            for x in (0, 1)
+        ),
+        encoding="utf-8",
+    )
+    inside = png(flat, "--what", "stripes", "--camera", "-90,90", *SMALL)[45:63, 30:114]
+    assert len(np.unique(inside)) == 1
+    assert len(np.unique(png(flat, "--what", "surface", "--camera", "-90,90", *SMALL)[45:63, 30:114])) > 1
+
+
 def test_variants_have_a_legend_in_the_plane_and_in_space(tmp_path):
     space = tmp_path / "space.toml"
     space.write_text("knots = [0, 1, 2]\ncontrol_points = [[0, 0, 0], [1, 2, 3], [2, 0, 0]]\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Options of `gtb degenerate` and `gtb knot-limit`, which write a folder of meshes."""
+"""The folder of meshes that `gtb degenerate` and `gtb knot-limit` write, and the options for it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Meshes of the films that knots leave behind when they move to the boundary of Δ."""
+"""Meshes of the films of a knot limit; `gtb_cli.limits.knot_limit` says where there are films."""
 
 import numpy as np
 
