@@ -60,7 +60,7 @@ def blocks(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Iterato
             yield Block(places, powers, shares(exponents(knots, log_weights, s[:, places])))
 
 
-class Frame(NamedTuple):
+class SurfaceFrame(NamedTuple):
     """A surface P at m places, in coordinates X = a x and Y = b x + c y whose metric is the identity.
 
     `axes` are its (3, m) unit vectors N, P_X and P_Y. `orders` have f_a, f_;ab and f_;abc, by the number of Y: (3, m)
@@ -80,7 +80,7 @@ class Frame(NamedTuple):
         return [rate[3:] for rate in self.orders[order - 1]]
 
 
-def frame(block: Block, points: FloatArray) -> Frame:
+def frame(block: Block, points: FloatArray) -> SurfaceFrame:
     """Return the surface of (n, 3) control points, or several, without T, of (n, 3, c)."""
     sums = block.powers.T @ block.t
     products = (block.powers[:, :, None] * points.reshape(len(points), 1, -1)).reshape(len(points), -1)
@@ -110,7 +110,7 @@ def frame(block: Block, points: FloatArray) -> Frame:
     three = _less(three, *([rate * one[d] for rate in drifts[d]] for d in range(2)))
     three = _less(three, *(_product(slopes[d], two[d : d + 2]) for d in range(2)))
     (x, y), (xx, xy, yy) = means[:2]
-    return Frame(
+    return SurfaceFrame(
         (cross / scale, *tangents), (one, two, three), scale / ((xx - x * x) * (yy - y * y) - (xy - x * y) ** 2)
     )
 

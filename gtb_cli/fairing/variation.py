@@ -1,6 +1,6 @@
 """Curvature and its variation in a surface's own metric: integrals, and how they depend on the control points.
 
-If P changes by δ, with n_a = ⟨N, δ_a⟩ and s_ab = (⟨P_a, δ_b⟩ + ⟨P_b, δ_a⟩)/2, then in a `Frame` that stays orthonormal
+If P changes by δ, with n_a = ⟨N, δ_a⟩ and s_ab = (⟨P_a, δ_b⟩ + ⟨P_b, δ_a⟩)/2, then in a `SurfaceFrame` that stays orthonormal
 II_ab √dA and 2H_c √dA change by √dA times
 
     ``⟨N, δ_;ab⟩ − s_ad II_bd − s_bd II_ad + s_dd II_ab / 2``,
@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.fairing.metric import Frame, blocks, frame
+from gtb_cli.fairing.metric import SurfaceFrame, blocks, frame
 from gtb_cli.values import frozen
 
 
@@ -122,7 +122,7 @@ Rates: TypeAlias = list[tuple[FloatArray, FloatArray]]
 
 
 def _rates(
-    surface: Frame, first: Sequence[FloatArray], second: Sequence[FloatArray], third: Sequence[FloatArray]
+    surface: SurfaceFrame, first: Sequence[FloatArray], second: Sequence[FloatArray], third: Sequence[FloatArray]
 ) -> tuple[Rates, Rates, FloatArray]:
     """Return the components of II and of ∇H with their rates, and those of log dA, (10, 3, m).
 

@@ -142,10 +142,23 @@ def corner_limits(patch: Blend, corner: int) -> CornerLimits:
 def limits_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> CornerLimits:
     """Return the limits of a surface with (n, 3) control points at a corner of Δ."""
     knots, extent = corner_knots(domain, log_weights, points, corner)
+    found, area, chain, rays, pairs = _normal_limits(knots)
+    sectors = _sectors(knots, pairs[chain], rays)
+    return _with_curvature(found, knots, area, sectors, extent) if sectors else found
+
+
+def folds_at(patch: Blend, corner: int) -> bool:
+    """Return what `corner_limits` says of folds, without the rest."""
+    basis = patch.rational_basis
+    return _normal_limits(corner_knots(basis.domain, basis.log_weights, patch.control_points, corner)[0])[0].folds
+
+
+def _normal_limits(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, list[FloatArray], IntArray]:
+    """Return the limits of normals, the terms of P_s × P_t, those that lead, rays between them, and knots of terms."""
     area, pairs = _areas(knots)
     chain = newton_polygon(area.x, knots.gaps)
     if not len(chain):
-        return CornerLimits(np.empty((0, 3)))
+        return CornerLimits(np.empty((0, 3))), area, chain, [], pairs
     steps = np.diff(area.x[chain], axis=0) * [-1, 1]
     rays = [np.array([AXIS, 1.0]), *(steps[:, ::-1] / steps.max(axis=1, keepdims=True)), np.array([1.0, AXIS])]
     steepest = 2.5  # ν₂ / ν₁: a hundredth of the edge from its end such a strip is 1e-5 of the edge wide, and not seen
@@ -159,9 +172,7 @@ def limits_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corne
         if area.x[number] @ ray - first <= steepest * first:
             folds |= bool(dot(turn[1:], turn[:-1]).min() <= 0 or vertex @ normals[-1][-1] <= 0)
         normals += [turn[PLACES // 16 : -1 : PLACES // 16] if len(leading.logs) > 2 else turn[:0], vertex[None]]
-    found = CornerLimits(np.concatenate(normals), folds=folds)
-    sectors = _sectors(knots, pairs[chain], rays)
-    return _with_curvature(found, knots, area, sectors, extent) if sectors else found
+    return CornerLimits(np.concatenate(normals), folds=folds), area, chain, rays, pairs
 
 
 def _with_curvature(
