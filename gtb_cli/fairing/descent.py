@@ -22,7 +22,7 @@ LEAST_GAIN = 0.1
 def measured(zones: Sequence[Samples], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
     """Integrate each of the surfaces, (n, 3) control points, over the first zone, the first two and so on."""
     with np.errstate(all="ignore"):  # where a surface has no tangent plane, integrals are not finite
-        parts = [bendings(*zone, surfaces) for zone in zones]
+        parts = [bendings(*zone, surfaces)[0] for zone in zones]
     return [[together(found[: k + 1]) for k in range(len(zones))] for found in zip(*parts, strict=True)]
 
 

@@ -37,6 +37,13 @@ class Block(NamedTuple):
         found *= self.t[:, None]
         return found.reshape(len(self.t), *factors.shape[1:])
 
+    def form(self, rates: Sequence[FloatArray]) -> FloatArray:
+        """Return the (n, n) matrix of the squares of a symmetric tensor, with (10, m) factors in its components."""
+        multiples = [math.sqrt(math.comb(len(rates) - 1, k)) for k in range(len(rates))]
+        factors = [rate * multiple for rate, multiple in zip(rates, multiples, strict=True)]
+        table = self.tables(np.stack(factors, axis=1)).reshape(len(self.t), -1)
+        return np.asarray(table @ table.T)
+
 
 def blocks(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Iterator[Block]:
     """Yield T at (2, m) torus coordinates, block by block.
@@ -149,9 +156,5 @@ def forms(
         for zone in np.ndindex(areas.shape[:-1]):
             root = np.sqrt(areas[*zone, block.places] * found.space)
             for k, order in enumerate(orders):
-                factors = [
-                    rate * (math.sqrt(math.comb(order, j)) * root) for j, rate in enumerate(found.factors(order))
-                ]
-                table = block.tables(np.stack(factors, axis=1)).reshape(len(block.t), -1)
-                matrices[*zone, k] += table @ table.T
+                matrices[*zone, k] += block.form([rate * root for rate in found.factors(order)])
     return matrices

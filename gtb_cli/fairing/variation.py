@@ -1,6 +1,6 @@
 """Curvature and its variation in a surface's own metric: integrals, and how they depend on the control points.
 
-If P changes by δ, with n_a = ⟨N, δ_a⟩ and s_ab = (⟨P_a, δ_b⟩ + ⟨P_b, δ_a⟩)/2, then in a `SurfaceFrame` that stays orthonormal
+If P changes by δ, with n_a = ⟨N, δ_a⟩ and s_ab = (⟨P_a, δ_b⟩ + ⟨P_b, δ_a⟩)/2, then in a frame that stays orthonormal
 II_ab √dA and 2H_c √dA change by √dA times
 
     ``⟨N, δ_;ab⟩ − s_ad II_bd − s_bd II_ad + s_dd II_ab / 2``,
@@ -48,20 +48,13 @@ class Bending:
 
 def bendings(
     knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, surfaces: Sequence[FloatArray]
-) -> list[Bending]:
-    """Integrate over places at (2, m) torus coordinates, which stand for (m,) areas of the domain.
+) -> list[list[Bending]]:
+    """Integrate over places at (2, m) torus coordinates, which stand for (m,) areas, or any of (z, m), of the domain.
 
     All surfaces have these knots and weights; each has its (n, 3) control points.
     """
-    return zone_bendings(knots, log_weights, s, areas[None], surfaces)[0]
-
-
-def zone_bendings(
-    knots: FloatArray, log_weights: FloatArray, s: FloatArray, zones: FloatArray, surfaces: Sequence[FloatArray]
-) -> list[list[Bending]]:
-    """Return the `bendings` for each of (z, m) areas."""
+    points, zones = np.stack(surfaces, axis=2), np.atleast_2d(areas)
     sums, largest = np.zeros((len(zones), 3, len(surfaces))), np.zeros(len(surfaces))
-    points = np.stack(surfaces, axis=2)
     for block in blocks(knots, log_weights, s):
         found = frame(block, points)
         (xx, xy, yy), (xxx, xxy, xyy, yyy) = found.normal_parts(2), found.normal_parts(3)
@@ -69,11 +62,8 @@ def zone_bendings(
         sums += np.moveaxis((np.stack(integrands) * found.space) @ zones[:, block.places].T, 2, 0)
         largest = np.maximum(largest, (np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)).max(axis=1))
     return [
-        [
-            Bending(area, energy, area * variation, most)
-            for (area, energy, variation), most in zip(zone.T.tolist(), largest.tolist(), strict=True)
-        ]
-        for zone in sums
+        [Bending(a, energy, a * varied, most) for (a, energy, varied), most in zip(zone, largest.tolist(), strict=True)]
+        for zone in sums.swapaxes(1, 2).tolist()
     ]
 
 
@@ -105,15 +95,13 @@ def linearisation(
         *rates, spread = _rates(found, *factors)
         values[0] += root @ root
         slopes[0] += block.tables(spread).reshape(3 * k, -1) @ root / 2
-        for i, (order, multiples) in enumerate(zip(factors[1:], ((1, 2, 1), (1, 3, 3, 1)), strict=True)):
+        for i, order in enumerate(factors[1:]):
             residuals = np.concatenate([value * root for value, _ in rates[i]])
             table = block.tables(np.stack([rate for _, rate in rates[i]], axis=2)).reshape(3 * k, -1)
             values[i + 1] += residuals @ residuals
             slopes[i + 1] += table @ residuals
             squares[i] += table @ table.T
-            rows = np.stack([row * math.sqrt(n) for row, n in zip(order, multiples, strict=True)], axis=1)
-            table = block.tables(rows).reshape(k, -1)
-            matrices[i] += table @ table.T
+            matrices[i] += block.form(order)
     return Linearisation(values, slopes, squares, matrices)
 
 

@@ -22,7 +22,7 @@ from gtb_cli.fairing.energy import Energy, energy_at, torus_samples
 from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as count_folds, sharp_turns
 from gtb_cli.fairing.metric import forms
-from gtb_cli.fairing.variation import zone_bendings
+from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
@@ -222,7 +222,7 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
     depths = np.minimum(_depths(region.vertices, p) / VISIBLE, 1)
     zones = areas * np.stack([depths**16, depths**4])
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
-    measured = partial(zone_bendings, shape.knots, shape.log_weights, s)
+    measured = partial(bendings, shape.knots, shape.log_weights, s)
     if inner == "fair":
         matrices = partial(forms, shape.knots, shape.log_weights, orders=(2, 3))
         # The search begins in the metric of the domain.
