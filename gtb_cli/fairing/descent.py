@@ -7,7 +7,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.fairing.energy import Samples
-from gtb_cli.fairing.variation import Bending, Linearisation, bendings, linearisation
+from gtb_cli.fairing.variation import Bending, bendings, linearisation
 
 BENDING_POWER = 4
 """Power of ∫ κ₁² + κ₂² in the product that is made small: with less, some surfaces bend more than a thin plate does."""
@@ -81,7 +81,7 @@ def descended(
     return points
 
 
-def _logarithms(parts: Sequence[Linearisation]) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _logarithms(parts: Sequence[Sequence[FloatArray]]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return half the gradient, the square and the matrix of the logarithm of the product of all figures."""
     slope, square, matrix = 0.0, 0.0, 0.0
     for k in range(len(parts)):

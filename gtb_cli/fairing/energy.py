@@ -53,38 +53,28 @@ class Samples(NamedTuple):
 def samples(
     domain: Domain, log_weights: FloatArray, resolution: int, left_out: float = 1e-3, until: float = 1.0
 ) -> Samples:
-    """Return the places of `energy_samples` on the torus, of knots from their middle and in units of √area."""
-    unit = np.sqrt(_sectors(domain.vertices).sum())
-    _, s, areas = torus_samples(domain, log_weights, resolution, left_out, until)
-    return Samples((domain.knots - domain.vertices.mean(axis=0)) / unit, log_weights, s * unit, areas / unit**2)
+    """Return the places of `energy_samples` on the torus, of knots from their middle and in units of √area.
 
-
-def torus_samples(
-    domain: Domain, log_weights: FloatArray, resolution: int, left_out: float, until: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the places of `energy_samples`, their (2, m) torus coordinates, and their areas.
-
-    The solver starts from what half the resolution gives, as polynomials in the variables of Gauss's rule.
+    The solver starts from half the resolution, by polynomials in the variables of Gauss's rule.
     """
     coarsest = 8  # with less, interpolation saves no steps
     p, areas = energy_samples(domain, resolution, left_out, until)
-    start = None
+    middle, unit = domain.vertices.mean(axis=0), np.sqrt(_sectors(domain.vertices).sum())
+    knots, start = (domain.knots - middle) / unit, None
     if resolution > coarsest:
         half = (resolution + 1) // 2
-        _, s, _ = torus_samples(domain, log_weights, half, left_out, until)
-        depth, along = (
-            _lagrange(count(half), count(resolution)) for count in (lambda n: _depths(n, until), lambda n: n)
-        )
-        start = (depth @ s.reshape(2, len(domain.vertices), depth.shape[1], half) @ along.T).reshape(2, -1)
-    return p, MomentMap(domain.knots, log_weights).inverse(p, 1e-10, start), areas
+        s = samples(domain, log_weights, half, left_out, until).s
+        depth, along = _lagrange(_depths(half, until), _depths(resolution, until)), _lagrange(half, resolution)
+        start = (depth @ s.reshape(2, len(domain.vertices), -1, half) @ along.T).reshape(2, -1)
+    s = MomentMap(knots, log_weights).inverse((p - middle) / unit, 1e-10, start)
+    return Samples(knots, log_weights, s, areas / unit**2)
 
 
 def _lagrange(count: int, finer: int) -> FloatArray:
     """Return the values of the polynomials of Gauss's nodes at the nodes of a finer rule, (finer, count)."""
-    (nodes, weights), (places, _) = (np.polynomial.legendre.leggauss(n) for n in (count, finer))
-    distances = places[:, None] - nodes
-    shares = np.sqrt((1 - nodes**2) * weights) * (-1.0) ** np.arange(count) / np.where(distances, distances, 1e-300)
-    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+    nodes, places = (np.polynomial.legendre.leggauss(n)[0] for n in (count, finer))
+    values, basis = (np.polynomial.legendre.legvander(x, count - 1) for x in (places, nodes))
+    return np.asarray(values @ np.linalg.inv(basis))
 
 
 def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, kind: Energy) -> FloatArray:

@@ -37,7 +37,7 @@ def folds(patch: Patch) -> int:
     def directions(s: FloatArray) -> FloatArray:
         """(m, 3) unit normals at (2, m) torus coordinates, or 0."""
         p, *rates, mean = np.split(columns.T @ shares(exponents(knots, weights, s)), [3, 6, 9])
-        normals = np.cross(*(rate - place * p for rate, place in zip(rates, mean, strict=True)), axis=0).T
+        normals = np.cross(rates[0] - mean[0] * p, rates[1] - mean[1] * p, axis=0).T
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))
 

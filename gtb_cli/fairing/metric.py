@@ -15,13 +15,16 @@ Variational design and fairing of spline surfaces, 1994).
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.torus import exponents, shares
+
+Components: TypeAlias = Sequence[FloatArray] | FloatArray
+"""Components of a symmetric tensor, by the number of y, or of Y, in them."""
 
 
 class Block(NamedTuple):
@@ -37,7 +40,7 @@ class Block(NamedTuple):
         found *= self.t[:, None]
         return found.reshape(len(self.t), *factors.shape[1:])
 
-    def form(self, rates: Sequence[FloatArray]) -> FloatArray:
+    def form(self, rates: Components) -> FloatArray:
         """Return the (n, n) matrix of the squares of a symmetric tensor, with (10, m) factors in its components."""
         multiples = [math.sqrt(math.comb(len(rates) - 1, k)) for k in range(len(rates))]
         factors = [rate * multiple for rate, multiple in zip(rates, multiples, strict=True)]
@@ -53,11 +56,8 @@ def blocks(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Iterato
     """
     length = 256  # number of places: seven tables of them are alive at once
     vertices = domain(knots, "unit").vertices
-    count, sides = len(vertices), np.roll(vertices, -1, axis=0) - vertices
-    heights = vertices @ s
-    corner, columns = heights.argmax(axis=0), np.arange(s.shape[1])
-    after, before = (corner + 1) % count, (corner - 1) % count
-    edge = np.where(heights[after, columns] >= heights[before, columns], corner, before)
+    sides, heights = np.roll(vertices, -1, axis=0) - vertices, vertices @ s
+    corner, edge = heights.argmax(axis=0), (heights + np.roll(heights, -1, axis=0)).argmax(axis=0)
     for k, end in sorted(set(zip(edge.tolist(), corner.tolist(), strict=True))):
         way = sides[k] / np.hypot(*sides[k])
         x, y = np.array([way, [-way[1], way[0]]]) @ (knots - vertices[end]).T
@@ -122,19 +122,17 @@ def frame(block: Block, points: FloatArray) -> SurfaceFrame:
     )
 
 
-def _less(values: Sequence[FloatArray], *others: Sequence[FloatArray]) -> list[FloatArray]:
-    return [value - sum(parts) for value, *parts in zip(values, *others, strict=True)]
+def _less(values: Components, *others: Components) -> list[FloatArray]:
+    return [np.asarray(value - sum(parts)) for value, *parts in zip(values, *others, strict=True)]
 
 
-def _product(of_one: Sequence[FloatArray], of_other: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return the components of c_ab v_c + c_bc v_a + c_ca v_b, or of the like, by the number of y in them."""
+def _product(of_one: Components, of_other: Components) -> list[FloatArray]:
+    """Return the sum, over all ways to divide the indices, of products such as c_ab v_c."""
     i, j = len(of_one) - 1, len(of_other) - 1
+    ways = [[math.comb(k, q) * math.comb(i + j - k, i - q) for q in range(i + 1)] for k in range(i + j + 1)]
     return [
-        sum(
-            math.comb(k, q) * math.comb(i + j - k, i - q) * of_one[q] * of_other[k - q]
-            for q in range(max(0, k - j), min(i, k) + 1)
-        )
-        for k in range(i + j + 1)
+        np.asarray(sum(count * of_one[q] * of_other[k - q] for q, count in enumerate(counts) if 0 <= k - q <= j))
+        for k, counts in enumerate(ways)
     ]
 
 

@@ -12,7 +12,7 @@ the first derivatives with which the method of Gauss and Newton finds the least 
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -67,23 +67,14 @@ def bendings(
     ]
 
 
-class Linearisation(NamedTuple):
-    """The dependence of the area, ∫ κ₁² + κ₂² and ∫ |∇H|² on the coordinates of k control points.
-
-    They are the `values`, (3,), with (3, 3 k) halves of their gradients. Of the latter two the method of Gauss and
-    Newton has (2, 3 k, 3 k) `squares`, and `forms` are (2, k, k).
-    """
-
-    values: FloatArray
-    slopes: FloatArray
-    squares: FloatArray
-    matrices: FloatArray
-
-
 def linearisation(
     knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, points: FloatArray, members: IntArray
-) -> Linearisation:
-    """Return how integrals over a surface depend on the (k,) members of its (n, 3) control points."""
+) -> tuple[FloatArray, ...]:
+    """Return how integrals over a surface depend on the coordinates of k members of its (n, 3) control points.
+
+    They are the (3,) area, ∫ κ₁² + κ₂² and ∫ |∇H|², (3, 3 k) halves of their gradients and, of the latter two, the (2,
+    3 k, 3 k) squares of the method of Gauss and Newton and the (2, k, k) `forms`.
+    """
     k = len(members)
     values, slopes = np.zeros(3), np.zeros((3, 3 * k))
     squares, matrices = np.zeros((2, 3 * k, 3 * k)), np.zeros((2, k, k))
@@ -102,7 +93,7 @@ def linearisation(
             slopes[i + 1] += table @ residuals
             squares[i] += table @ table.T
             matrices[i] += block.form(order)
-    return Linearisation(values, slopes, squares, matrices)
+    return values, slopes, squares, matrices
 
 
 Rates: TypeAlias = list[tuple[FloatArray, FloatArray]]

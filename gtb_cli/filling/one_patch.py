@@ -18,7 +18,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
-from gtb_cli.fairing.energy import Energy, energy_at, torus_samples
+from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as count_folds, sharp_turns
 from gtb_cli.fairing.metric import forms
@@ -214,19 +214,19 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
     """Yield patches in units of the loop's size: the fairest, and others if that folds."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
-    samples = max(32**2 * min(len(edges), 8), 4 * len(shape.knots))
-    resolution = math.ceil(math.sqrt(samples / len(edges)))
+    count = max(32**2 * min(len(edges), 8), 4 * len(shape.knots))
+    resolution = math.ceil(math.sqrt(count / len(edges)))
     region = domain(shape.knots, "unit")
-    p, s, areas = torus_samples(region, shape.log_weights, resolution, NEARER, 1.0)
+    knots, weights, s, areas = samples(region, shape.log_weights, resolution, NEARER)
     # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
-    depths = np.minimum(_depths(region.vertices, p) / VISIBLE, 1)
+    depths = np.minimum(_depths(region.vertices, energy_samples(region, resolution, NEARER)[0]) / VISIBLE, 1)
     zones = areas * np.stack([depths**16, depths**4])
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
-    measured = partial(bendings, shape.knots, shape.log_weights, s)
+    measured = partial(bendings, knots, weights, s)
     if inner == "fair":
-        matrices = partial(forms, shape.knots, shape.log_weights, orders=(2, 3))
+        matrices = partial(forms, knots, weights, orders=(2, 3))
         # The search begins in the metric of the domain.
-        second, third = matrices(s, zones[0], np.column_stack([shape.knots, np.zeros(len(shape.knots))]))
+        second, third = matrices(s, zones[0], np.column_stack([knots, np.zeros(len(knots))]))
         found = [least(third + 30 / areas.sum() * second)]
         area = measured(zones[:1], found)[0][0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
@@ -243,8 +243,7 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
         for k in dict.fromkeys((best, 0)):
             yield Patch(shape.knots, found[k], log_weights=shape.log_weights)
     # A thin plate overshoots least; a membrane is what was asked for.
-    kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
-    points = least(energy_at(shape.knots, shape.log_weights, s, areas, kind))
+    points = least(energy_at(knots, weights, s, areas, "thin-plate" if inner == "fair" else "dirichlet"))
     yield Patch(shape.knots, points, log_weights=shape.log_weights)
 
 
