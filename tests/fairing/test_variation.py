@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.fairing.energy import energy_samples
+from gtb_cli.fairing.energy import energy_samples, samples
 from gtb_cli.fairing.metric import forms
 from gtb_cli.fairing.variation import bendings, linearisation
+from gtb_cli.knots.domain import domain
 from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment.solve import LogSum
 from gtb_cli.theory.patch import Patch
 
 
@@ -52,6 +54,41 @@ def test_integrals_have_no_unit(scale, shift):
     assert other.energy == pytest.approx(one.energy, rel=1e-6)
     assert other.variation == pytest.approx(one.variation, rel=1e-6)
     assert other.curvature * scale == pytest.approx(one.curvature, rel=1e-6)
+
+
+def test_several_zones_are_measured_at_once():
+    patch = graph(0.5)
+    *where, areas = sampled(patch, 10)
+    zones = areas * np.stack([np.linspace(0, 1, len(areas)), np.ones(len(areas))])
+    found = bendings(*where, zones, [patch.control_points, -2 * patch.control_points])
+    for zone, expected in zip(zones, found, strict=True):
+        (alone,) = bendings(*where, zone, [patch.control_points])
+        assert alone[0].energy == pytest.approx(expected[0].energy, rel=1e-12)
+        assert alone[0].area == pytest.approx(expected[1].area / 4, rel=1e-12)
+
+
+@pytest.mark.parametrize("p", [[0.5, 1e-5], [1e-5, 0.3], [2e-5, 1e-5], [1 - 1e-5, 1 - 2e-5]])
+def test_digits_are_kept_near_edges_and_corners(p):
+    """Curvature there follows from differences of sums that are 1e10 times larger in coordinates from elsewhere."""
+    bent = bicubic(lambda x, y: np.column_stack([x, y, x * x + np.sin(3 * x * y)]))
+    turn = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    patch = Patch(bent.knots @ turn, bent.control_points, coefficients="binomial")
+    place = np.array([p]) @ turn
+    s = MomentMap(patch.knots, patch.log_products).inverse(place)
+    ((found,),) = bendings(patch.knots, patch.log_products, s, np.ones(1), [patch.control_points])
+    curvature = patch.curvature(place, "linear")
+    mean, gaussian = float(curvature.mean[0]), float(curvature.gaussian[0])
+    assert found.curvature == pytest.approx(abs(mean) + math.sqrt(mean**2 - gaussian), rel=2e-8)
+
+
+def test_samples_start_from_coarser_ones(monkeypatch):
+    """A place takes few evaluations of the moments: 11 from the layers alone, on loops of many knots 25."""
+    columns, moments = [], LogSum.moments
+    monkeypatch.setattr(LogSum, "moments", lambda total, s: (columns.append(s.shape[1]), moments(total, s))[1])
+    lattice = domain(np.stack(np.mgrid[:12, :12], axis=-1).reshape(-1, 2))
+    found = samples(lattice, np.random.default_rng(0).normal(size=144), 32)
+    assert sum(columns) < 8 * len(found.areas)
+    np.testing.assert_allclose(found.areas @ MomentMap(*found[:2])(found.s), 0, atol=1e-9)
 
 
 def test_forms_are_the_integrals_of_the_surface_whose_metric_they_have():
