@@ -261,12 +261,12 @@ def test_plans_end_where_none_of_their_patches_can_win(monkeypatch):
 
     def patches(edges, *_):
         for patch in (good.replace(control_points=points), good):
-            tried.append(len(edges[0].curve) - 2)
+            tried.append((len(edges[0].curve) - 2, len(edges[0].fields) == 1))
             yield patch
 
     monkeypatch.setattr(one_patch, "_solved", patches)
     assert fill_loop(sides, raises=1).raises == (1, 1, 1, 1)
-    assert tried == [1, 1, 1, 2, 3]
+    assert tried == [(1, False), (1, False), (1, True), (2, False), (3, True)]
 
 
 def test_corners_where_ribbons_disagree_are_said():
