@@ -15,16 +15,13 @@ Variational design and fairing of spline surfaces, 1994).
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.torus import exponents, shares
-
-Components: TypeAlias = Sequence[FloatArray] | FloatArray
-"""Components of a symmetric tensor, by the number of y, or of Y, in them."""
 
 
 class Block(NamedTuple):
@@ -40,10 +37,9 @@ class Block(NamedTuple):
         found *= self.t[:, None]
         return found.reshape(len(self.t), *factors.shape[1:])
 
-    def form(self, rates: Components) -> FloatArray:
+    def form(self, rates: Sequence[FloatArray]) -> FloatArray:
         """Return the (n, n) matrix of the squares of a symmetric tensor, with (10, m) factors in its components."""
-        multiples = [math.sqrt(math.comb(len(rates) - 1, k)) for k in range(len(rates))]
-        factors = [rate * multiple for rate, multiple in zip(rates, multiples, strict=True)]
+        factors = [rate * math.sqrt(math.comb(len(rates) - 1, k)) for k, rate in enumerate(rates)]
         table = self.tables(np.stack(factors, axis=1)).reshape(len(self.t), -1)
         return np.asarray(table @ table.T)
 
@@ -82,10 +78,6 @@ class SurfaceFrame(NamedTuple):
         """Return II_ab for order 2, and (∇II)_abc for 3."""
         return [(rate[:3] * self.axes[0]).sum(axis=0) for rate in self.orders[order - 1]]
 
-    def factors(self, order: int) -> list[FloatArray]:
-        """Return the derivatives of T."""
-        return [rate[3:] for rate in self.orders[order - 1]]
-
 
 def frame(block: Block, points: FloatArray) -> SurfaceFrame:
     """Return the surface of (n, 3) control points, or several, without T, of (n, 3, c)."""
@@ -95,38 +87,34 @@ def frame(block: Block, points: FloatArray) -> SurfaceFrame:
     if points.ndim == 2:
         raw = np.concatenate([raw, np.broadcast_to(np.eye(10)[:, :, None], (10, 10, raw.shape[-1]))], axis=1)
     # Derivatives of a quotient whose denominator is 1
-    p, means = raw[0], (sums[1:3], sums[3:6], sums[6:])
-    one = _less(raw[1:3], [mean * p for mean in means[0]])
-    two = _less(raw[3:6], [mean * p for mean in means[1]], _product(means[0], one))
-    three = _less(raw[6:], [mean * p for mean in means[2]], _product(means[1], one), _product(means[0], two))
+    (p, *rates), (_, *means) = list(raw), list(sums)
+    one = _less(rates[:2], _product(means[:2], [p]))
+    two = _less(rates[2:5], _product(means[2:5], [p]), _product(means[:2], one))
+    three = _less(rates[5:], _product(means[5:], [p]), _product(means[2:5], one), _product(means[:2], two))
     # Coordinates whose metric is the identity
     length = np.sqrt((one[0][:3] ** 2).sum(axis=0))
     cross = np.cross(one[0][:3], one[1][:3], axis=0)
     scale = np.sqrt((cross**2).sum(axis=0))
     a, b, c = 1 / length, -(one[0][:3] * one[1][:3]).sum(axis=0) / (length * scale), length / scale
     one, two, three = (
-        [
-            a ** (n - k) * sum(math.comb(k, j) * b ** (k - j) * c**j * rates[j] for j in range(k + 1))
-            for k in range(n + 1)
-        ]
-        for n, rates in enumerate((one, two, three), 1)
+        [a ** (n - k) * sum(math.comb(k, j) * b ** (k - j) * c**j * r[j] for j in range(k + 1)) for k in range(n + 1)]
+        for n, r in enumerate((one, two, three), 1)
     )
     tangents = [axis[:3] for axis in one]
     slopes, drifts = ([[(rate[:3] * axis).sum(axis=0) for rate in r] for axis in tangents] for r in (two, three))
     two = _less(two, *([rate * one[d] for rate in slopes[d]] for d in range(2)))
     three = _less(three, *([rate * one[d] for rate in drifts[d]] for d in range(2)))
     three = _less(three, *(_product(slopes[d], two[d : d + 2]) for d in range(2)))
-    (x, y), (xx, xy, yy) = means[:2]
-    return SurfaceFrame(
-        (cross / scale, *tangents), (one, two, three), scale / ((xx - x * x) * (yy - y * y) - (xy - x * y) ** 2)
-    )
+    x, y, xx, xy, yy = means[:5]
+    space = scale / ((xx - x * x) * (yy - y * y) - (xy - x * y) ** 2)
+    return SurfaceFrame((cross / scale, *tangents), (one, two, three), space)
 
 
-def _less(values: Components, *others: Components) -> list[FloatArray]:
+def _less(values: Sequence[FloatArray], *others: Sequence[FloatArray]) -> list[FloatArray]:
     return [np.asarray(value - sum(parts)) for value, *parts in zip(values, *others, strict=True)]
 
 
-def _product(of_one: Components, of_other: Components) -> list[FloatArray]:
+def _product(of_one: Sequence[FloatArray], of_other: Sequence[FloatArray]) -> list[FloatArray]:
     """Return the sum, over all ways to divide the indices, of products such as c_ab v_c."""
     i, j = len(of_one) - 1, len(of_other) - 1
     ways = [[math.comb(k, q) * math.comb(i + j - k, i - q) for q in range(i + 1)] for k in range(i + j + 1)]
@@ -154,5 +142,5 @@ def forms(
         for zone in np.ndindex(areas.shape[:-1]):
             root = np.sqrt(areas[*zone, block.places] * found.space)
             for k, order in enumerate(orders):
-                matrices[*zone, k] += block.form([rate * root for rate in found.factors(order)])
+                matrices[*zone, k] += block.form([rate[3:] * root for rate in found.orders[order - 1]])
     return matrices

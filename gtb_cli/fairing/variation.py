@@ -82,7 +82,7 @@ def linearisation(
         found = frame(block, points)
         root = np.sqrt(areas[block.places] * found.space)
         block = block._replace(powers=block.powers[members], t=block.t[members])
-        factors = [[rate * root for rate in found.factors(order)] for order in (1, 2, 3)]
+        factors = [[rate[3:] * root for rate in order] for order in found.orders]
         *rates, spread = _rates(found, *factors)
         values[0] += root @ root
         slopes[0] += block.tables(spread).reshape(3 * k, -1) @ root / 2

@@ -214,8 +214,7 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
     """Yield patches in units of the loop's size: the fairest, and others if that folds."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
-    count = max(32**2 * min(len(edges), 8), 4 * len(shape.knots))
-    resolution = math.ceil(math.sqrt(count / len(edges)))
+    resolution = math.ceil(math.sqrt(max(32**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
     region = domain(shape.knots, "unit")
     knots, weights, s, areas = samples(region, shape.log_weights, resolution, NEARER)
     # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary

@@ -100,12 +100,9 @@ class Rows:
 
     def _turning(self, points: FloatArray) -> set[int]:
         """Return the corners at which the ways to first control points do not turn one way, as without a fold."""
-        found = set()
-        for corner in range(len(self._net.corners)):
-            legs, normals = self._legs(points, corner)
-            if (np.cross(legs[:-1], legs[1:]) @ normals.sum(axis=0)).min() <= 0:
-                found.add(corner)
-        return found
+        legs = [self._legs(points, corner) for corner in range(len(self._net.corners))]
+        turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
+        return {corner for corner, turn in enumerate(turns) if turn.min() <= 0}
 
     def _bounds(self, turning: set[int]) -> tuple[FloatArray, FloatArray]:
         """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows at some corners cross their edges, and do not meet.
