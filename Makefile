@@ -3,6 +3,9 @@ VENV   := .venv
 RUN    := $(VENV)/bin/python -m
 BUILD  := build
 OLDEST := $(BUILD)/oldest
+# What make mesh installs beside the package, of the optional dependencies in pyproject.toml.
+EXTRAS ?= plot
+INSTALLED := $(VENV)/.installed-$(EXTRAS)
 # A worker that has nothing left takes tests from the other one. Bytecode is kept even where the environment forbids it:
 # every worker would compile all tests anew, and every process that a test starts all of gtb_cli.
 PYTEST := -m pytest -n auto --dist worksteal
@@ -19,7 +22,7 @@ help: ## show this list
 
 setup: $(VENV)/.development ## make .venv with everything for users and developers
 
-mesh: $(VENV)/.installed ## mesh specs/pentagon.toml, and say where the mesh is
+mesh: $(INSTALLED) ## mesh specs/pentagon.toml, and say where the mesh is
 	@mkdir -p $(BUILD)
 	@$(RUN) gtb_cli mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj
 	@echo "The mesh is $(CURDIR)/$(BUILD)/pentagon.obj, made by: $(VENV)/bin/gtb mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj"
@@ -43,10 +46,10 @@ types: $(VENV)/.development ## check types
 
 check: lint types test-all ## lint, types and test-all: what must hold for every change
 
-specs: $(VENV)/.installed ## mesh every spec of specs/ into build/specs
+specs: $(INSTALLED) ## mesh every spec of specs/ into build/specs
 	@$(RUN) gtb_cli mesh $(SPECS) -o $(BUILD)/specs -j 2
 
-golden: $(VENV)/.installed ## mesh every spec of specs/ into tests/golden, after a change that is meant
+golden: $(INSTALLED) ## mesh every spec of specs/ into tests/golden, after a change that is meant
 	@$(RUN) gtb_cli mesh $(SPECS) -n 3 -o tests/golden
 
 reference: $(VENV)/.development ## make the reference of specs/PYTHON.md anew from the docstrings
@@ -66,7 +69,7 @@ bench: $(BUILD)/bench/.installed ## measure times beside floors and peers, as a 
 fuzz: $(VENV)/.development ## 20,000 mutated specs, 2,000 files of each format imported, 5,000 models and command lines, 1,200 kills
 	@$(RUN) tests.tools.fuzz
 
-readers: $(VENV)/.installed ## let 12 programs and libraries read every kind of mesh file; installs 5 GB below build
+readers: $(INSTALLED) ## let 12 programs and libraries read every kind of mesh file; installs 5 GB below build
 	@$(RUN) tests.tools.readers
 
 playground: $(VENV)/.development ## make build/playground: static files with which anyone can try gtb in a browser
@@ -77,12 +80,12 @@ clean: ## remove what was built; .venv stays
 	find $(SOURCES) -name __pycache__ -type d -exec rm -rf {} +
 
 # The stamps are newer than pyproject.toml where nothing has to be installed again.
-$(VENV)/.installed: pyproject.toml
+$(INSTALLED): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gtb needs Python 3.11 or later: make PYTHON=python3.x")'
 	$(PYTHON) -m venv $(VENV)
 	@# Groups of dependencies, below, are known to pip from 25.1 on.
 	$(RUN) pip install -qq --disable-pip-version-check --upgrade 'pip>=25.1'
-	$(RUN) pip install -qq --disable-pip-version-check --editable '.[plot]'
+	$(RUN) pip install -qq --disable-pip-version-check --editable '.[$(EXTRAS)]'
 	@$(RUN) compileall -q gtb_cli
 	@touch $@
 
@@ -106,6 +109,6 @@ $(BUILD)/bench/.installed: pyproject.toml
 	|| echo "not installed: $$peer"; done
 	@touch $@
 
-$(VENV)/.development: $(VENV)/.installed
+$(VENV)/.development: $(INSTALLED)
 	$(RUN) pip install -qq --disable-pip-version-check --group test --group dev
 	@touch $@

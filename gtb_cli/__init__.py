@@ -1,28 +1,8 @@
 """Generalized toric-Bézier patches: from a short text description to a mesh, and the theory as functions.
 
-These are the public names; each has its shapes, units, errors and source in its own help, and all of them are in
-specs/PYTHON.md with examples. They are imported when first used, so that ``import gtb_cli`` costs nothing.
-
-Specs and files
-    load, load_patch, load_model, from_dict, to_dict, save, import_file, Imported
-Patches
-    Patch, Model, Domain, domain, Curvature, corner_limits, CornerLimits, boundary, unity_coefficients
-Integrals
-    quadrature, Quadrature
-Limits
-    regular_decomposition, RegularDecomposition, regular_decompositions, LiftingCone, convergence_rate,
-    degenerate, regular_control_surface, degeneration, MeshSequence, Member,
-    merge_knots, move_knots, knot_limit, KnotLimit, Film, knot_sequence
-Other patches
-    elevate, isocurve, bezier_pieces, split_curve, fit, Fit, fill, Filling, Contact, fair, Fairing
-Meshes
-    tessellate, Recipe, Mesh, write_mesh, read_mesh
-Measurements
-    distance, Distance, diff, Difference, joints, Joints, Joint, Seam, check, Report, ModelReport, Finding
-Pictures
-    plot, page
-Errors
-    GtbError, SpecError, DomainError, ToleranceError, ExportError, RequirementError, Fault
+The public names are listed below by the modules that have them. Each has its shapes, units, errors and source in its
+own help, and all are in specs/PYTHON.md with examples. They are imported when first used: ``import gtb_cli`` costs
+nothing.
 """
 
 from typing import TYPE_CHECKING
@@ -107,50 +87,66 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch as Patch
     from gtb_cli.theory.quadrature import Quadrature as Quadrature
 else:
-    # Public names by the modules that have them
-    _ROOMS = {
-        "bezier.elevation": "elevate",
-        "bezier.pieces": "bezier_pieces split_curve",
-        "checks.properties": "check",
-        "checks.report": "Finding ModelReport Report",
-        "filling.certificate": "Contact Filling",
-        "filling.fill": "fill",
-        "fairing.fit": "Fit fit",
-        "bezier.isocurve": "isocurve",
-        "distances.comparison": "diff distance",
-        "errors": "DomainError ExportError Fault GtbError RequirementError SpecError ToleranceError",
-        "fairing.fair": "Fairing fair",
-        "formats.export": "write_mesh",
-        "formats.meshfiles": "read_mesh",
-        "importers.readers": "Imported import_file",
-        "knots.all_decompositions": "LiftingCone regular_decompositions",
-        "knots.convergence": "convergence_rate",
-        "knots.decomposition": "RegularDecomposition regular_decomposition",
-        "knots.domain": "Domain domain",
-        "language.loading": "from_dict load load_model load_patch",
-        "language.for_paths": "boundary corner_limits joints quadrature",
-        "language.writer": "save to_dict",
-        "meshes.difference": "Difference",
-        "meshes.hausdorff": "Distance",
-        "meshes.mesh": "Mesh",
-        "pages.notebook": "frame",
-        "pages.page": "page",
-        "plots.figures": "plot",
-        "sequences.sequence": "Member MeshSequence degeneration knot_sequence",
-        "tessellation.recipe": "Recipe",
-        "tessellation.tessellate": "tessellate",
-        "theory.basis": "unity_coefficients",
-        "theory.corners": "CornerLimits",
-        "theory.curvature": "Curvature",
-        "limits.degeneration": "degenerate regular_control_surface",
-        "limits.knot_limit": "Film KnotLimit knot_limit merge_knots move_knots",
-        "models.joints": "Joint Joints",
-        "models.model": "Model",
-        "models.seams": "Seam",
-        "theory.patch": "Patch",
-        "theory.quadrature": "Quadrature",
-    }
-    _HOMES = {name: room for room, names in _ROOMS.items() for name in names.split()}
+    _NAMES = """
+Specs and files
+    language.loading: load, load_patch, load_model, from_dict
+    language.writer: to_dict, save
+    importers.readers: import_file, Imported
+Patches
+    theory.patch: Patch
+    models.model: Model
+    knots.domain: Domain, domain
+    theory.curvature: Curvature
+    language.for_paths: corner_limits
+    theory.corners: CornerLimits
+    language.for_paths: boundary
+    theory.basis: unity_coefficients
+Integrals
+    language.for_paths: quadrature
+    theory.quadrature: Quadrature
+Limits
+    knots.decomposition: regular_decomposition, RegularDecomposition
+    knots.all_decompositions: regular_decompositions, LiftingCone
+    knots.convergence: convergence_rate
+    limits.degeneration: degenerate, regular_control_surface
+    sequences.sequence: degeneration, MeshSequence, Member
+    limits.knot_limit: merge_knots, move_knots, knot_limit, KnotLimit, Film
+    sequences.sequence: knot_sequence
+Other patches
+    bezier.elevation: elevate
+    bezier.isocurve: isocurve
+    bezier.pieces: bezier_pieces, split_curve
+    fairing.fit: fit, Fit
+    filling.fill: fill
+    filling.certificate: Filling, Contact
+    fairing.fair: fair, Fairing
+Meshes
+    tessellation.tessellate: tessellate
+    tessellation.recipe: Recipe
+    meshes.mesh: Mesh
+    formats.export: write_mesh
+    formats.meshfiles: read_mesh
+Measurements
+    distances.comparison: distance
+    meshes.hausdorff: Distance
+    distances.comparison: diff
+    meshes.difference: Difference
+    language.for_paths: joints
+    models.joints: Joints, Joint
+    models.seams: Seam
+    checks.properties: check
+    checks.report: Report, ModelReport, Finding
+Pictures
+    plots.figures: plot
+    pages.page: page
+Errors
+    errors: GtbError, SpecError, DomainError, ToleranceError, ExportError, RequirementError, Fault
+"""
+    __doc__ = f"{__doc__}{_NAMES}"
+    _LINES = [line.strip().split(": ") for line in _NAMES.split("\n") if ": " in line]
+    _HOMES = {name: room for room, names in _LINES for name in names.split(", ")}
+    __all__ = ["__version__", *_HOMES]
+    _HOMES["frame"] = "pages.notebook"  # what a notebook shows, which nobody calls
 
     def __getattr__(name):
         if name not in _HOMES:
@@ -160,8 +156,6 @@ else:
         value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
         globals()[name] = value
         return value
-
-    __all__ = ["__version__", *(name for name in _HOMES if name != "frame")]
 
     draw_with(plot=lambda: __getattr__("plot"), frame=lambda: __getattr__("frame"))
 

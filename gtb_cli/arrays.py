@@ -17,8 +17,6 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 Table = TypeVar("Table", bound=tuple[Any, ...])  # a named tuple of arrays with as many rows
 
 EPS = float(np.finfo(np.float64).eps)  # distance from 1 to the next float
-
-
 INDEX_ROWS = 1 << 16  # rows of indices that are used at once: their 64 bits fit in the cache
 
 

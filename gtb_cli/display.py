@@ -19,7 +19,7 @@ def draw_with(**functions: Callable[[], Callable[..., Any]]) -> None:
 
 
 def plot(thing: Any, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
-    """Draw it on matplotlib axes, and return these; see `gtb_cli.plot`."""
+    """Draw a patch, a model or a mesh on matplotlib axes, and return these; see `gtb_cli.plot`."""
     return _draws["plot"]()(thing, ax, what, **options)  # type: ignore[no-any-return]
 
 

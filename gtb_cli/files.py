@@ -95,11 +95,10 @@ class StagedFiles:
                 self.make_folder(self._hidden)
             elif not os.path.isdir(self.folder):
                 raise ExportError(f"cannot write to {self.folder or repr(self.folder)}: it is not a folder")
-        except OSError as error:
+        except BaseException as error:
             self._abandon()
-            raise _refusal(self.folder, error) from error
-        except BaseException:
-            self._abandon()
+            if isinstance(error, OSError):
+                raise _refusal(self.folder, error) from error
             raise
         return self
 

@@ -77,20 +77,16 @@ KEEPS: tuple[Keep, ...] = ("boundary", "tangents", "curvature")  # along edges, 
 
 
 class Format(NamedTuple):
-    """A mesh format: what it can hold beside triangles. Its name in `FORMATS` is also its suffix.
-
-    `up` is the axis of files that stands for the spec's vertical z axis: glTF prescribes y. Text on request reads back
-    exactly.
-    """
+    """A mesh format: what it can hold beside triangles. Its name in `FORMATS` is also its suffix."""
 
     curves: bool
     groups: bool  # named parts
     normals: Literal["always", "on request", "never"]  # these and the next two at vertices
     uv: bool
     attributes: bool
-    text: Literal["always", "on request", "never"]
+    text: Literal["always", "on request", "never"]  # on request, it reads back exactly
     digits: Literal["9 at the model's size", "32 bits"]  # of coordinates in binary files, or those that are always text
-    up: Up
+    up: Up  # the axis of files that stands for the spec's vertical z axis: glTF prescribes y
 
     def is_text(self, ascii: bool) -> bool:
         """Tell whether a file is text; `ascii` says whether text is requested."""

@@ -1,28 +1,50 @@
 """What specs/GUIDE.md says is so: its commands run and print that, and its pictures are those that they draw."""
 
+import json
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 
 from tests.marks import long
 from tests.plots.images import pixels
-from tests.tools.guide import GUIDE, LARGEST, PICTURES, PREFIX, pictures, run, steps, text
+from tests.shell import REPOSITORY
+from tests.tools.guide import GUIDE, LARGEST, PICTURES, PREFIX, Step, pictures, steps, text
 from tests.transcripts import matches
+
+
+def ran(folder: Path, *options: str) -> list[Step]:
+    """Run its commands with what `make mesh` installs; each does what the guide shows."""
+    command = [sys.executable, "-m", "tests.tools.guide", str(folder), *options]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    expected = {step.command: step for step in steps()}
+    found = []
+    for line in map(json.loads, done.stdout.splitlines()):
+        step, text = expected[line["command"]], line["text"]
+        assert (line["status"] != 0) == step.fails, line
+        assert "warning" not in text, line
+        assert not step.lines or matches(step.lines, text), line
+        found.append(step)
+    return found
 
 
 @long
 def test_its_commands_do_what_it_shows(tmp_path):
-    seen = 0
-    for step, done in run(tmp_path):
-        assert (done.status != 0) == step.fails, done
-        assert "warning" not in done.err, done
-        assert not step.lines or matches(step.lines, done.text + done.err), (step, done.text + done.err)
-        seen += 1
-    assert seen >= len(steps()) - 2 > 25  # those of OpenSCAD
+    assert len(ran(tmp_path)) >= len(steps()) - 2 > 25  # those of OpenSCAD
     for name in pictures():
         there, drawn = (pixels(path.read_bytes()) for path in (PICTURES / f"{PREFIX}{name}", tmp_path / name))
         assert there.shape == drawn.shape
         assert (np.abs(there.astype(int) - drawn).max(axis=2) > 60).mean() <= 0.03  # other fonts change 1 or 2 %
+
+
+def test_its_kinds_of_commands_need_no_extra_that_it_does_not_name(tmp_path):
+    done = ran(tmp_path, "--kinds")
+    assert len(done) >= 10
+    assert {step.command.split()[1] for step in done} >= {"plot", "view", "mesh", "new", "info", "import"}
+    assert any(step.extras == {"cad"} for step in steps())
 
 
 def test_its_pictures_are_there_and_small():

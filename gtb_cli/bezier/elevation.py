@@ -20,7 +20,7 @@ MAX_PLAIN_WEIGHT = 1e150  # and inverse of the smallest; other weights are handl
 def elevate(patch: Patch, by: int = 1) -> Patch:
     """Elevate the degree of a patch: more knots, weights and control points for the same image.
 
-    The knots become sums of the patch's knots and those of `multiplier`, `by` times; see `product`. For Bézier curves,
+    Knots of `multiplier` are added to the patch's knots, `by` times; see `product`. For Bézier curves,
     triangles and tensor product patches this is the classical degree elevation by `by`, in both directions of the
     latter.
 

@@ -21,7 +21,6 @@ from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.patch import Patch
 
 MAX_DEGREE = 25  # of a piece, by default
-
 MAX_SEARCHED_DEGREE = 2000  # so that a message can name a degree above the allowed one
 
 
@@ -163,8 +162,7 @@ def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArra
 def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
     """Write Σ c ω b s^k t^l, for (n, 2) powers k, l or (n, 1), in Bernstein form: log weights and control points.
 
-    They are (D_1 + 1, D_2 + 1) and (D_1 + 1, D_2 + 1, 3), with D_2 = 0 for a single power. All sums have positive
-    terms, among them that of the corner's knot.
+    They are (D_1 + 1, D_2 + 1) and (D_1 + 1, D_2 + 1, 3), with D_2 = 0 for a single power; all terms are positive.
     """
     first, *others = (_conversion(column) for column in powers.T)
     second = others[0] if others else np.zeros((1, len(powers)))

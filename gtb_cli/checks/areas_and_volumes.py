@@ -50,7 +50,7 @@ def extents(shape: Patch | Model) -> dict[str, Extent]:
 
 
 def _integrals(patch: Patch, nets: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
-    """(p, 2) areas, and volumes towards the origin, of (p, n, 3) nets of a patch; and their errors."""
+    """Return areas, and volumes towards the origin, of (p, n, 3) nets of a patch, (p, 2); and their errors."""
     sums, errors, rows = np.zeros((len(_ORDERS), len(nets), 2)), np.zeros((len(nets), 2)), np.arange(len(nets))
     for k, order in enumerate(_ORDERS):
         if not len(rows) or (k > 2 and 2 * len(patch.domain.vertices) * order**2 * len(patch.knots) > most):
@@ -63,7 +63,7 @@ def _integrals(patch: Patch, nets: FloatArray, most: int) -> tuple[FloatArray, F
 
 
 def _integrals_of(patch: Patch, nets: FloatArray, order: int) -> FloatArray:
-    """(p, 2) integrals of `_integrals` by a rule with an order.
+    """Return the integrals of `_integrals` by the rule of an order, (p, 2).
 
     In the linear parametrisation ∂S/∂p = Cov(b, a) Cov(a, a)⁻¹, with T_i as probabilities of knots a_i and points b_i:
     T is an exponential family. Where rounding leaves no determinant, as within 1e-14 of an edge, there is no area.
@@ -88,7 +88,7 @@ def _integrals_of(patch: Patch, nets: FloatArray, order: int) -> FloatArray:
 
 
 def _lengths(shape: Patch | Model) -> dict[str, Extent]:
-    """The length of curves, by Gauss's rule between the vertices of a mesh, and its difference beside a coarser one."""
+    """Return the length of curves, by Gauss's rule between the vertices of a mesh, beside that of a coarser one."""
     nodes, weights = np.polynomial.legendre.leggauss(8)
     frame = Frame.around(*(patch.control_points for patch in shape.patches))
     sums = np.zeros(2)

@@ -97,7 +97,7 @@ def products(probe: Probe) -> Finding:
 
 
 def edge_scale(probe: Probe) -> Finding:
-    """Compare points with other edge scales with those of the patch at the same torus coordinates."""
+    """Compare points under other edge scales with points of the patch at the same torus coordinates."""
     patch, u = probe.patch, probe.u[probe.inside]
     factors = np.resize([1.5, 0.7, 1.2, 0.8, 1.1], len(patch.domain.vertices)) * np.asarray(patch.edge_scale)
     scaled = patch.replace(edge_scale=factors)

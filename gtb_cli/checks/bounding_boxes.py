@@ -1,4 +1,4 @@
-"""Bounds of curves and surfaces, which lie inside those of their control points."""
+"""Bounding boxes of curves and surfaces, inside the boxes of their control points."""
 
 from collections.abc import Sequence
 
@@ -10,11 +10,10 @@ from gtb_cli.theory.patch import Patch
 
 
 def bounds(patches: Sequence[Patch]) -> FloatArray:
-    """Return the lowest and the highest coordinates of patches together, (2, 3).
+    """Return the lowest and the highest coordinates of patches together, (2, 3), to eight digits of the size.
 
-    About the best of some samples, smaller and smaller copies of Δ are sampled. The result is exact to eight digits of
-    the size, unless an extremum is narrower than the distance of the first samples, a 48th of an edge, and far from
-    all knots.
+    Smaller and smaller copies of Δ are sampled about the best samples. An extremum narrower than a 48th of an edge, and
+    far from all knots, may be missed.
     """
     corners = np.concatenate([patch.evaluate(patch.domain.vertices) for patch in patches])
     boxes = np.array([bounds_of(patch.control_points) for patch in patches])

@@ -22,22 +22,15 @@ Kind: TypeAlias = Literal[
 
 @frozen
 class Description:
-    """Description of a patch. Made by `description`.
+    """Description of a patch. Made by `description`."""
 
-    `kind` and `degree` (empty for the last two kinds) say that the knots are a whole lattice at any place and scale,
-    that they are integers ("toric"), or neither ("GT"). `edges` has the indices of the knots on each edge of Δ, in
-    order along it, or at each end of a curve; `edge_normals` the normals that "auto" has chosen, None for a curve. The
-    boxes, (2, 3) lowest and highest coordinates, are those of the patch and of its control points;
-    `linear_precision_error` is ``max |Σ_i T_i(u) a_i − u|`` over Δ in the toric parametrisation, in units of the knots.
-    """
-
-    kind: Kind
-    degree: tuple[int, ...]
-    edges: tuple[tuple[int, ...], ...]
-    edge_normals: EdgeNormals | None
-    bounding_box: FloatArray
-    control_box: FloatArray
-    linear_precision_error: float
+    kind: Kind  # the knots are a whole lattice, at any place and scale, or integers ("toric"), or neither ("GT")
+    degree: tuple[int, ...]  # of a lattice in its directions, else empty
+    edges: tuple[tuple[int, ...], ...]  # the knots on each edge, in order along it, or at each end of a curve
+    edge_normals: EdgeNormals | None  # as given, or as "auto" has chosen; None for a curve
+    bounding_box: FloatArray  # (2, 3) lowest and highest coordinates of the patch
+    control_box: FloatArray  # and of its control points
+    linear_precision_error: float  # max |Σ_i T_i(u) a_i − u| in the toric parametrisation, in units of the knots
     repeated_knots: tuple[tuple[int, ...], ...]
 
 

@@ -16,13 +16,10 @@ MAX_NEGLECTED = 0.1  # with a larger neglected share, the limit is not reached w
 
 
 class _End(NamedTuple):
-    """An end of the merged curve, which is moved so that its control point there is 0.
+    """An end of the merged curve; arrays have a row for each knot, the nearest to the end first."""
 
-    `sign` is 1 at the start and −1 at the end; the arrays have a row for each knot, the nearest to the end first.
-    """
-
-    patch: Patch
-    sign: float
+    patch: Patch  # moved so that its control point there is 0
+    sign: float  # 1 at the start and −1 at the end
     at: float
     places: FloatArray
     logs: FloatArray

@@ -10,7 +10,6 @@ from gtb_cli.checks.report import Finding, not_applicable, number
 from gtb_cli.knots.hull import knot_tolerance
 
 MAX_TRIPLES = 1_000_000  # a tenth of a second: all triples of up to 182 knots, some of more
-
 SPATIAL_NOTE = "the control points are not in a plane"
 
 

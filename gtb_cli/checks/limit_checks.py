@@ -15,11 +15,8 @@ from gtb_cli.theory.basis import torus_coordinates
 
 
 def weights(probe: Probe) -> Finding:
-    """Compare the patch of weights x^λ ω with the basis times x^λ, also for weights beyond the range of floats.
-
-    A common factor of the weights changes no point; this one is so large that they must be logarithms.
-    """
-    common_factor_log = 1000.0  # beyond the range of floats
+    """Compare the patch of weights x^λ ω with the basis times x^λ, also for weights beyond the range of floats."""
+    common_factor_log = 1000.0  # of a factor that changes no point, and makes all weights logarithms
     patch, tiny = probe.patch, np.finfo(float).tiny
     lifting = np.arange(len(patch.knots)) % 2.0 if patch.lifting is None else patch.lifting
     lifting = lifting / max(float(np.abs(lifting).max()), tiny)

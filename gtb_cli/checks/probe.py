@@ -140,7 +140,7 @@ def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
 
 
 def principal_axes(points: FloatArray) -> FloatArray:
-    """Return (3, 3) orthonormal axes (rows) of (m, 3) points about 0, starting with that of largest extent."""
+    """Return the principal axes, the rows of (3, 3), of (m, 3) points about 0, the longest first."""
     # Rows of zeros give even two points three axes.
     return np.asarray(np.linalg.svd(np.concatenate([points, np.zeros((3, 3))]), full_matrices=False)[2])
 

@@ -91,10 +91,7 @@ def check_patch(patch: Patch) -> Report:
 
 
 def _measured(measure: Measure, probe: Probe) -> Finding:
-    """Measure a property; it fails for a patch that cannot be evaluated, but not where rounding decides.
-
-    Nor does it fail because of knots that count as on an edge: if it holds once they are there, it is not decided.
-    """
+    """Measure a property; it is not decided where rounding decides, also of knots that count as on an edge."""
     try:
         found = measure(probe)
         is_blurred = found.status == "fails" and probe.has_blurred_edges

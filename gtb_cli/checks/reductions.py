@@ -44,10 +44,7 @@ def isoparametric_curves(probe: Probe) -> Finding:
 
 
 def classical_bezier(probe: Probe) -> Finding:
-    """Compare the patch with the rational Bézier curve, triangle or tensor product patch on the same lattice.
-
-    Its Bernstein polynomials are computed by powers of barycentric coordinates.
-    """
+    """Compare the patch with the rational Bézier patch on the same lattice, by powers of barycentric coordinates."""
     patch, domain = probe.patch, probe.patch.domain
     lattice = lattice_of(domain)
     if lattice is None:

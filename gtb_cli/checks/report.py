@@ -74,6 +74,11 @@ def counts(findings: Iterable[Finding]) -> str:
     return text + (f", {count['not decided']} not decided" if count["not decided"] else "")
 
 
+def _holds(report: "Report | ModelReport") -> bool:
+    """True if no property fails, of a patch or a joint."""
+    return all(found.status != "fails" for found in report.findings)
+
+
 def _described(report: "Report | ModelReport") -> str:
     return f"<{type(report).__name__} {report.name or 'without a name'}: {counts(report.findings)}>"
 
@@ -97,12 +102,7 @@ class Report:
 
     name: str | None
     findings: tuple[Finding, ...]
-    __repr__, _repr_html_ = _described, _table
-
-    @property
-    def holds(self) -> bool:
-        """True if no property fails."""
-        return all(finding.status != "fails" for finding in self.findings)
+    __repr__, _repr_html_, holds = _described, _table, property(_holds)
 
 
 @dataclass(frozen=True, repr=False)
@@ -112,14 +112,9 @@ class ModelReport:
     name: str | None
     patches: tuple[Report, ...]
     joints: tuple[Finding, ...]
-    __repr__, _repr_html_ = _described, _table
+    __repr__, _repr_html_, holds = _described, _table, property(_holds)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """All findings: those about the joints, then those about each patch."""
         return (*self.joints, *(found for part in self.patches for found in part.findings))
-
-    @property
-    def holds(self) -> bool:
-        """True if no property of a patch or joint fails."""
-        return all(finding.status != "fails" for finding in self.findings)

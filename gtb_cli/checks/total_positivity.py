@@ -10,11 +10,8 @@ from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, principal_axes
 from gtb_cli.checks.report import Finding, at_most, not_applicable, number, within_rounding
 
 MAX_MINOR_ORDER = 4  # rows of a sampled minor, which is then a sum of at most 24 products
-
 UNDERFLOW_NOTE = "in each sampled minor there are values of the basis below the range of floats"
-
 MIN_CHORD = 1e-3  # of the extent: a shorter chord is joined with the next, as its direction would be rounding
-
 PLANE_WIDTH = 1e-12  # of the extent: control points in a slab as thin lie in a plane
 
 
@@ -161,10 +158,9 @@ def _turning(points: FloatArray) -> tuple[float, float]:
 
 
 def _in_principal_axes(probe: Probe, count: int) -> tuple[FloatArray, FloatArray, bool]:
-    """Return (n, 3) control points and (count, 3) even points of the curve in units of the extent, and if it is flat.
+    """Return control points, (n, 3), and even points of the curve, (count, 3), and tell whether all are in a plane.
 
-    They are measured from the middle of the control points along their principal axes, of which the third one does not
-    matter to flat ones.
+    Coordinates are along the principal axes of the control points, from their middle, in units of the extent.
     """
     patch = probe.patch
     control = patch.control_points[np.argsort(patch.knots[:, 0], kind="stable")]

@@ -60,9 +60,8 @@ def approve(
     if names and gone and not prune:
         raise GtbError(*(Fault(f"has no file {each.name}; --prune removes {each.paths[0]}", out) for each in gone))
     if prune and (linked := [each.paths[0] for each in gone if _is_elsewhere(golden, each)]):
-        raise GtbError(
-            *(Fault("is in a folder that is linked, where --prune removes nothing", path) for path in linked)
-        )
+        why = "is in a folder that is linked, where --prune removes nothing"
+        raise GtbError(*(Fault(why, path) for path in linked))
     for line in _take_over(golden, taken, comparing):
         console.note(line)
     for verdict in gone if prune else ():
@@ -102,10 +101,7 @@ def _compared(golden: str, out: str, comparing: Comparing) -> Iterable[Verdict]:
 
 
 def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, out: str) -> list[Verdict]:
-    """Return the verdicts on files with these names, as `gtb diff` prints them, or that match them as patterns.
-
-    Files with equal bytes are left out.
-    """
+    """Return the verdicts on files, but for equal bytes, with names as `gtb diff` prints them, or that match these."""
     chosen, unknown = dict[str, None](), list[str]()
     for name in names:
         if not name:

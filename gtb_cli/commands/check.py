@@ -90,7 +90,7 @@ def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
 
 
 def _text(report: Report | ModelReport, colours: bool) -> str:
-    """Write a table with a row for each property, or for a model those of its joints and what fails in each patch."""
+    """Write a row for each property; for a model, for the properties of its joints and for what fails in patches."""
     from gtb_cli.checks.report import Report, counts
 
     findings = report.findings if isinstance(report, Report) else report.joints

@@ -1,4 +1,7 @@
-"""The `gtb` command: the list of its commands, and the one place where errors become messages and exit statuses."""
+"""The `gtb` command: the list of its commands, and the one place where errors become messages.
+
+Signals, such as Ctrl-C, get their exit statuses in `gtb_cli.__main__`.
+"""
 
 import os
 import sys
@@ -90,7 +93,17 @@ class LazyGroup(click.Group):
         if name not in COMMANDS and not name.startswith("-"):
             from difflib import get_close_matches
 
-            likely = get_close_matches(name, COMMANDS, n=1)
+            others = {
+                "render": "plot",
+                "draw": "plot",
+                "show": "view",
+                "open": "view",
+                "export": "mesh",
+                "build": "mesh",
+            }
+            likely = [others[name]] if name in others else get_close_matches(name, COMMANDS, n=1)
+            if name.endswith((".toml", ".json")):
+                likely = [f"mesh {name}"]
             suggestion = f" Did you mean {likely[0]}?" if likely else ""
             raise click.UsageError(f"No such command: {name or repr(name)}.{suggestion}", ctx)
         return super().resolve_command(ctx, args)
@@ -253,7 +266,7 @@ def _usage_text(error: click.UsageError) -> str:
 
         elsewhere = {"--wall": "--thickness", "--shell": "--thickness", "--offset": "--thickness", "-D": "--set"}
         name, known = error.option_name, [name for param in error.ctx.command.params for name in param.opts]
-        meant = [other for other in known if other.startswith(name) or other == elsewhere.get(name)]
+        meant = [other for other in known if other.startswith((name, f"-{name}")) or other == elsewhere.get(name)]
         meant = meant or get_close_matches(name, known, n=1)
         text = f"No such option '{name}'."  # in these words with any version of click
         if meant:

@@ -49,7 +49,6 @@ def decompose(
     from gtb_cli.limits.degeneration import lifting_of
     from gtb_cli.models.model import Model
 
-    given = {"--triangulations": triangulations, "--max": most is not None}
     if every:
         if lifting is not None:
             raise click.UsageError("--all tries every lifting: leave out --lifting")
@@ -57,8 +56,8 @@ def decompose(
             cones = _every_one(single(loaded), triangulations, most, streams.console)
         _write_all(cones, as_json, streams)
         return None
-    for option in (name for name, is_given in given.items() if is_given):
-        raise click.UsageError(f"{option} is for --all")
+    if triangulations or most is not None:
+        raise click.UsageError(f"{'--triangulations' if triangulations else '--max'} is for --all")
     with streams.spec_of(spec) as loaded:
         is_model = isinstance(loaded, Model)
         if is_model and lifting is not None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, tell
+from gtb_cli.shell.console import STANDARD, Console, tell
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
@@ -109,44 +109,43 @@ def diff(
             is_new = path == a and os.path.isdir(b) and "*" not in a and not suffix_of(a)
             takes = f": gtb approve {a} {b} makes it from {b}" if is_new else ""
             raise GtbError(f"{path}: No such file or directory{takes}")
-    folders = [path for path in (a, b) if os.path.isdir(path)]
-    if len(folders) == 2:
+    of_folders = os.path.isdir(a) and os.path.isdir(b)
+    if of_folders:
         inputs = [path for pair in pairs(a, b)[0].values() for path in pair if path]
     else:
         inputs = [a, b] = _two_files(a, b)
     refuse_overwriting(inputs, [streams.output, *reports])
-    refuse_reports(reports, folders if len(folders) == 2 else ())
+    refuse_reports(reports, (a, b) if of_folders else ())
     comparing = Comparing(recipe, tolerance, kind, ignore, streams.reading)
     verdicts: list[Verdict] = []
-
-    def told() -> Iterator[Verdict]:
-        for verdict in comparing.each(a, b):
-            for say, messages in ((streams.console.warn, verdict.warnings), (streams.console.note, verdict.notes)):
-                for message in messages:
-                    say(f"{', '.join(verdict.paths)}: {message}")
-            verdicts.append(replace(verdict, meshes=(None, None)))
-            yield verdict
-
-    review = None
+    each = _told(comparing.each(a, b), verdicts, streams.console)
     if reports:
-        from gtb_cli.review.reports import reviewed
+        from gtb_cli.review.reports import reviewed, write_reports
 
-        review = reviewed((shown_input(a), shown_input(b)), told(), comparing)
+        review = reviewed((shown_input(a), shown_input(b)), each, comparing)
     else:
-        deque(told(), maxlen=0)
-    found = Verdicts(tuple(verdicts), of_folders=len(folders) == 2)
+        deque(each, maxlen=0)
+    found = Verdicts(tuple(verdicts), of_folders)
     if as_json:
         write_json(streams.output, found.record)
     else:
         streams.write(found.text)
     for error in found.errors:
         tell(error, "error")
-    if review is not None:
-        from gtb_cli.review.reports import write_reports
-
+    if reports:
         write_reports(review, reports)
     if found.status:
         raise click.exceptions.Exit(found.status)
+
+
+def _told(verdicts: Iterable[Verdict], kept: list[Verdict], console: Console) -> Iterator[Verdict]:
+    """Yield verdicts, print what is to be said of each, and keep all without their meshes."""
+    for verdict in verdicts:
+        for say, messages in ((console.warn, verdict.warnings), (console.note, verdict.notes)):
+            for message in messages:
+                say(f"{', '.join(verdict.paths)}: {message}")
+        kept.append(replace(verdict, meshes=(None, None)))
+        yield verdict
 
 
 def _two_files(a: str, b: str) -> list[str]:

@@ -12,7 +12,7 @@ import click
 from gtb_cli.errors import DomainError, Fault
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.options import INPUT, json_option, spec_argument, streams_options
-from gtb_cli.shell.streams import Streams, number_rows, opened, shown_input, single, write_blocks, write_json
+from gtb_cli.shell.streams import Streams, numbered_rows, opened, shown_input, single, write_blocks, write_json
 from gtb_cli.vocabulary import PARAMETRIZATIONS
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def _batches(patch: Patch, params: str, parts: list[_Part]) -> Iterator[tuple[Fl
     import numpy as np
 
     with opened(params) as file:
-        rows = number_rows(file, shown_input(params), [patch.dimension])
+        rows = numbered_rows(file, shown_input(params), [patch.dimension])
         while batch := list(islice(rows, 1 if file.isatty() else BATCH_LINES)):
             u = np.array([row for _, row in batch])
             try:

@@ -10,7 +10,7 @@ import click
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, reads, streams_options, weld_option
-from gtb_cli.shell.streams import Streams, about, read_bytes, shown_input, stem_of, write_blocks, write_json
+from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input, write_blocks, write_json
 from gtb_cli.shell.surface_files import surface_format
 from gtb_cli.vocabulary import CONTINUITIES, percentage
 
@@ -143,7 +143,7 @@ def fill(
             else:
                 streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
             return
-        name = None if isinstance(found, Model) else named or stem_of(loop)
+        name = None if isinstance(found, Model) else named or input_stem(loop)
         filling = filled(
             found,
             hole,

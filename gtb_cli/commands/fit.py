@@ -1,4 +1,4 @@
-"""`gtb fit`: points → a curve or surface through them, or near them."""
+"""`gtb fit`: points → a curve through them."""
 
 from itertools import islice
 
@@ -7,7 +7,7 @@ import click
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.options import INPUT, numbers_of, reads, streams_options
-from gtb_cli.shell.streams import Streams, about, number_rows, opened, shown_input, stem_of
+from gtb_cli.shell.streams import Streams, about, input_stem, numbered_rows, opened, shown_input
 
 
 @click.command
@@ -33,10 +33,10 @@ def fit(points: str, knots: tuple[float, ...] | None, streams: Streams) -> None:
 
     max_points = 1_000_000
     with opened(points) as file:
-        rows = [row for _, row in islice(number_rows(file, shown_input(points), (2, 3)), max_points + 1)]
+        rows = [row for _, row in islice(numbered_rows(file, shown_input(points), (2, 3)), max_points + 1)]
     if not 0 < len(rows) <= max_points:
         raise SpecError(f"{shown_input(points)}: has {f'more than {max_points}' if rows else 'no'} points")
     with about(shown_input(points)):
         found = fitted(rows, knots)
-    streams.write(dump(found.curve.replace(name=stem_of(points))))
+    streams.write(dump(found.curve.replace(name=input_stem(points))))
     streams.console.note(f"{len(rows)} points, {found.rounds} rounds, {found.distance:.3g} left")

@@ -7,7 +7,7 @@ import click
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.options import INPUT, output_options
-from gtb_cli.shell.streams import Streams, about, read_bytes, shown_input, stem_of
+from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input
 from gtb_cli.vocabulary import IMPORTS
 
 
@@ -39,7 +39,7 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
     if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
         sides = loop_from_text(data, source)
         with about(source):
-            filling = fill_loop(sides, name=stem_of(file))
+            filling = fill_loop(sides, name=input_stem(file))
             if filling.fault:
                 raise RequirementError(f"{filling.fault}; it is not written")
             text = dump(filling.patch)

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import click
 
@@ -31,11 +32,11 @@ from gtb_cli.shell.streams import (
     Streams,
     about,
     file_stem,
+    input_stem,
     is_device,
     is_folder,
     is_terminal,
     shown_input,
-    stem_of,
     write_blocks,
 )
 from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfaces
@@ -148,48 +149,39 @@ def mesh(
     work = [task for task in plan if task.kept is None]
     made = partial(_made, options=options, kind=kind)
     found = workers.results(partial(made, whole=True), work, partial(made, whole=False), console.warn)
-    written: list[tuple[Task, str, list[str]]] = []
+    written: list[tuple[str, Made]] = []
     with closing(found), _files(output, folder, book, resume) as write, console.counter(len(work)) as begin:
         for task in plan:
-            if task.kept is not None:
-                cells = "segments" if "segments" in task.kept else "faces"
-                size = f"{task.kept['vertices']} vertices, {task.kept[cells]} {cells}, up to date"
-                written.append((task, size, task.kept["warnings"]))
-                continue
-            begin(task.path)
-            file = next(found)
-            if not isinstance(file, GtbError):
-                file = _written(task, file, write, book)
-            if isinstance(file, GtbError):
-                errors.append(file)
-            else:
-                written.append((task, file.size, file.warnings))
+            if task.kept is None:
+                begin(task.path)
+            file = task.kept or _written(task, next(found), write, book)
+            errors.append(file) if isinstance(file, GtbError) else written.append((task.output, file))
         if not written:  # then a folder made for them is also removed
             raise _joined(errors)
-    for task, size, warnings in written:
-        console.report(task.output, f"{size}, with {reading}" if reading.let else size, warnings)
+    for target, file in written:
+        console.report(target, f"{file.size}, with {reading}" if reading.let else file.size, file.warnings)
     if errors:
         raise _joined(errors)
 
 
+class Made(NamedTuple):
+    """A mesh file that has not been written yet, or is up to date; `facts` are for the manifest, `lines` of a text."""
+
+    size: str
+    warnings: list[str]
+    blocks: Iterable[bytes] = ()
+    facts: Mapping[str, object] = MappingProxyType({})
+    lines: int = 0
+
+
 class Task(NamedTuple):
-    """A mesh to make, with checksums of the files of its spec for a manifest; or one that is kept, by its entry."""
+    """A mesh to make, with checksums of the files of its spec for a manifest; or one that is kept."""
 
     output: str
     path: str
     spec: Spec | None = None
     sums: dict[str, str] | None = None
-    kept: Mapping[str, Any] | None = None
-
-
-class Made(NamedTuple):
-    """A mesh file that has not been written yet; `facts` are for the manifest, `lines` those of a text."""
-
-    blocks: Iterable[bytes]
-    size: str
-    warnings: list[str]
-    facts: dict[str, object]
-    lines: int
+    kept: Made | None = None
 
 
 def _is_for_folder(given: Sequence[str], paths: Sequence[str], output: str) -> bool:
@@ -212,13 +204,15 @@ def _planned(path: str, place: str, options: MeshOptions, kind: str, streams: St
     if book is not None:
         from gtb_cli.shell.manifest import input_sums
 
-        output = _output(place, kind, stem_of(path))
+        output = _output(place, kind, input_stem(path))
         if path != STANDARD and (entry := book.kept(output, path)) is not None:
-            return Task(output, path, kept=entry)
+            cells = "segments" if "segments" in entry else "faces"
+            size = f"{entry['vertices']} vertices, {entry[cells]} {cells}, up to date"
+            return Task(output, path, kept=Made(size, entry["warnings"]))
         sums = input_sums(path, streams.reading.spec_format)  # before the spec is read: it may change meanwhile
     with streams.spec_of(path) as spec:
         options.recipe.check_size(spec)
-    return Task(_output(place, kind, stem_of(path) or file_stem(spec.name)), path, spec, sums)
+    return Task(_output(place, kind, input_stem(path) or file_stem(spec.name)), path, spec, sums)
 
 
 def _output(place: str, kind: str, stem: str | None) -> str:
@@ -267,7 +261,7 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             refused = ", which slicers do not read" if kind == "3mf" else ""
             size += f", open{refused}: --thickness D makes a solid"
         lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
-        return Made([b"".join(blocks)] if whole else blocks, size, warnings, facts, lines)
+        return Made(size, warnings, [b"".join(blocks)] if whole else blocks, facts, lines)
 
     assert task.spec is not None
     return attempted(task.path, made, task.spec)
@@ -297,9 +291,11 @@ def _files(output: str, folder: str | None, book: Manifest | None, resume: bool)
         book.write()
 
 
-def _written(task: Task, made: Made, write: Write, book: Manifest | None) -> Made | GtbError:
+def _written(task: Task, made: Made | GtbError, write: Write, book: Manifest | None) -> Made | GtbError:
     """Write a file, or return the error in its spec; an error in writing is raised."""
     max_terminal_lines = 1000
+    if isinstance(made, GtbError):
+        return made
     if is_terminal(task.output) and made.lines > max_terminal_lines:
         raise ExportError(f"the mesh has {made.lines} lines, and standard output is a terminal: give -o FILE")
 

@@ -22,14 +22,14 @@ from gtb_cli.shell.options import (
     resolution_up_to,
     spec_argument,
 )
-from gtb_cli.shell.streams import Streams, format_of, refuse_terminal, write_blocks
+from gtb_cli.shell.streams import Streams, output_format, refuse_terminal, write_blocks
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SIZE_LIMITS, STRETCH_LIMITS
 
 if TYPE_CHECKING:
     from gtb_cli.plots.panels import Approach
 
 FIGURE_FORMATS = ("png", "svg", "pdf")  # the default first
-FILM_FORMAT = "gif"
+ANIMATION_FORMAT = "gif"
 
 
 def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., object]:
@@ -65,7 +65,7 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
 @click.option(
     "-f",
     "--format",
-    type=click.Choice((*FIGURE_FORMATS, FILM_FORMAT)),
+    type=click.Choice((*FIGURE_FORMATS, ANIMATION_FORMAT)),
     help="Format, whatever FIG is called; png on standard output.",
 )
 @click.option(
@@ -142,32 +142,32 @@ def plot(
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
     output = streams.output
-    kind = format_of(output, format, (*FIGURE_FORMATS, FILM_FORMAT))
+    kind = output_format(output, format, (*FIGURE_FORMATS, ANIMATION_FORMAT))
     if kind != "svg":
         refuse_terminal(output, kind, "-o FIG")
-    from gtb_cli.plots.look import encoded, settings
+    from gtb_cli.plots.look import encoded_figure, settings
 
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
     with settings():  # a missing matplotlib is reported before anything is computed
         pass
-    from gtb_cli.plots.animation import encoded_film
+    from gtb_cli.plots.animation import encoded_animation
     from gtb_cli.plots.figures import Variation, figure_of, frames_of_picture, picture_of
-    from gtb_cli.plots.panels import film_of_frames
+    from gtb_cli.plots.panels import animation_of_frames
 
-    film = kind == FILM_FORMAT
-    if film and what not in (None, "sequence"):
+    is_animation = kind == ANIMATION_FORMAT
+    if is_animation and what not in (None, "sequence"):
         raise click.UsageError(f"a film shows a sequence, and this is {what}")
     with streams.spec_of(spec) as loaded:
         variation = Variation(*vary) if vary else None
-        picture = picture_of(loaded, "sequence" if film else what, {**looks, "vary": variation, **vars(limit)})
-        if film:
-            frames = frames_of_picture(loaded, picture, "film")
+        picture = picture_of(loaded, "sequence" if is_animation else what, {**looks, "vary": variation, **vars(limit)})
+        if is_animation:
+            frames = frames_of_picture(loaded, picture, "animation")
         else:
             figure = figure_of(loaded, picture)
-    if film:
-        data = encoded_film(film_of_frames(frames, picture.look))
+    if is_animation:
+        data = encoded_animation(animation_of_frames(frames, picture.look))
     else:
         with settings():
-            data = encoded(figure, kind)
+            data = encoded_figure(figure, kind)
     write_blocks(output, [data])
     streams.console.report(output, f"{len(data) / 1000:.0f} kB")

@@ -109,7 +109,7 @@ def view(
     if watch:
         if output is not None or STANDARD in paths:
             raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
-        from gtb_cli.shell.serving import Pages, serve
+        from gtb_cli.shell.view_server import Pages, serve
 
         return serve(Pages(paths, reading, see), paths, port, console, opens=not no_open)
     from gtb_cli.pages.page import page_of
@@ -177,7 +177,7 @@ def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach
 
 
 def _refuse_solid(recipe: Recipe | None, reason: str) -> None:
-    """Refuse options of the mesh of a spec, but that of its resolution."""
+    """Refuse options of the mesh of a spec, but its resolution."""
     for name in ("tolerance", "radius", "thickness", "weld"):
         if recipe is not None and getattr(recipe, name) is not None:
             raise click.UsageError(f"--{name} {reason}")

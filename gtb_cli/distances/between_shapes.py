@@ -49,7 +49,7 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
 def farthest(
     surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int, accuracy: float = RELATIVE_ERROR
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(k,) distances, (k, 3) points and (k,) errors as found by `FarthestSearch`, in model units."""
+    """Return distances, points and errors as `FarthestSearch` finds them, (k,), (k, 3) and (k,), in model units."""
     frame = Frame.around(*(surface.points for surface in surfaces))
     seen = [surface.seen_from(frame) for surface in surfaces]
     found, at, errors = FarthestSearch(seen, ways, count, accuracy).farthest()
@@ -57,7 +57,7 @@ def farthest(
 
 
 def layered(mosaic: Complex, patches: Sequence[Patch]) -> Complex:
-    """The complex refined where a surface is still far from its mesh, as in thin layers along edges."""
+    """Refine a complex where a surface is still far from its mesh, as in thin layers along edges."""
     share, most_cells, samples = 0.02, 5000, 2000  # of the size, and in all
     size = max(float(np.ptp(patch.control_points, axis=0).max()) for patch in patches)
     try:
@@ -67,6 +67,6 @@ def layered(mosaic: Complex, patches: Sequence[Patch]) -> Complex:
 
 
 def cells_along_edges(patches: Sequence[Patch], cells: int, least: int) -> int:
-    """The number of cells along each edge with which there are roughly so many in all, and at least `least`."""
+    """Return the number of cells along each edge, at least `least`, with which there are roughly `cells` in all."""
     share = cells / sum(cell_count(patch.domain, 1) for patch in patches)
     return max(least, int(share if patches[0].dimension == 1 else np.sqrt(share)))

@@ -206,7 +206,7 @@ def decoded(data: bytes, name: str, recipe: Recipe, reading: Reading = AS_SEEN) 
 
 
 def made_with(a: Operand, b: Operand) -> int | None:
-    """The resolution with which the spec of one side has as many cells as the mesh of the other; None if none has."""
+    """Return the resolution with which the spec of one side has as many cells as the mesh of the other, or None."""
     if (a.spec is None) == (b.spec is None):
         return None
     spec, wanted = (a.spec, len(b.known.mesh.cells)) if a.spec is not None else (b.spec, len(a.known.mesh.cells))

@@ -11,10 +11,9 @@ ROUNDING = 1e-14  # distance, as a fraction of the size of the surfaces, below w
 def projected(
     strata: Strata, points: FloatArray, stratum: IntArray, s: FloatArray, accuracy: float, enough: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Move along strata to the points nearest to (m, 3) given ones, from (m,) strata and (m, 2) coordinates in them.
+    """Move along strata, from (m, 2) coordinates in (m,) strata, to the places nearest to (m, 3) points.
 
-    Returns (m,) distances, no shorter than the shortest ones, whatever becomes of the method, with a relative error of
-    `accuracy` or at most `enough` (m,); and (m, 2) coordinates.
+    Return (m,) distances, never too short, with a relative error of `accuracy` or at most `enough`, and coordinates.
     """
     block = 1 + 100_000 // len(strata.log_weights)
     distances, found = np.empty(len(points)), np.empty_like(s)
@@ -30,7 +29,7 @@ def projected(
 def _least_squares(
     strata: Strata, points: FloatArray, start: FloatArray, accuracy: float, enough: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(m,) least squares of distances of (3, m) points from a stratum each, and (m, 2) coordinates of the minima.
+    """Return least squared distances of (3, m) points from a stratum each, (m,), and where these are, (m, 2).
 
     Ends when a step would not shorten the square by more than a fraction `accuracy`, or when it is at most `enough`.
     """
@@ -63,10 +62,9 @@ def _least_squares(
 def _descent(
     apart: FloatArray, first: FloatArray, bends: FloatArray, reach: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(2, m) steps towards the least squared distance, and by how much (m,) gradients say that it will fall.
+    """Return steps towards the least squared distance, (2, m), and by how much gradients say that it falls, (m,).
 
-    Along each principal axis of the Hessian a step is at most (m,) `reach`. Where the curvature along an axis is not
-    positive, that of the distance from a plane is used.
+    Along each principal axis of the Hessian a step is at most `reach`, (m,).
     """
     x, y = first
     a, b, c = column_dot(x, x) + bends[0], column_dot(y, y) + bends[1], column_dot(x, y) + bends[2]
@@ -81,7 +79,7 @@ def _descent(
 
 
 def _along(apart: FloatArray, first: FloatArray, bend: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
-    least_ratio = 1e-3  # of the curvature to that from a plane
+    least_ratio = 1e-3  # of the curvature to that of the distance from a plane, which takes its place below it
     gradient, plane = column_dot(first, apart), column_dot(first, first)
     curvature = np.where(plane + bend > least_ratio * plane, plane + bend, plane)
     step = np.clip(-gradient / np.maximum(curvature, np.finfo(float).tiny), -reach, reach)

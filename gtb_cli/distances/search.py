@@ -15,10 +15,8 @@ from gtb_cli.distances.projection import ROUNDING, projected
 from gtb_cli.distances.strata import Strata, StratumPlaces, Surface
 
 CLOSE_SHARE = 0.9  # fraction of the largest distance from which on a point of the start may lead to a farther one
-
 # Nearest points from which the nearest one is searched for: usually, where it matters, and for the farthest of all.
 FEW_STARTS, MANY_STARTS, MOST_STARTS = 4, 24, 400
-
 NEAR_REGIONS = 2  # nearest regions, with a start in each
 
 
@@ -67,10 +65,10 @@ class FarthestSearch:
         self.neighbours = _table(np.concatenate(beside), np.arange(len(self.points)))
 
     def farthest(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(k,) distances of `count` ways or pairs of ways, (k, 3) points that are so far, and (k,) errors.
+        """Return the distances of all ways or pairs of ways, (k,), points that are so far, (k, 3), and errors, (k,).
 
-        Where a further search for nearest points lowers the distances of the farthest points, nearest points of others
-        may be missed, too: the error is then all that was lost, or the whole distance.
+        Where a further search for nearest points lowers a distance, others may be missed, too: the error is then all
+        that was lost, or the whole distance.
         """
         peaks = self.peaks(self.verified(self.bounded(self.candidates())))
         climbed = self.climbed(peaks)
@@ -88,11 +86,11 @@ class FarthestSearch:
         return found, at, self.accuracy * found + np.where(missed, np.maximum(lost, found), 0.0)
 
     def positions(self, places: StratumPlaces) -> FloatArray:
-        """(m, 3) points."""
+        """Return the points at places, (m, 3)."""
         return self.strata.chosen(places.stratum).points(places.s.T).T
 
     def candidates(self) -> Candidates:
-        """All points, at the distances of the nearest points of the other surface."""
+        """Return all points of the start, at the distances of the nearest points of the other surface."""
         rows = []
         for way, (one, other) in enumerate(zip(self.source.tolist(), self.target.tolist(), strict=True)):
             squares, nearest = _nearest(self.surfaces[one].points, self.surfaces[other].points)
@@ -103,7 +101,7 @@ class FarthestSearch:
         return joined(rows)
 
     def bounded(self, candidates: Candidates) -> Candidates:
-        """Lower the bounds of those that may be farthest, by the distances found from two starts."""
+        """Lower the bounds of candidates that may be farthest, by the distances found from two starts."""
         bounds = candidates.distance.copy()
 
         def lower(rows: IntArray) -> None:
@@ -120,9 +118,9 @@ class FarthestSearch:
         return candidates._replace(distance=bounds)
 
     def verified(self, candidates: Candidates) -> Candidates:
-        """Those that are about as far as the farthest, with their distances, searched for from many starts.
+        """Return the candidates about as far as the farthest, with distances that are found from many starts.
 
-        The farthest of these are searched for once more, from most starts, until they stay the farthest.
+        The farthest are searched for once more, from most starts, until they stay the farthest.
         """
         number, few = 2, 4  # candidates of each way that are verified at first, then twice as many; and once more
         rounds = 1 + 1000 // len(self.strata.log_weights)  # so much patience with distances that are not yet certain
@@ -145,13 +143,13 @@ class FarthestSearch:
             number *= 2
 
     def largest(self, pair: IntArray, heights: FloatArray) -> FloatArray:
-        """(k,) the largest of (m,) heights of each pair."""
+        """Return the largest of (m,) heights of each pair, (k,)."""
         low = np.zeros(self.count)
         np.maximum.at(low, pair, heights)
         return low
 
     def peaks(self, candidates: Candidates) -> LocalMaxima:
-        """The few farthest ones that are farther than their neighbours."""
+        """Return the local maxima of the distance, a few of the largest of each way."""
         same_height = 1e-9  # relative difference of distances of one place in two strata
         few = 8
         heights = np.zeros((len(self.source), len(self.points)))
@@ -168,7 +166,7 @@ class FarthestSearch:
         return LocalMaxima(way[rows], *rows_of(self.places, point[rows]), distance[rows])
 
     def climbed(self, peaks: LocalMaxima) -> LocalMaxima:
-        """The peaks that are reached by moving over the own surface as long as distances grow."""
+        """Move local maxima over their own surface as long as distances grow."""
         trials, longest_reach = 24, 4.0
         shrink, growth = 0.6, 2.0  # of the reach, after a turn without and with a gain
         worthy_gain = 0.02 * self.accuracy  # a smaller one counts as none: towards a corner, gains never end
@@ -205,10 +203,10 @@ class FarthestSearch:
     def distances(
         self, points: FloatArray, way: IntArray, enough: FloatArray, starts: int, guess: StratumPlaces | None = None
     ) -> tuple[FloatArray, StratumPlaces]:
-        """(m,) distances of (m, 3) points from the surfaces to which their ways lead, and their nearest points there.
+        """Find how far (m, 3) points are from the surfaces to which their ways lead, (m,), and their nearest points.
 
-        These are searched for from a guess, if there is one, from so many of the other surface's points, and from some
-        more; where a distance is at most `enough` (m,), the search ends.
+        The search starts from a guess, if there is one, then from so many points of the other surface and some more; it
+        ends where a distance is at most `enough`, (m,).
         """
         found = np.full(len(points), np.inf)
         nearest = StratumPlaces(np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2)))
@@ -235,7 +233,7 @@ class FarthestSearch:
         return found, nearest
 
     def starts(self, points: FloatArray, index: int, number: int) -> IntArray:
-        """(m, w) points of a surface near (m, 3) points: the nearest ones, and the nearest in the nearest regions."""
+        """Return points of a surface, (m, w): the nearest to (m, 3) points, and the nearest in the nearest regions."""
         regions = self.regions[index]
         result = []
         for block in np.array_split(points, 1 + len(points) * len(self.surfaces[index].points) // 2_000_000):
@@ -249,10 +247,8 @@ class FarthestSearch:
 
 
 def _disc(count: int, turn: int) -> FloatArray:
-    """(t, 2) points spread evenly over the unit disc, along a spiral that starts elsewhere in each turn.
-
-    Distances have ridges, where two points are equally near; only a few directions lead upwards along a ridge.
-    """
+    """Spread points evenly over the unit disc, (t, 2), along a spiral that starts elsewhere in each turn."""
+    # Only a few directions lead upwards along a ridge of the distance, where two points are equally near.
     golden_angle = np.pi * (3 - np.sqrt(5))
     k = np.arange(count)
     radius, angle = np.sqrt((k + 0.5) / count), golden_angle * k + turn
@@ -260,27 +256,27 @@ def _disc(count: int, turn: int) -> FloatArray:
 
 
 def _highest(way: IntArray, heights: FloatArray, number: int) -> IntArray:
-    """Rows of the highest ones of each way, so many at most, in order."""
+    """Return the rows of the highest of each way, at most `number`, the highest first."""
     order = np.lexsort((-heights, way))
     ways = way[order]
     return order[np.arange(len(way)) - np.searchsorted(ways, ways) < number]
 
 
 def _pairs(cells: IntArray) -> IntArray:
-    """(q, 2) points that share a cell, in both orders."""
+    """Return the pairs of points that share a cell, (q, 2), in both orders."""
     corners = range(cells.shape[1])
     return np.concatenate([cells[:, [i, j]] for i in corners for j in corners if i != j])
 
 
 def _regions(region: IntArray) -> IntArray:
-    """(g, w) points in each region that has some; the first one fills up the row."""
+    """Return the points in each region that has some, (g, w); the first of them fills up the row."""
     inside = np.flatnonzero(region >= 0)
     _, first, number = np.unique(region[inside], return_index=True, return_inverse=True)
     return _table(np.column_stack([number, inside]), inside[first])
 
 
 def _table(pairs: IntArray, filling: IntArray) -> IntArray:
-    """(k, w): in row i the j of all pairs (i, j), then `filling`."""
+    """Return a table, (k, w): in row i the j of all pairs (i, j), then `filling`."""
     pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
     number = np.bincount(pairs[:, 0], minlength=len(filling))
     table = np.repeat(filling[:, None], max(int(number.max(initial=0)), 1), axis=1)
@@ -289,7 +285,7 @@ def _table(pairs: IntArray, filling: IntArray) -> IntArray:
 
 
 def _nearest(a: FloatArray, b: FloatArray) -> tuple[FloatArray, IntArray]:
-    """(m,) squared distances of (m, 3) points from the nearest of (n, 3) points, and which these are."""
+    """Return the nearest of (n, 3) points to each of (m, 3) points, by squared distance and number, (m,) each."""
     squares, nearest = np.empty(len(a)), np.empty(len(a), dtype=np.int64)
     step = 1 + 2_000_000 // len(b)
     for start in range(0, len(a), step):
@@ -300,6 +296,6 @@ def _nearest(a: FloatArray, b: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _squares_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m, n) squared distances of (m, 3) points from (n, 3) points, up to rounding."""
+    """Return squared distances of (m, 3) points from (n, 3) points, (m, n), up to rounding."""
     columns = np.column_stack([-2 * b, np.ones(len(b)), np.einsum("ij,ij->i", b, b)])
     return np.asarray(np.maximum(np.column_stack([a, np.einsum("ij,ij->i", a, a), np.ones(len(a))]) @ columns.T, 0.0))

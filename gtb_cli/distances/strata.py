@@ -38,7 +38,7 @@ class Strata:
 
     @staticmethod
     def joined(parts: Sequence[Strata]) -> Strata:
-        """All strata of several parts, one part after another, filled up with knots that do not count."""
+        """Return the strata of several parts, one part after another, filled up with knots that do not count."""
         absent = -1e6  # the logarithm of a weight that is 0 beside all others
         count = max(len(part.log_weights) for part in parts)
 
@@ -53,20 +53,20 @@ class Strata:
         )
 
     def chosen(self, stratum: IntArray) -> Strata:
-        """A column for each of (m,) points."""
+        """Return strata with a column for each of (m,) points."""
         return Strata(*(table[..., stratum] for table in (self.knots, self.log_weights, self.control_points)))
 
     def shares(self, s: FloatArray) -> FloatArray:
-        """(n, m) values T_i, one point with (2, m) coordinates in each column."""
+        """Return the values T_i, (n, m), at (2, m) torus coordinates, one point in each column."""
         e = scaled_exponentials(self.knots[0] * s[0] + self.knots[1] * s[1] + self.log_weights)
         return np.asarray(e / e.sum(axis=0))
 
     def points(self, s: FloatArray) -> FloatArray:
-        """(3, m) points, one in each column."""
+        """Return the points, (3, m), at (2, m) torus coordinates, one in each column."""
         return np.asarray(np.einsum("xnm,nm->xm", self.control_points, self.shares(s)))
 
     def derivatives(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(3, m) points, and (2, 3, m) first and (3, 3, m) second derivatives: by both coordinates twice, and mixed."""
+        """Return points, (3, m), first derivatives, (2, 3, m), and second ones, (3, 3, m): xx, yy and xy."""
         shares = self.shares(s)
         points = np.einsum("xnm,nm->xm", self.control_points, shares)
         about = self.control_points - points[:, None]
@@ -88,7 +88,7 @@ class Surface:
     cells: IntArray  # (k, c) points that are near each other
 
     def seen_from(self, frame: Frame) -> Surface:
-        """The surface in coordinates of a frame."""
+        """Return the surface in coordinates of a frame."""
         strata = replace(self.strata, control_points=np.ascontiguousarray(frame.inside(self.strata.control_points.T).T))
         return replace(self, strata=strata, points=frame.inside(self.points))
 
@@ -113,7 +113,7 @@ def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
 
 
 def _regions(patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray) -> IntArray:
-    """(m,) numbers of the blocks of domains that hold points inside, -1 for others."""
+    """Return the numbers of the blocks of domains that hold points inside, -1 for others, (m,)."""
     blocks = 4  # along each axis of a domain; nearest points are searched for in the nearest ones
     region = np.full(len(patch), -1)
     for index, rows in groups(patch):

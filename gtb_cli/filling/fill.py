@@ -1,4 +1,4 @@
-"""`fill` for Python: a hole from a file, from curves, or in a model."""
+"""`fill` for Python: a hole from a file, from curves, or in a model; `one_patch` makes the patch."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence

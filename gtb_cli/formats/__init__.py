@@ -1,1 +1,1 @@
-"""Mesh to bytes and back, and what each format can hold."""
+"""Mesh to bytes and back: what each format can hold, which axis is up, where digits are lost."""

@@ -1,4 +1,4 @@
-"""OBJ files, and lines of numbers, as text, fast: tables turn numbers into characters, four at a time, in numpy.
+"""OBJ files written, and lines of numbers, fast: tables turn numbers into characters, four at a time, in numpy.
 
 Every number of a block of rows becomes a run of 32-bit words. Each word holds up to four characters and is padded with
 NUL bytes, which are deleted at the end. The result equals the text of Python's `%.8f` (or of another number of

@@ -1,4 +1,4 @@
-"""Meshes to files: OBJ, PLY, STL, GLB and 3MF; `gtb_cli.vocabulary.FORMATS` says what each can hold."""
+"""Meshes to files of each format: which axis is up, what a format leaves out, and where 32 bits move vertices."""
 
 import os
 from collections.abc import Iterable, Sequence

@@ -85,7 +85,7 @@ def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     inner = np.ones(len(corners), dtype=bool)
     inner[starts] = inner[ends - 1] = False
     result = np.empty((len(corners) - 2 * len(counts), 3), dtype=np.int64)
-    result[:, 0] = np.repeat(corners[starts], counts - 2)
+    result[:, 0] = np.repeat(corners[starts], (counts - 2).astype(np.intp))
     result[:, 1] = corners[inner]
     result[:, 2] = corners[1:][inner[:-1]]
     return as_indices(result, np.int32)

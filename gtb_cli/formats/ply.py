@@ -135,7 +135,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     rest = {f"{name} of vertices": found for name, found in tables["vertex"].items() if not plain[name]}
     lists = {name: counts for name, (_, counts) in tables.get("face", {}).items() if name.startswith("vertex_ind")}
     corners = np.full(len(cells), 3) if is_curve or not lists else next(iter(lists.values()))
-    rows = np.broadcast_to(np.repeat(np.arange(len(corners)), corners - 2)[:, None], cells.shape)
+    rows = np.broadcast_to(np.repeat(np.arange(len(corners)), (corners - 2).astype(np.intp))[:, None], cells.shape)
     for name, (numbers, counts) in tables.get("edge" if is_curve else "face", {}).items():
         label = f"{name} of {'edges' if is_curve else 'faces'}"
         if name in lists or (is_curve and name in ("vertex1", "vertex2")):
@@ -335,9 +335,9 @@ def _text_block(lines: list[bytes], element: Element) -> Columns:
         check(~broken, "expected a whole number")
         return found.astype(np.int64)
 
-    one = np.ones(len(lines), dtype=np.int64)
+    one = np.ones(len(lines), dtype=np.intp)
     for name, item in element.properties.items():
-        counts = take(item.count_kind, one) if item.count_kind else one
+        counts = take(item.count_kind, one).astype(np.intp) if item.count_kind else one
         columns[name] = take(item.kind, counts), counts
     check(left == 0, "a row has too many numbers")
     return columns

@@ -17,10 +17,7 @@ from gtb_cli.values import by_value, frozen
 
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
-PARAMETER_ULPS = 4  # of the data: within these a parameter, inside or outside, counts as on an edge
-
 SIZES = 1e-100, 1e100  # of Δ, and edge scales: products of two neither overflow nor underflow
-
 LAYER_TOLERANCE = 1e-9  # fraction of the hull's size: knots whose distances from an edge differ by less form one layer
 
 
@@ -41,7 +38,7 @@ class Domain:
     normals : (r, d) float
         Scaled inward normals s_j ξ_j.
     incidence : (n, r) bool
-        Whether knot i lies on edge j; decided once, with `KNOT_TOLERANCE`.
+        Whether knot i lies on edge j; decided once, by `knot_tolerance`.
     heights : (n, r) float
         The exponents h_j(a_i), exactly 0 where `incidence` holds.
     """
@@ -76,8 +73,8 @@ class Domain:
 
     @cached_property
     def tolerance(self) -> float:
-        """Distance within which a parameter is on an edge: `PARAMETER_ULPS` of the largest number involved."""
-        return PARAMETER_ULPS * EPS * max(self.size, float(np.abs(self.vertices).max()))
+        """Distance within which a parameter, inside or outside, is on an edge: some roundings of the largest number."""
+        return 4 * EPS * max(self.size, float(np.abs(self.vertices).max()))
 
     @cached_property
     def faces(self) -> Faces:

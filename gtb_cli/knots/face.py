@@ -13,18 +13,13 @@ INTERIOR = 0  # number of Δ itself among its faces, and thus of points that do 
 
 @frozen
 class Face:
-    """A face of Δ: Δ itself, an edge or a corner, of `dimension` 2 (for a curve 1), 1 or 0. A curve's ends are corners.
+    """A face of Δ: Δ itself, an edge or a corner; the ends of a curve are corners."""
 
-    `number` is its index in `Faces`, by which arrays refer to faces, `index` that among the edges or corners. `knots`,
-    (n,), tells which lie on the face, and the edge functions of the (g,) `facets`, edges or ends of a curve, vanish on
-    it.
-    """
-
-    number: int
-    dimension: int
-    index: int
-    knots: BoolArray
-    facets: IntArray
+    number: int  # its index in `Faces`, by which arrays refer to faces
+    dimension: int  # 2 (of a curve 1), 1 or 0
+    index: int  # among the edges, or among the corners
+    knots: BoolArray  # (n,) the knots that lie on it
+    facets: IntArray  # (g,) the edges, or ends of a curve, whose edge functions vanish on it
 
     @property
     def is_interior(self) -> bool:
@@ -39,13 +34,10 @@ class Face:
 
 @frozen
 class Faces:
-    """All faces of Δ, by number: Δ itself, its r edges, then its r corners; for a curve, Δ itself and its two ends.
-
-    `incidence`, (n, r), tells whether knot i lies on edge j.
-    """
+    """All faces of Δ, by number: Δ itself, its r edges, then its r corners; for a curve, Δ itself and its two ends."""
 
     dimension: int
-    incidence: BoolArray
+    incidence: BoolArray  # (n, r) whether knot i lies on edge j
 
     @property
     def edges(self) -> IntArray:

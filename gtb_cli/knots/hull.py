@@ -9,7 +9,6 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray, planar_cross
 from gtb_cli.errors import DomainError
 
 KNOT_TOLERANCE = 1e-12  # of the hull's size, thousands of roundings: knots as near to an edge lie on it
-
 KNOT_ULPS = 8  # of the largest coordinate: knots meant to be collinear may be off by as much, far from the origin
 
 

@@ -15,21 +15,16 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.values import frozen
 
 LATTICE_TOLERANCE = 1e-6  # of a step, by which knots may be off their lattice: thirds typed with seven digits pass
-
 MAX_BINOMIAL_DEGREE = 1029  # largest degree whose binomial coefficients are all floats
 
 
 @frozen
 class Direction:
-    """A direction of a lattice: the only one of a segment or triangle, or one of the two of a parallelogram.
-
-    `shares`, (n, e), are barycentric coordinates of the knots in the segment (e = 2) or triangle (e = 3), beginning
-    with its first corner; `steps`, (e − 1, d), lead from a knot to the next ones, towards the other corners.
-    """
+    """A direction of a lattice: the only one of a segment or triangle, or one of the two of a parallelogram."""
 
     degree: int
-    shares: FloatArray
-    steps: FloatArray
+    shares: FloatArray  # (n, e) barycentric coordinates of the knots in a segment (e = 2) or triangle (e = 3)
+    steps: FloatArray  # (e − 1, d) from a knot to the next ones, towards the other corners
 
     @property
     def places(self) -> IntArray:
@@ -152,7 +147,7 @@ def repeated(rows: NDArray[Any]) -> tuple[tuple[int, ...], ...]:
 
 
 def _repeat(rows: NDArray[Any]) -> str:
-    """Say which of the knots' rows is first there again; or nothing."""
+    """Name the first row that repeats an earlier one, as knots; empty if none does."""
     first, again = min((group[:2] for group in repeated(rows)), key=itemgetter(1), default=(0, 0))
     return f"knots[{again}] repeats knots[{first}]" if again else ""
 

@@ -10,15 +10,11 @@ from gtb_cli.values import frozen
 
 @frozen
 class Triangulation:
-    """Parameters in Δ, (m, d), and cells between them, (k, d + 1): counter-clockwise triangles, or ascending segments.
+    """Δ cut into cells."""
 
-    `boundary`, (r, N), has the vertices on each edge of Δ, from its first corner, included, to its last, excluded; for
-    d = 1 the two ends.
-    """
-
-    parameters: FloatArray
-    cells: IntArray
-    boundary: IntArray
+    parameters: FloatArray  # (m, d) of the vertices
+    cells: IntArray  # (k, d + 1) counter-clockwise triangles, or ascending segments
+    boundary: IntArray  # (r, N) vertices on each edge of Δ, without its last corner; for d = 1 the two ends
 
     def side(self, edge: int) -> IntArray:
         """Return the (N + 1,) vertices on an edge, both corners included; for d = 1 the end."""
@@ -33,10 +29,9 @@ class Triangulation:
         return face
 
     def moved(self, corners: FloatArray, edge: int, fractions: FloatArray) -> "Triangulation":
-        """Move the vertices on an edge of Δ to (N + 1,) ascending fractions of it, and those inside along with them.
+        """Move the vertices on an edge of Δ to (N + 1,) ascending fractions of it.
 
-        A vertex between the centroid of the (r, 2) corners and the edge moves parallel to this, the less the nearer it
-        is to the centroid.
+        A vertex between the edge and the centroid of the (r, 2) corners moves along, the less the nearer to that.
         """
         start, end = corners[edge], corners[(edge + 1) % len(corners)]
         center, u = corners.mean(axis=0), self.parameters.copy()

@@ -15,7 +15,6 @@ from gtb_cli.knots.hull import border_of, convex_hull, depth_in, knot_tolerance
 POINT_BELOW = -1  # index of the point at infinity below the lifted knots, which makes the lower hull one vertical prism
 
 Simplex = tuple[int, ...]  # indices of knots: ascending places on a line, counter-clockwise in the plane
-
 Plane = tuple[int, ...]  # (n, c) with <n, (a, λ)> = c, and n_λ > 0 for an upper simplex
 
 

@@ -19,8 +19,8 @@ from gtb_cli.language.entries import (
     name_fault,
     suggestion,
 )
-from gtb_cli.language.names import COUNTER
-from gtb_cli.language.patch_reader import COPY_KEYS
+from gtb_cli.language.expression import COUNTER
+from gtb_cli.language.patch_reader import AT_THE_TOP, COPY_KEYS, PATCH_KEYS
 from gtb_cli.language.scanner import Path
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -88,7 +88,7 @@ def _edge_ends(patch: Patch) -> list[tuple[int, int]]:
 def read_copy(entries: dict[str, Any], path: Path, values: Values, allowed: int) -> Copy | None:
     """Read a table with the key ``copy``; the model may have `allowed` more patches."""
     table = Table(entries, path, values)
-    table.unknown_keys(COPY_KEYS)
+    table.unknown_keys(COPY_KEYS, dict.fromkeys(PATCH_KEYS, "is that of the patch that is copied") | AT_THE_TOP)
     original = entries["copy"]
     if not isinstance(original, str):
         table.fault("copy", f"must be the name of a patch, got {shown(original)}")
@@ -171,9 +171,9 @@ def _rotation(outer: Table) -> tuple[FloatArray | None, FloatArray]:
         outer.fault("rotate", f'must be a table such as {{axis = "z", degrees = 72}}, got {shown(entries)}')
         return None, np.zeros(3)
     table = Table(entries, (*outer.path, "rotate"), outer.values)
-    table.unknown_keys(frozenset(("axis", "degrees", "about")))
+    meant = table.unknown_keys(frozenset(("axis", "degrees", "about")))
     for key in ("axis", "degrees"):
-        if key not in entries:
+        if key not in entries and key not in meant:
             table.fault(key, "is missing")
     about, degrees = _vector(table, "about"), table.number("degrees", COORDINATE)
     if isinstance(entries.get("axis"), list):

@@ -10,6 +10,20 @@ from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, suffix_of
 
 MAX_BYTES = 10_000_000  # a spec; a patch of a thousand knots takes a hundred kilobytes
 MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of them
+# Slips that a parser of TOML or JSON calls something else: its reason, what is before and after, and the fault
+_SLIPS = (
+    (r"Illegal character '\\[rn]|Unterminated string|Expected \"'\"", "", "", "a text in quotes is not closed"),
+    (
+        "Cannot overwrite",
+        r"\[\[[\w-]+$",
+        "",
+        "{} is there already, and not in double brackets: [[{}]] begins each of several",
+    ),
+    ("", "", r"[ \t]*(?://|/\*)", "a comment begins with #"),
+    ("", "", r"[ \t]*;", "a ; has no meaning: values stand apart by commas, and lines end by themselves"),
+    ("", "", r"[ \t]*[“”„‘’«»]", "quotes are straight"),
+    ("Invalid value", "", r"[-+]?\.\d", "a digit stands before the point of a number"),
+)
 # The beginnings of files that users mistake for specs
 _OTHER_FILES = {
     "a STEP file": re.compile(rb"ISO-10303-21"),
@@ -18,7 +32,7 @@ _OTHER_FILES = {
     "a PLY mesh": re.compile(rb"ply\r?\n"),
     "a GLB mesh": re.compile(rb"glTF"),
     "a gzip archive (gunzip opens it)": re.compile(rb"\x1f\x8b"),
-    "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*facet\b"),
+    "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*(?:facet|endsolid)\b"),
     "HTML, SVG or XML": re.compile(rb"\s*+<[!?a-zA-Z]"),
     "an OBJ mesh": re.compile(rb"(?:[ \t\r\n]++|#[^\n]*+)*+(?:v[nt]? [-+.\d]|(?:mtllib|[og]) [^=\n]*\n)"),
 }
@@ -137,8 +151,10 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
         if data.startswith(LFS_POINTER):
             raise SpecError(Fault(LFS_FAULT, source))
         if (kind := kind_of(data)) is not None:
-            expected = "a spec is expected" + ": gtb import makes one" * kind.endswith("file")
-            raise SpecError(Fault(f"is {kind}, and {expected}", source))
+            way_out = ": gtb import makes one" * kind.endswith("file") + "; gtb view shows meshes" * kind.endswith(
+                "mesh"
+            )
+            raise SpecError(Fault(f"is {kind}, and a spec is expected{way_out}", source))
     text = _decode(data, source)
     if format is None:
         format = "json" if text.lstrip()[:1] == "{" else "toml"
@@ -163,6 +179,8 @@ def _decode(data: bytes | str, source: str) -> str:
         return data.removeprefix("\ufeff")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise SpecError(Fault("is UTF-16 text, a spec must be UTF-8", source))
+    if b"\0" in data:
+        raise SpecError(Fault("is not text, and a spec in TOML or JSON is expected", source))
     try:
         return data.removeprefix(byte_order_mark).decode()
     except UnicodeDecodeError as error:
@@ -225,7 +243,12 @@ def _malformed(text: str, source: str, language: str, line: int, column: int, re
     earlier = "\n".join([*text.split("\n")[: line - 1], before])
     ended = re.search(r"""[\]\w."'}][ \t\r]*(?:#[^\n]*)?(?:\n[ \t\r]*(?:#[^\n]*)?)*$""", earlier[-1000:])
     is_key = re.match(r"[\w-]+[ \t]*=", rest) is not None
-    if reason == "Unclosed array" and is_key:
+    tests = (
+        (re.match(row[0], reason) and re.search(row[1], before) and re.match(row[2], rest), row[3]) for row in _SLIPS
+    )
+    if slip := next((said for holds, said in tests if holds), ""):
+        reason = slip.replace("{}", before.lstrip("["))
+    elif reason == "Unclosed array" and is_key:
         reason = "a list before this is not closed: ] is missing"
     elif reason.startswith("Unclosed") and ended and (is_key or re.match(r"""[\[{"']|[-+]?\.?\d""", rest)):
         reason = "a comma is missing before this"
@@ -233,4 +256,8 @@ def _malformed(text: str, source: str, language: str, line: int, column: int, re
         reason += " (names and expressions go in quotes; numbers have no unit)"
     elif before[-1:].isdigit() and re.match(r",\d", rest):
         reason += " (decimals have a point)"
+    elif reason.startswith("Expected") and rest:
+        reason += f", got {rest[0]!r}"
+    if spec_format_of(source) is None and re.search(r"\w\.\w+$", source):
+        reason += " (specs are TOML or JSON, and end in .toml or .json)"
     return SpecError(Fault(f"is not valid {language}, {reason[:1].lower()}{reason[1:]}", source, line, column))

@@ -4,7 +4,7 @@ import math
 import re
 import sys
 from collections import ChainMap
-from collections.abc import Callable, Container, Iterable, MutableMapping
+from collections.abc import Callable, Iterable, Mapping, MutableMapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -27,8 +27,13 @@ MAX_EXPRESSIONS = 200_000
 
 MAX_POINTS = 2_000_000  # control points of all copies together: about 200 MB by the time they are meshed
 
+# Options of gtb mesh that are looked for among the keys, and other words for keys
+OPTIONS = ("thickness", "tolerance", "radius", "rim", "resolution", "unit")
+OTHER_WORDS = {"angle": "degrees", "points": "control_points", "move": "translate", "flip": "mirror", "count": "repeat"}
+
 Check: TypeAlias = tuple[str, Callable[[float], bool]]
 
+NO_KEYS: Mapping[str, str] = {}
 FINITE: Check = ("must be finite", math.isfinite)
 COORDINATE: Check = (f"must be at most {MAX_SIZE:g} in size", lambda x: abs(x) <= MAX_SIZE)
 POSITIVE: Check = ("must be positive", lambda x: x > 0)
@@ -81,6 +86,8 @@ class Values:
         if isinstance(entry, list) and len(entry) in sizes:
             return self.numbers(entry, path, check)
         hint = decimal_commas(entry, 3) if isinstance(entry, list) else ""
+        if isinstance(entry, list) and len(entry) == 3 and "knots" in path:
+            hint = ": knots lie in a plane"
         self.faults.add(path, f"must be a list of {' or '.join(map(str, sizes))} coordinates, got {shown(entry)}{hint}")
         return None
 
@@ -130,14 +137,16 @@ class Table:
         """Note a fault of the value under a key."""
         self.values.faults.add((*self.path, key), message)
 
-    def unknown_keys(self, known: frozenset[str], others: Container[str] = ()) -> set[str]:
-        """Note keys that are neither known nor among `others`; return the known ones that were probably meant."""
-        meant = set()
-        for key in [key for key in self.entries if key not in known and key not in others]:
-            faults = self.values.faults
-            likely = likely_word(key, known - self.entries.keys()) if faults.count < faults.SHOWN else None
+    def unknown_keys(self, known: frozenset[str], elsewhere: Mapping[str, str] = NO_KEYS) -> set[str]:
+        """Note keys that are not known, with what is said of some; return the known ones that were probably meant."""
+        meant, faults, left = set(), self.values.faults, known - self.entries.keys()
+        for key in [key for key in self.entries if key not in known]:
+            word = OTHER_WORDS.get(key)
+            likely = word if word in left else likely_word(key, left) if faults.count < faults.SHOWN else None
             hint = suggestion(likely) or f", known are {', '.join(sorted(known))}"
-            self.fault(key, f"is not a key of a spec{hint}")
+            if key in OPTIONS:
+                likely, hint = None, f": gtb mesh has an option --{key}"
+            self.fault(key, elsewhere.get(key, f"is not a key of a spec{hint}"))
             meant.add(likely or "")
         return meant
 
@@ -156,7 +165,7 @@ class Table:
         value = self.entries.get(key)
         if key not in self.entries or (isinstance(value, str) and value in words):
             return value
-        likely = likely_word(value, words) if isinstance(value, str) else None
+        likely = likely_word(value, words) if isinstance(value, str) and len(words[0]) > 1 else None
         expected = ", ".join(f'"{word}"' for word in words[:-1]) + f' or "{words[-1]}"'
         self.fault(key, f"must be {others}{expected}, got {shown(value)}{suggestion(likely)}")
         return None

@@ -13,6 +13,7 @@ from gtb_cli.errors import SpecError
 MAX_CHARACTERS = 256  # longest expression, in characters
 MAX_NESTING = 32  # deepest nesting of parentheses, powers and signs
 FUNCTIONS = {function.__name__: function for function in (math.sqrt, math.sin, math.cos, math.tan, math.exp, math.log)}
+COUNTER = "k"  # name of a copy's number, in the expressions of copies
 # Constants known in every expression; ``deg`` is a degree in radians
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
 NO_NAMES: Mapping[str, float] = {}
@@ -45,7 +46,7 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
     for word in _WORDS.finditer(words):
         if word["other"]:
             hint = ", decimals have a point" if re.search(r"\d,\d", words) else ""
-            _refuse(words, f"unexpected {word['other']!r}{hint}")
+            _refuse(words, f"unexpected {word['other']!r}{hint}{', powers are written **' * (word['other'] == '^')}")
         if word["name"] and not any(word["name"] in known for known in (FUNCTIONS, CONSTANTS, names)):
             _refuse(words, _unknown(word["name"], names))
     parentheses = max(accumulate((sign == "(") - (sign == ")") for sign in words))
@@ -53,18 +54,24 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
         # Python's own parser is recursive: the signs alone are few enough for it.
         tree = ast.parse(words, mode="eval").body if parentheses <= MAX_NESTING else None
     except SyntaxError:
-        _refuse(words, "is not a complete expression")
+        missing = f": {'()'[words.count('(') > words.count(')')]} is missing" * (words.count("(") != words.count(")"))
+        _refuse(words, f"is not a complete expression{missing}")
     if tree is None or parentheses + _nesting(tree) > MAX_NESTING:
         _refuse(words, f"is nested more than {MAX_NESTING} deep")
     return _value(tree, words, names)
 
 
 def degrees_in(text: str, names: Mapping[str, float]) -> str:
-    """Say which angle of a valid expression is a whole number above 2π, as is meant in degrees; or nothing."""
-    for call in re.finditer(r"\b(?:sin|cos|tan)\([ \t]*(?:([0-9]+)\.?0*|([A-Za-z]\w*))[ \t]*\)", text):
-        angle = float(call[1]) if call[1] else CONSTANTS.get(call[2]) or names[call[2]]
-        if abs(angle) > 2 * math.pi and angle == int(angle):
-            return f"{call[0]} is of {angle:g} radians: {call[1] or call[2]}*deg is {angle:g} degrees"
+    """Say which angle of a valid expression is probably meant in degrees, if one is.
+
+    It is above 2π, and a whole number or, if it is computed, up to 12 parts of some turns of 360.
+    """
+    for call in re.finditer(r"\b(?:sin|cos|tan)\([ \t]*([^()]*?)[ \t]*\)", text):
+        angle, is_simple = evaluate_expression(call[1], names), re.fullmatch(r"[\w.]+", call[1]) is not None
+        parts = [angle] if is_simple else [number * angle / 360 for number in range(3, 13)]  # of a full turn
+        if abs(angle) > 2 * math.pi and any(part and abs(part - round(part)) <= 1e-9 * abs(part) for part in parts):
+            factor = call[1] if is_simple else f"({call[1]})"
+            return f"{call[0]} is of {angle:g} radians: {factor}*deg is {angle:g} degrees"
     return ""
 
 
@@ -79,6 +86,10 @@ def _unknown(word: str, names: Mapping[str, float]) -> str:
 
     if word in ("mm", "cm", "m", "inch", "in"):
         return f"unknown name {word!r}, lengths are numbers without a unit"
+    if word == COUNTER:
+        return f"unknown name {word!r}, which is the number of a copy, in copies with `repeat` alone"
+    if word.removeprefix("a").removeprefix("rc") in ("sin", "cos", "tan"):
+        return f"unknown name {word!r}, there is no inverse of {word[-3:]}: write the angle as a number"
     likely = difflib.get_close_matches(word, names, n=1)
     if likely:
         return f"unknown name {word!r}, did you mean {likely[0]}?"

@@ -32,7 +32,7 @@ class Library:
         except (OSError, ValueError) as error:  # a null character, another drive
             raise SpecError(f"{name!r}: {error}") from None
         if os.path.isabs(name) or not inside:
-            raise SpecError(f"{name}: is outside the spec's folder")
+            raise SpecError(f"{name}: is outside the spec's folder, below which included files must be")
         chain = [os.path.realpath(reader) for reader in readers]
         if real in chain:
             circle = [*readers[chain.index(real) :], path]

@@ -41,11 +41,8 @@ class ModelReader:
         return self._model(data, name)
 
     def _model(self, data: dict[str, Any], name: str | None) -> Model | None:
-        for key in data:
-            if key in PATCH_KEYS - MODEL_KEYS:
-                self.faults.add((key,), "belongs in one of the [[patches]]")
         table = Table(data, (), self.values)
-        table.unknown_keys(MODEL_KEYS, PATCH_KEYS)
+        table.unknown_keys(MODEL_KEYS, dict.fromkeys(PATCH_KEYS, "belongs in one of the [[patches]]"))
         title = table.name(name)
         length: Any = data.get("weld")
         is_percentage = isinstance(length, str) and length.rstrip().endswith("%")

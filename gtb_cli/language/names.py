@@ -9,11 +9,10 @@ from typing import Any
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import shown
 from gtb_cli.language.entries import FINITE, Values, likely_word, suggestion
-from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, evaluate_expression, names_in
+from gtb_cli.language.expression import CONSTANTS, COUNTER, FUNCTIONS, evaluate_expression, names_in
 from gtb_cli.language.reading import Let, Number
 
 NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number
-COUNTER = "k"  # name of a copy's number, in the expressions of copies
 MAX_NUMBER_NAME = 60  # longest name of a number, in characters
 MAX_NAMES = 1000  # named numbers
 

@@ -23,6 +23,8 @@ RIBBONS = ("ribbon", "ribbon2")  # keys of further rows of control points, for g
 MOVE_KEYS = frozenset(("name", "mirror", "scale", "rotate", "translate", "repeat"))
 COPY_KEYS, INCLUDE_KEYS = MOVE_KEYS | {"copy", "hidden"}, MOVE_KEYS | {"file"}
 MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
+_OF_A_FILE = "is that of the whole file, and stands before [let] and [[patches]], which take all keys that follow"
+AT_THE_TOP = dict.fromkeys(MODEL_KEYS - {"name"}, _OF_A_FILE)
 MAX_KNOTS = 5000  # knots of a patch: a tensor product patch of degree 69 × 69
 MAX_UNITY = 300  # knots for "partition-of-unity", which solves a dense linear system
 
@@ -111,11 +113,8 @@ class Reader:
             if RIBBONS[1] in table.entries and RIBBONS[0] not in table.entries:
                 table.fault(RIBBONS[1], f"is the row after {RIBBONS[0]}, which is missing")
         elsewhere = dict.fromkeys(COPY_KEYS, "belongs to a copy, one of several [[patches]]")
-        elsewhere |= dict.fromkeys(MODEL_KEYS, "belongs to a model of several [[patches]], not to a patch")
+        elsewhere |= AT_THE_TOP if table.path else {"weld": "belongs to a model of several [[patches]], not to a patch"}
         elsewhere |= dict.fromkeys(RIBBONS, "is for gtb fill alone, in the curves of its loop")
-        for key in table.entries:
-            if key in elsewhere and key not in known:
-                table.fault(key, elsewhere[key])
         meant = table.unknown_keys(known, elsewhere)
         for key in ("knots", "control_points"):
             if key not in table.entries and key not in meant and "patches" not in meant:

@@ -40,14 +40,14 @@ def _numbered(order: IntArray, is_new: BoolArray) -> tuple[IntArray, IntArray]:
 
 
 def merged(count: int, pairs: IntArray) -> IntArray:
-    """(count,) smallest index to which each index is connected by (c, 2) pairs."""
+    """Return the smallest index, (count,), to which each index is connected by (c, 2) pairs."""
     label = np.arange(count, dtype=index_type(count))
-    while len(pairs):
-        low = label[pairs].min(axis=1)
-        before = label.copy()
-        np.minimum.at(label, pairs[:, 0], low)
-        np.minimum.at(label, pairs[:, 1], low)
-        label = label[label]
-        if (label == before).all():
-            break
+    one, other = pairs.T
+    while len(one):
+        np.minimum.at(label, np.maximum(one, other), np.minimum(one, other))
+        while not np.array_equal(label, above := label[label]):
+            label = above
+        one, other = label[one], label[other]
+        apart = one != other
+        one, other = one[apart], other[apart]
     return label

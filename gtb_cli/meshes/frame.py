@@ -1,4 +1,4 @@
-"""The frame in which coordinates of any size are computed with."""
+"""An origin and a power of two as the unit, in which coordinates of any size keep their digits."""
 
 import numpy as np
 

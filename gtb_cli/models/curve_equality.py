@@ -12,22 +12,17 @@ from gtb_cli.values import by_value, frozen
 @by_value
 @frozen
 class Match:
-    """Points of one curve at those of another one, which runs in the same direction, if need be `turned` before.
+    """Which points of one curve correspond to which of another."""
 
-    If `proved`, the curves are equal, and `distance` is a bound of that between corresponding points; otherwise it is
-    the largest one that was measured. `even` says that equal fractions correspond. Other matches have (2, k) `places`,
-    ascending fractions of both curves from 0 to 1, or (α, β) if torus coordinates s and α s + β correspond.
-    """
-
-    distance: float
-    proved: bool
-    even: bool
-    places: FloatArray | None = None
-    torus: FloatArray | None = None
-    turned: bool = False
+    distance: float  # between corresponding points, at most: a bound if `proved`, otherwise measured
+    proved: bool  # the curves are equal
+    even: bool  # equal fractions correspond
+    places: FloatArray | None = None  # (2, k) ascending fractions of both curves from 0 to 1, which correspond
+    torus: FloatArray | None = None  # (α, β) if torus coordinates s and α s + β correspond
+    turned: bool = False  # the second curve was reversed first
 
     def carried(self, one: Curve, other: Curve, fractions: FloatArray, *, back: bool = False) -> FloatArray:
-        """(m,) fractions of the second curve at (m,) fractions of the first one; `back`, the other way round."""
+        """Return fractions of the second curve at (m,) fractions of the first; with `back`, the other way round."""
         if self.even:
             return fractions
         if back:
@@ -74,12 +69,12 @@ def equal(one: Curve, other: Curve, tolerance: float) -> Match | None:
     uneven = [_unevenness(curve, one.ends, tolerance / 2) for curve in (one, other)]
     if sum(uneven) <= tolerance:
         return Match(tolerance, True, True)
-    found = measured(one, other, tolerance) if sum(uneven) < np.inf else None
+    found = matched(one, other, tolerance) if sum(uneven) < np.inf else None
     return found and Match(tolerance, True, False, found.places)
 
 
 def _scales(one: Curve, other: Curve, tolerance: float) -> Iterator[tuple[float, float]]:
-    """Scales α and shifts β of the torus coordinate that the first terms at an end suggest."""
+    """Yield scales α and shifts β of the torus coordinate that the first terms at an end suggest."""
     rounding = 64 * EPS * float(max(np.abs(one.points).max(), np.abs(other.points).max()))
     tried: set[tuple[float, float]] = set()
     for least in (tolerance, rounding):
@@ -98,7 +93,7 @@ def _scales(one: Curve, other: Curve, tolerance: float) -> Iterator[tuple[float,
 
 
 def _difference(one: Curve, other: Curve, scale: float, shift: float) -> tuple[float, float, float]:
-    """Bounds of ``P(s) − Q(α s + β)`` and of the difference of fractions there, and a step to subtract from β."""
+    """Bound ``P(s) − Q(α s + β)`` and the difference of fractions; also return a step to subtract from β."""
     knots = (one.knots[:, None] + scale * other.knots).ravel()
     logs = (one.log_weights[:, None] + other.log_weights + shift * other.knots).ravel()
     values = (one.points[:, None] - other.points).reshape(-1, 3)
@@ -111,8 +106,8 @@ def _difference(one: Curve, other: Curve, scale: float, shift: float) -> tuple[f
     shares = np.exp(logs - np.maximum.reduceat(logs, starts)[group])
     shares = (shares / np.add.reduceat(shares, starts)[group])[:, None]
     means = np.add.reduceat(shares * values, starts)
-    slopes = np.add.reduceat(shares * (rates[:, None] - np.add.reduceat(shares[:, 0] * rates, starts)[group, None])
-                             * values[:, :3], starts)  # fmt: skip
+    means_of_rates = np.add.reduceat(shares[:, 0] * rates, starts)[group, None]
+    slopes = np.add.reduceat(shares * (rates[:, None] - means_of_rates) * values[:, :3], starts)
     step = float((slopes * means[:, :3]).sum() / max((slopes**2).sum(), np.finfo(float).tiny))
     return *_longest(values, means, knots, logs, knots - knots[starts][group]), step
 
@@ -120,11 +115,8 @@ def _difference(one: Curve, other: Curve, scale: float, shift: float) -> tuple[f
 def _longest(
     values: FloatArray, means: FloatArray, knots: FloatArray, logs: FloatArray, gaps: FloatArray
 ) -> tuple[float, float]:
-    """The longest control points of a difference, and last of fractions; knots are off their group's by (n,) gaps.
-
-    A share grows by e^{|s| gap} at the most. Beyond |s| = S, where all shares but an end's are below a rounding, that
-    does not count.
-    """
+    """Return the longest control points of differences of points and of fractions, with knots merged over gaps."""
+    # A share grows by e^{|s| gap} at most, which does not count where all shares but an end's are below a rounding.
     bounds = [float(np.linalg.norm(means[:, :3], axis=1).max()), float(np.abs(means[:, 3]).max())]
     if gaps.any():
         least, tiny = -np.log(EPS), np.finfo(float).tiny
@@ -146,8 +138,8 @@ def _longest(
 def _unevenness(curve: Curve, ends: FloatArray, tolerance: float) -> float:
     """Return how far control points of a straight curve are from their knots' fractions of it; infinite if it is none.
 
-    It is straight if they are within a distance of the segment between the ends, and it never turns back: the numerator
-    of the derivative has the exponents a_i + a_j, and no negative coefficient.
+    It is straight if they are within a distance of the segment between the ends, and it never turns back: the
+    numerator of its derivative has no negative coefficient.
     """
     chord = ends[1] - ends[0]
     length = float(np.linalg.norm(chord))
@@ -169,30 +161,24 @@ def _unevenness(curve: Curve, ends: FloatArray, tolerance: float) -> float:
 
 
 def _fractions(curve: Curve) -> FloatArray:
-    """(k,) fractions at which a curve is compared: 33 equal ones, and its knots, where their shares peak."""
+    """Return the fractions at which a curve is compared: even ones and its knots, where shares peak."""
     return distinct(np.concatenate([np.linspace(0.0, 1.0, 33), curve.knots]))
 
 
 def beside(one: Curve, other: Curve, reach: float, most: float) -> Match:
-    """Measure the distance of curves at equal fractions and, if it exceeds `reach`, wherever they are nearest.
-
-    The match with the lesser distance is returned; they are not searched beside each other farther than `most`.
-    """
+    """Measure curves at equal fractions and, if beyond `reach`, where they are nearest, at most `most` apart."""
     places = distinct(np.concatenate([_fractions(one), _fractions(other)]))
     gaps = one.points_between(places) - other.points_between(places)
     even = Match(float(np.linalg.norm(gaps, axis=1).max()), False, True)
     ends = float(np.linalg.norm(one.ends - other.ends, axis=1).max())  # no points can correspond at a lesser distance
     if even.distance <= max(reach, 1.001 * ends) or np.abs(one.ends - other.ends).max() > most:
         return even
-    found = measured(one, other, most)
+    found = matched(one, other, most)
     return even if found is None or even.distance <= found.distance else found
 
 
-def measured(one: Curve, other: Curve, reach: float) -> Match | None:
-    """Match a curve, whatever its parameters, with another one that has about the same ends.
-
-    None if they are farther apart than `reach`, or one of them runs to and fro beside the other.
-    """
+def matched(one: Curve, other: Curve, reach: float) -> Match | None:
+    """Match curves with about the same ends; None if farther apart than `reach`, or one runs to and fro."""
     even = _fractions(one)
     fine = distinct(np.concatenate([np.linspace(0.0, 1.0, 129), _fractions(other)]))
     points, way = one.points_between(even)[1:-1], other.points_between(fine)

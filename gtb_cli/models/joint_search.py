@@ -19,7 +19,6 @@ from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, edge_curves
 from gtb_cli.theory.patch import Patch
 
 ALMOST = 2e-2  # of the smaller edge's size: open edges nearer than this are reported
-
 FAR_ROUNDING = 16 * EPS  # of the largest coordinate: far away, points computed in two ways are rounded in each
 
 

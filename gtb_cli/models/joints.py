@@ -55,7 +55,7 @@ class Joint:
 @by_value
 @frozen
 class Joints:
-    """How the edges of a model's patches are joined.
+    """The edges of a model's patches: which of them are one curve, and which are open.
 
     Attributes
     ----------
@@ -66,9 +66,9 @@ class Joints:
     collapsed : tuple of (int, int)
         Edges whose control points all coincide.
     crowded : tuple of tuples of (int, int)
-        Edges that are one curve, where these are more than two: there the model is no manifold.
+        Edges that are one curve, if more than two are: there the model is no manifold.
     almost : tuple of ((int, int), (int, int), float)
-        Two open edges nearer than a hundredth of the smaller one's size, and their largest measured distance.
+        Two open edges nearer than a fiftieth of the smaller one's size, and their largest measured distance.
     flipped : tuple of bool
         For each patch whether its orientation must be reversed to agree with its neighbours'.
     one_sided : tuple of Joint

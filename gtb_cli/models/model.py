@@ -94,7 +94,7 @@ class Model:
 
     @cached_property
     def seams(self) -> tuple[Seam, ...]:
-        """How smoothly the patches meet, for each of `joints.shared`; none for a model of curves."""
+        """The seams, which tell how smoothly patches meet, one for each of `joints.shared`; none between curves."""
         from gtb_cli.models.seams import seams_of
 
         return seams_of(self.patches, self.joints) if self.dimension == 2 else ()

@@ -11,10 +11,7 @@ SORTING_DIRECTION = np.array([1.0, 1.618033988749895, 2.414213562373095])  # dif
 
 
 def touching(curves: Sequence[Curve], reach: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Find pairs of curves whose ends, in either order, differ by at most the smaller of their (n,) reaches.
-
-    Returned are the (m, 2) pairs i < j, and the (m,) largest differences of the ends' coordinates.
-    """
+    """Find pairs i < j of curves, (m, 2), whose ends are within the smaller of their (n,) reaches; and the gaps."""
     ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
     pairs, gaps = [np.empty((0, 2), dtype=np.int64)], [np.empty(0)]
     heights = (ends - ends[:1, :1]).sum(axis=1) @ SORTING_DIRECTION  # equal for curves with the same ends

@@ -15,7 +15,7 @@ MAX_SHOWN = 8  # numbers of an edge, edges of a ring, or nearly closed seams tha
 
 
 def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
-    """Say what keeps a model from being closed, one line for each pair of edges or open ring; empty if closed."""
+    """Say what keeps a model from being closed, a line for each pair of edges or open ring."""
     lines, told = [], set()
     for first, second, reason in near_misses(joints, patches):
         lines.append(f"{edge_name(patches, first)} is open: {reason.format(edge_name(patches, second))}")

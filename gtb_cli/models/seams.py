@@ -54,7 +54,7 @@ class Seam:
 
     @cached_property
     def place(self) -> FloatArray:
-        """(3,) point with the largest angle."""
+        """The point with the largest angle, (3,)."""
         return self._point(self._worst)
 
     @property
@@ -71,14 +71,14 @@ class Seam:
     def bend(self) -> float:
         """Largest difference of the normal curvatures across the seam, in units of 1 / length.
 
-        It is taken over places away from corners (`CORNERS`) where both are finite and the angle is at most
-        `MAX_CREASE_DEGREES`; NaN if there is no such place. It is computed when asked for: longer than the angle.
+        It is taken over places away from corners where both are finite and the angle is at most a degree; NaN if there
+        is no such place.
         """
         return self._most_bent[0]
 
     @cached_property
     def bend_place(self) -> FloatArray:
-        """(3,) point with the largest difference `bend`, or NaN."""
+        """The point with the largest difference `bend`, (3,), or NaN."""
         bend, k = self._most_bent
         return np.full(3, math.nan) if math.isnan(bend) else self._point(k)
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def encoded_film(figures: Iterable[Figure]) -> bytes:
+def encoded_animation(figures: Iterable[Figure]) -> bytes:
     """Return the bytes of a GIF that shows figures one after the other, the last one longest, and begins again."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image

@@ -15,7 +15,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.plots.look import Look, subscript
 from gtb_cli.plots.palette import FAINT, INK, line_style
 from gtb_cli.plots.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, View, note, space_views
-from gtb_cli.plots.shape_figures import surface_of, with_normals
+from gtb_cli.plots.shape_figures import triangles_of, with_normals
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.basis import gt_bernstein
 from gtb_cli.theory.patch import Patch
@@ -77,10 +77,7 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
 def draw_bases(
     axes_of: Callable[[list[str]], list[Axes]], variants: Sequence[Patch], look: Look, names: Sequence[str]
 ) -> None:
-    """Draw basis functions of a surface, or of variants of it, as graphs over Δ, each on axes of its own.
-
-    Each has a scale of its own, from 0 to its maximum. `axes_of` returns axes with titles.
-    """
+    """Draw basis functions of a surface, or of variants of it, as graphs over Δ, each on axes of its own scale."""
     indices = chosen(look, variants[0])
     symbol = "β" if look.unnormalised else "T"
     fine = look.resolution or (64 if len(indices) * len(variants) <= 4 else 48)
@@ -99,7 +96,7 @@ def draw_bases(
             plane = (mesh.parameters - patch.domain.center) / patch.domain.size
             graph = with_normals(Mesh(np.column_stack([plane, GRAPH_HEIGHT * column]), mesh.faces), smooth=True)
             colours = look.colours or "viridis"
-            surfaces.append(replace(surface_of(graph), scalars=column.clip(0, 1), colour_map=colours))
+            surfaces.append(replace(triangles_of(graph), scalars=column.clip(0, 1), colour_map=colours))
             edge = (around - patch.domain.center) / patch.domain.size
             rims.append(np.column_stack([edge, GRAPH_HEIGHT * rim / (highest or 1.0)]))
             titles.append(f"{name}{': ' if name else ''}{subscript(symbol, index)}, up to {highest:.3g}")
@@ -117,7 +114,7 @@ def draw_bases(
 
 
 def _rim(patch: Patch) -> FloatArray:
-    """(m, 2) parameters around Δ."""
+    """Return parameters around Δ, (m, 2), denser towards its corners."""
     corners = patch.domain.vertices
     share = (1 - np.cos(np.linspace(0, np.pi, 65)[:-1, None])) / 2
     ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)

@@ -187,7 +187,7 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
 
 
 def frames_of_picture(thing: Patch | Model | Mesh, picture: Picture, kind: str | None = None) -> Frames:
-    """Return the meshes of a sequence, its distances, or of the kind "film"."""
+    """Return the meshes of a sequence, its distances, or of the kind "animation"."""
     assert isinstance(thing, Patch)
     xs, steps = default_values(kind or picture.what)
     resolution = picture.look.resolution or (128 if thing.dimension == 1 else 24)  # segments of each edge of a cell

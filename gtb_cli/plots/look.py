@@ -119,7 +119,7 @@ def look_of(options: Mapping[str, Any]) -> Look:
 
 
 def settings() -> AbstractContextManager[None]:
-    """Return a context in which matplotlib has the settings of these pictures; an `ExportError` says that it lacks."""
+    """Return a context with the settings of these pictures; `ExportError` if matplotlib is not installed."""
     # Settings of matplotlib, whatever the user's own, so that the same figure gives the same bytes. Text stays text in
     # SVG and PDF.
     chosen = {
@@ -189,7 +189,7 @@ def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> lis
     return found
 
 
-def encoded(figure: Figure, kind: str) -> bytes:
+def encoded_figure(figure: Figure, kind: str) -> bytes:
     """Return a figure as "png", "svg" or "pdf" bytes, the same for the same figure, matplotlib and fonts."""
     # Metadata that would change from day to day, or from one version of matplotlib to the next
     changing = {"png": ["Software"], "svg": ["Date", "Creator"], "pdf": ["CreationDate"]}

@@ -30,10 +30,7 @@ def _net(knots: bytes, dimension: int, lifting: bytes) -> list[tuple[int, int]]:
 
 
 def bowl(domain: Domain) -> FloatArray:
-    """Return the (n,) lifting whose regular decomposition is that of Delaunay, where shapes of Bézier patches are even.
-
-    A triangle counts as equilateral, and a parallelogram as a square.
-    """
+    """Return the (n,) lifting that induces Delaunay's decomposition, with triangle and parallelogram made regular."""
     centred = (domain.knots - domain.center) / domain.size
     corners = domain.vertices - domain.vertices[0]
     if domain.dimension == 2 and len(corners) == 3:

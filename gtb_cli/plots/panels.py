@@ -22,7 +22,7 @@ from gtb_cli.plots.look import Look, empty_figure, panels, settings, with_number
 from gtb_cli.plots.net_lines import is_flat, net_of
 from gtb_cli.plots.palette import LINE_COLOURS, NET
 from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, plain, plane_view, space_views
-from gtb_cli.plots.shape_figures import surface_of, with_normals
+from gtb_cli.plots.shape_figures import triangles_of, with_normals
 from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -34,22 +34,17 @@ if TYPE_CHECKING:
 
 @frozen
 class Frames:
-    """Meshes of a sequence, the limit last, for values of the parameter `key`, "x" or "step".
+    """Meshes of a sequence, the limit last."""
 
-    Their distances from the limit, and from it with its film, are empty or None where they are not known. `net` are
-    pairs of the (n, 3) control points of the limit's net, and `own_net` the net of the patch before any knot moves, as
-    paths. `film` is the part of the limit that its last mesh lacks.
-    """
-
-    key: str
+    key: str  # the parameter, "x" or "step"
     values: tuple[float, ...]
     meshes: tuple[Mesh, ...]
-    distances: tuple[float, ...] = ()
-    film_distances: tuple[float, ...] | None = None
-    net_points: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
-    net: tuple[tuple[int, int], ...] = ()
-    film: Mesh | None = None
-    own_net: tuple[FloatArray, ...] = ()
+    distances: tuple[float, ...] = ()  # from the limit; empty where they are not known
+    film_distances: tuple[float, ...] | None = None  # from the limit with its film
+    net_points: FloatArray = field(default_factory=lambda: np.empty((0, 3)))  # control points of the limit's net
+    net: tuple[tuple[int, int], ...] = ()  # pairs of these
+    film: Mesh | None = None  # the part of the limit that the last mesh lacks
+    own_net: tuple[FloatArray, ...] = ()  # the net of the patch before any knot moves, as paths
 
     @property
     def titles(self) -> list[str]:
@@ -83,14 +78,14 @@ def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
     return _figure_of_members(frames, range(len(frames.meshes)), look)
 
 
-def film_of_frames(frames: Frames, look: Look) -> Iterator[Figure]:
+def animation_of_frames(frames: Frames, look: Look) -> Iterator[Figure]:
     """Draw the meshes one by one, all with one camera and one scale."""
     for member in range(len(frames.meshes)):
         yield _figure_of_members(frames, [member], look)
 
 
 def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
-    """Draw some meshes of a sequence side by side, with a scale that suits all."""
+    """Draw some meshes of a sequence side by side, with a scale that suits all of them."""
     clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points, *frames.own_net]
     limit, film = frames.meshes[-1], frames.film
     flat = limit.is_curve and is_flat(clouds)
@@ -102,7 +97,7 @@ def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Fi
             views = [plane_view(ax, np.concatenate(clouds)) for ax in axes]
         else:
             smooth = [with_normals(mesh, smooth=True) for mesh in meshes]
-            surfaces = [None if mesh.is_curve else surface_of(mesh) for mesh in smooth]
+            surfaces = [None if mesh.is_curve else triangles_of(mesh) for mesh in smooth]
             if film is not None and surfaces[-1] is not None and meshes[-1] is limit:
                 surfaces[-1] = _with_film(surfaces[-1], with_normals(film, smooth=True))
             views = space_views(axes, look.camera, surfaces, clouds)
@@ -140,7 +135,7 @@ def _with_film(surface: ShadedTriangles, film: Mesh) -> ShadedTriangles:
 
 
 def read_frames(path: str) -> Frames:
-    """Read the meshes that a `sequence.json`, or that of a folder, lists: it may only name files in its own folder."""
+    """Read the meshes that a folder's `sequence.json` lists, which may only name files in its own folder."""
     from gtb_cli.formats.meshfiles import read_mesh
 
     max_record_bytes = 10_000_000  # a record in bytes
@@ -172,26 +167,22 @@ def _refuse_pipe(path: str) -> None:
 
 
 def default_values(what: str) -> tuple[list[float], list[float]]:
-    """Return the x of a degeneration, and the steps of a knot limit, of a "sequence", a "film" or a "distance"."""
+    """Return the x of degenerations, and the steps of knot limits, of a "sequence", "animation" or "distance"."""
     if what == "distance":
         return [10 ** (k / 2) for k in range(9)], [1 - 10 ** (-k / 2) for k in range(7)]
-    if what == "film":
+    if what == "animation":
         return [10 ** (k / 8) for k in range(25)], [1 - 10 ** (-k / 8) for k in range(25)]
     return [1.0, 10.0, 100.0], [0.0, 0.4, 0.8]
 
 
 @dataclass(frozen=True)
 class Approach:
-    """The degeneration (x, lifting) or knot limit (merge, steps) that a sequence shows; empty or None is what suits.
-
-    The lifting is (n,) values, or the index of the knot whose weight alone grows; None is that of the patch. `merge`
-    leads from knots to the knots at whose places they arrive, and `steps` are fractions of the way.
-    """
+    """The degeneration (x, lifting) or knot limit (merge, steps) that a sequence shows; empty or None is what suits."""
 
     x: Sequence[float] = ()
-    lifting: ArrayLike | None = None
-    merge: Mapping[int, int] = field(default_factory=dict)
-    steps: Sequence[float] | None = None
+    lifting: ArrayLike | None = None  # (n,) values, or the index of the knot whose weight alone grows
+    merge: Mapping[int, int] = field(default_factory=dict)  # from knots to the knots at whose places they arrive
+    steps: Sequence[float] | None = None  # fractions of the way
 
     @property
     def given(self) -> list[str]:

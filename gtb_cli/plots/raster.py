@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, planar_cross
 from gtb_cli.values import frozen
 
 NO_TRIANGLE = -1  # index at pixels that no triangle covers
@@ -12,39 +12,32 @@ NO_TRIANGLE = -1  # index at pixels that no triangle covers
 
 @frozen
 class Raster:
-    """The visible parts of triangles, row 0 the lowest.
+    """The visible parts of triangles at the centres of pixels, row 0 the lowest."""
 
-    At each pixel's centre: `triangle` (height, width), the nearest or `NO_TRIANGLE`; `weights` (height, width, 3), its
-    barycentric coordinates in it; and `nearness` (height, width), its third coordinate there, or -inf.
-    """
-
-    triangle: IntArray
-    weights: FloatArray
-    nearness: FloatArray
+    triangle: IntArray  # (height, width) the nearest, or `NO_TRIANGLE`
+    weights: FloatArray  # (height, width, 3) barycentric coordinates in it
+    nearness: FloatArray  # (height, width) its third coordinate there, or -inf
 
     @cached_property
     def farthest_around(self) -> FloatArray:
-        """Return (height, width) least nearness of the triangles at each pixel and its neighbours, -inf without any.
-
-        Behind it a line is hidden. Pixels without triangles do not count: a line just behind an outline is hidden, too.
-        """
+        """Return the nearness behind which lines are hidden at each pixel, (height, width): the least around it."""
+        # Pixels without triangles do not count: a line just behind an outline is hidden, too.
         found = np.where(self.triangle == NO_TRIANGLE, np.inf, self.nearness)
         for axis in (0, 1):
             found = np.minimum(found, np.minimum(np.roll(found, -1, axis), np.roll(found, 1, axis)))
         return np.where(np.isinf(found), -np.inf, found)
 
     def values(self, faces: IntArray, scalars: FloatArray) -> FloatArray:
-        """(p, …) values at the pixels that are covered, row by row, of (m, …) values at the triangles' corners."""
+        """Interpolate (m, …) values at the triangles' corners at the covered pixels, row by row: (p, …)."""
         covered = self.triangle >= 0
         corners = scalars[faces[self.triangle[covered]]]
         return np.asarray(np.einsum("pk...,pk->p...", corners, self.weights[covered]))
 
 
 def rasterised(points: FloatArray, faces: IntArray, width: int, height: int) -> Raster:
-    """Find what is nearest at each pixel; where several triangles are equally near, the first of them.
+    """Find the nearest triangle at each pixel, the first of equally near ones.
 
-    The (m, 3) points are in pixels to the right and upwards from the lower left corner, and nearness, the larger the
-    nearer.
+    The (m, 3) points are in pixels to the right and upwards from the lower left corner, and nearness to the eye.
     """
     pixels, triangles, shares = _fragments(points, faces, width, height)
     near = np.einsum("pk,pk->p", points[:, 2][faces[triangles]], shares)
@@ -64,7 +57,7 @@ def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> 
     pixel_batch = 1 << 21  # number of pixels in bounding boxes of triangles that are tested together
     plane = points[:, :2][faces]
     a, b, c = plane[:, 0], plane[:, 1], plane[:, 2]
-    doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    doubled = planar_cross(b - a, c - a)
     low = np.ceil(plane.min(axis=1) - 0.5).clip(0).astype(np.int64)
     high = np.floor(plane.max(axis=1) - 0.5).clip(None, [width - 1, height - 1]).astype(np.int64)
     spans = high - low + 1
@@ -76,9 +69,9 @@ def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> 
         number = np.arange(len(t)) - np.repeat(np.cumsum(boxes[batch]) - boxes[batch], boxes[batch])
         row, column = np.divmod(number, spans[t, 0])
         x, y = low[t, 0] + column, low[t, 1] + row
-        px, py = x + 0.5, y + 0.5
-        share_a = ((b[t, 0] - px) * (c[t, 1] - py) - (b[t, 1] - py) * (c[t, 0] - px)) / doubled[t]
-        share_b = ((c[t, 0] - px) * (a[t, 1] - py) - (c[t, 1] - py) * (a[t, 0] - px)) / doubled[t]
+        middle = np.column_stack([x, y]) + 0.5
+        from_a, from_b, from_c = (corner[t] - middle for corner in (a, b, c))
+        share_a, share_b = planar_cross(from_b, from_c) / doubled[t], planar_cross(from_c, from_a) / doubled[t]
         shares = np.stack([share_a, share_b, 1 - share_a - share_b], axis=1)
         inside = (shares >= 0).all(axis=1)
         found.append(((y * width + x)[inside], t[inside], shares[inside]))

@@ -28,31 +28,26 @@ HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", 
 
 @frozen
 class ShadedTriangles:
-    """(k, 3) triangles of (m, 3) vertices, with (m, 3) unit normals, without which all are equally bright.
+    """Triangles with colours, shaded by their normals."""
 
-    Each has a colour, red, green and blue of (k, 3), unless there are (m,) `scalars`: numbers at the vertices, from 0
-    to 1 on the map `colour_map`; or with `stripes` mirrors a room with parallel lamps on its ceiling, which shows
-    normals: stripes go on where two surfaces have the same normals, and bend where their curvature differs.
-    """
-
-    vertices: FloatArray
-    faces: IntArray
-    normals: FloatArray | None
-    colours: FloatArray
-    scalars: FloatArray | None = None
+    vertices: FloatArray  # (m, 3)
+    faces: IntArray  # (k, 3)
+    normals: FloatArray | None  # (m, 3) unit vectors, without which all triangles are equally bright
+    colours: FloatArray  # (k, 3) red, green and blue
+    scalars: FloatArray | None = None  # (m,) numbers from 0 to 1 on the map `colour_map`, in place of colours
     colour_map: str = "cividis"
-    stripes: bool = False
+    stripes: bool = False  # mirror a room with parallel lamps: stripes bend where curvature differs
 
 
 @frozen
 class Projection:
-    """What a camera sees of a (2, 3) box, which holds all that is drawn."""
+    """The view of a camera on a (2, 3) box, which holds all that is drawn."""
 
     camera: Camera
     box: FloatArray
 
     def seen(self, points: ArrayLike) -> FloatArray:
-        """(m, 3): to the right, upwards and towards the eye, in units of the box's diagonal, from its middle."""
+        """Project points, (m, 3): right, up and towards the eye, from the box's middle in units of its diagonal."""
         stretch = self.camera.stretch
         size = float(np.linalg.norm((self.box[1] - self.box[0]) * stretch)) or 1.0  # 1: everything is at one place
         centred = (np.asarray(points, dtype=np.float64) - (self.box[0] + self.box[1]) / 2) / size
@@ -141,11 +136,7 @@ class View:
         order: float = 3,
         label: str | None = None,
     ) -> None:
-        """Draw paths, (m, 2) or (m, 3) points each, for the legend with a label.
-
-        Where the surface hides them, they are `hidden` times as strong, or absent at 0. Short pieces of a path are
-        visible or hidden as a whole.
-        """
+        """Draw paths, (m, 2) or (m, 3) points each; `hidden` times as strong where a surface is before them."""
         from matplotlib.collections import LineCollection
 
         visible: list[FloatArray] = []
@@ -170,7 +161,7 @@ class View:
             self.ax.add_collection(LineCollection(behind, zorder=order - 0.5, alpha=hidden, **style), autolim=False)
 
     def _is_shown(self, points: FloatArray, raster: Raster) -> BoolArray:
-        """(m,) true where no surface is before (m, 3) seen points; up to 0.004 of the scene's size behind counts."""
+        """Mark the (m, 3) seen points that no surface hides, (m,); it may be nearer by 0.004 of the scene's size."""
         low, high = _window(self.ax)
         height, width = raster.triangle.shape
         column, row = ((points[:, :2] - low) / (high - low) * [width, height]).T.astype(int)
@@ -223,7 +214,7 @@ class View:
 
 
 def _shaded(surface: ShadedTriangles, camera: Camera, raster: Raster) -> FloatArray:
-    """(height, width, 4) colours and opacity, colours times opacity."""
+    """Return the image of a surface, (height, width, 4): colours times opacity, and opacity."""
     # Unit vector towards the light: to the right, upwards, towards the eye
     light = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
     map_brightness = 0.68  # least brightness, from 0 to 1, where colours mean numbers and must be recognised
@@ -270,7 +261,7 @@ def _on(raster: Raster, colours: FloatArray) -> FloatArray:
 
 
 def _smoothed(image: FloatArray) -> FloatArray:
-    """Mean of `SUPERSAMPLING` by `SUPERSAMPLING` pixels each; colours no longer times opacity."""
+    """Return the means of blocks of pixels, with colours no longer times opacity."""
     height, width = image.shape[0] // SUPERSAMPLING, image.shape[1] // SUPERSAMPLING
     mean = image.reshape(height, SUPERSAMPLING, width, SUPERSAMPLING, 4).mean(axis=(1, 3))
     mean[..., :3] /= np.where(mean[..., 3:] > 0, mean[..., 3:], 1)
@@ -285,9 +276,8 @@ def note(ax: Axes, text: str, place: ArrayLike, offset: tuple[float, float], **s
 
 
 def _refined(points: FloatArray) -> FloatArray:
-    """Points of a path, with more between those that are far apart."""
-    # Length, as a fraction of the scene's size, of the pieces of a line that are visible or hidden as a whole
-    piece_length = 0.004
+    """Return the points of a path, with more between neighbours that are far apart."""
+    piece_length = 0.004  # of the scene's size: pieces of a line are visible or hidden as a whole
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     counts = np.maximum(np.ceil(gaps / piece_length).astype(np.int64), 1)
     place = np.repeat(np.arange(len(gaps)), counts)
@@ -297,5 +287,5 @@ def _refined(points: FloatArray) -> FloatArray:
 
 
 def plain(count: int, colour: str = SURFACE_COLOUR) -> FloatArray:
-    """(count, 3) times the same colour."""
+    """Return a colour `count` times, (count, 3)."""
     return np.tile(rgb(colour), (count, 1))

@@ -53,7 +53,7 @@ def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: L
     for ax, shape in zip(axes, shapes, strict=True):
         fine = look.resolution or (16 if len(shape.patches) > 4 else 64) * (2 if stripes else 1)  # segments of an edge
         mesh = tessellate(shape, fine, parametrization="linear").split
-        surface = replace(surface_of(mesh, len(shape.patches)), stripes=stripes)
+        surface = replace(triangles_of(mesh, len(shape.patches)), stripes=stripes)
         surfaces.append(surface if look.curvature is None else _by_curvature(ax, shape, mesh, surface, look))
     with_net = bool(look.net) if stripes else look.draws_net(len(shapes[0].patches))
     points = [patch.control_points for shape in shapes for patch in shape.patches] if with_net else []
@@ -72,14 +72,14 @@ def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: L
 
 def draw_mesh(ax: Axes, mesh: Mesh, look: Look) -> None:
     """Draw a mesh: its segments, or its triangles and open sides."""
-    surface = None if mesh.is_curve else surface_of(with_normals(mesh).split, max(len(mesh.groups), 1))
+    surface = None if mesh.is_curve else triangles_of(with_normals(mesh).split, max(len(mesh.groups), 1))
     (view,) = space_views([ax], look.camera, [surface], [mesh.vertices])
     pairs = mesh.cells if mesh.is_curve else mesh.open_sides
     view.lines(list(mesh.vertices[pairs]), colour=LINE_COLOURS[0] if mesh.is_curve else INK, width=1.4)
     view.triad()
 
 
-def surface_of(mesh: Mesh, patches: int = 1) -> ShadedTriangles:
+def triangles_of(mesh: Mesh, patches: int = 1) -> ShadedTriangles:
     """Return the surface of a mesh, with a colour for each patch."""
     colours = plain(len(mesh.cells))
     if patches > 1:
@@ -89,10 +89,7 @@ def surface_of(mesh: Mesh, patches: int = 1) -> ShadedTriangles:
 
 
 def with_normals(mesh: Mesh, *, smooth: bool = False) -> Mesh:
-    """Return a mesh with normals: a mesh from a file has none, and gets the means of its faces' normals.
-
-    Faces that meet at a sharp edge have different means, unless the mesh is of a `smooth` surface.
-    """
+    """Return a mesh with normals or, without any, the means of its faces' normals; over sharp edges if `smooth`."""
     if mesh.normals is not None or mesh.is_curve:
         return mesh
     if not smooth:
@@ -109,7 +106,7 @@ def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
 
 
 def draw_net(view: View, patches: Sequence[Patch], look: Look) -> None:
-    """Draw control points, numbered, and the lines between them: by the lifting, or those of a lattice."""
+    """Draw control points, numbered, and the net of the lifting or of a lattice."""
     net = [patch.control_points[list(pair)] for patch in patches for pair in net_of(patch)]
     view.lines(net, colour=NET, width=0.9, hidden=HIDDEN_STRENGTH, order=4)
     # Patches may share points, which are numbered once.
@@ -121,10 +118,7 @@ def draw_net(view: View, patches: Sequence[Patch], look: Look) -> None:
 
 
 def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: ShadedTriangles, look: Look) -> ShadedTriangles:
-    """Return a surface coloured by its curvature, and draw the scale beside it.
-
-    Values beyond the ends of the scale have the colours of these.
-    """
+    """Return a surface coloured by its curvature, clipped to a scale, which is drawn beside it."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 

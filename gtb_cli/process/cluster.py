@@ -27,11 +27,10 @@ def in_cluster(
 ) -> Generator[R]:
     """Yield ``function(task)`` for each task, in their order, computed by the workers of a Dask cluster.
 
-    `address` is that of the scheduler, such as ``tcp://127.0.0.1:8786``, or the name of its scheduler file; `warn`
-    takes what may be unexpected. If a worker dies, another one does its unfinished tasks. Workers that join later take
-    part, unchecked. At most two results for each thread of the workers wait for their turn. Raises what `function`
-    raises, and a `GtbError` if Dask is not installed, no scheduler answers, there are no workers, they have other
-    versions, or a task kills one after another.
+    `address` is where the scheduler is, such as ``tcp://127.0.0.1:8786``, or its scheduler file. If a worker dies,
+    another one does its unfinished tasks. Workers that join later take part, unchecked. At most two results for each
+    thread of the workers wait for their turn. Raises what `function` raises, and a `GtbError` if Dask is missing, no
+    scheduler or worker answers, workers have other versions, or a task kills one after another.
     """
     client = _connected(address)
     from distributed.scheduler import KilledWorker
@@ -128,7 +127,7 @@ def _wait_for_workers(client: Any, address: str, warn: Callable[[str], None]) ->
 
 
 def _check_workers(client: Any, address: str, warn: Callable[[str], None]) -> None:
-    """Refuse workers with other programs than this process; warn of those whose processors may round differently."""
+    """Refuse workers with other programs than this process; warn if their processors may round differently."""
     from gtb_cli.process.versions import PACKAGES, versions
 
     # Environment variable that must be 1 on workers: the last digit of a sum depends on how threads split it

@@ -20,10 +20,7 @@ def limit_of_addresses() -> int | None:
 
 
 def is_scarce() -> bool:
-    """Tell whether memory is limited so much that this process had better do all work itself, and first load scipy.
-
-    A worker process that cannot allocate what it needs to send its result would be waited for in vain.
-    """
+    """Tell whether memory is so limited that a worker process might lack what it needs to send its result."""
     limit = limit_of_addresses()
     return limit is not None and limit < SCARCE_BYTES
 
@@ -59,19 +56,16 @@ def divided_among(jobs: int) -> int:
 
 def shortage() -> str:
     """Return the message for what needs more memory than there is."""
-    return "not enough memory for this" + (f" within --max-memory {shown(_allowed)}" if _allowed else "")
+    return "not enough memory for this" + (f" within --max-memory {size_text(_allowed)}" if _allowed else "")
 
 
-def shown(size: int) -> str:
+def size_text(size: int) -> str:
     """Return a number of bytes as --max-memory takes it."""
     return f"{size / (1 << 20):.6g}M"
 
 
 def prepare_for_limit() -> None:
-    """Let BLAS take its memory first: later, where there is none left, it ends the process itself or hangs.
-
-    Raises a `GtbError` if the limit is so low that not even the libraries can be loaded.
-    """
+    """Let BLAS take its memory first, as it ends the process or hangs without any; refuse a limit that is too low."""
     limit = limit_of_addresses()
     if limit is None:
         return

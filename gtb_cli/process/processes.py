@@ -33,11 +33,7 @@ def in_order(
     limit: Callable[[], int],
     result_of: Callable[[Future[R]], R] = lambda future: future.result(),
 ) -> Generator[R]:
-    """Yield the results of tasks in order, whoever computes them.
-
-    `submit` starts a task and returns its future, and `result_of` waits for it. At most ``limit()`` results, asked
-    again after each task, wait for their turn.
-    """
+    """Yield the results of tasks in order: `submit` starts one, `result_of` waits for it, at most ``limit()`` wait."""
     waiting: deque[Future[R]] = deque()
     try:
         for task in tasks:

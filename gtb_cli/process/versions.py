@@ -47,10 +47,7 @@ def _checksum_of_sources() -> str:
 
 
 def _checksum_of_arithmetic() -> str:
-    """Return what tells processors apart: instructions that numpy uses, and the last digits of sums and functions.
-
-    Libraries choose their loops by the processor, or as environment variables say; each choice rounds differently.
-    """
+    """Return what tells processors apart: instructions that numpy uses, and the last digits of sums and functions."""
     import numpy as np
 
     x = np.linspace(0.01, 3.7, 2500)

@@ -12,13 +12,13 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import border_of, knot_tolerance
-from gtb_cli.knots.triangulation import central_triangulation, triangulation
+from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.joints import Joint, Joints, unjoined
 from gtb_cli.sequences.film_meshes import film_mesh
-from gtb_cli.tessellation.complexes import Complex, alone, coarse_complexes, joined_complex
+from gtb_cli.tessellation.complexes import Complex, coarse_complexes, join, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.edges import EdgeRef
@@ -44,17 +44,17 @@ class Family:
 
     @property
     def limit(self) -> Sampler:
-        """The last sampler."""
+        """The sampler of the limit."""
         return self.samplers[-1]
 
     @property
     def has_film(self) -> bool:
-        """Whether the limit as a set is more than the last patches."""
+        """Tell whether the limit as a set has films beside the merged patch."""
         return self.knot_limit is not None and bool(self.knot_limit.films)
 
     @cached_property
     def film(self) -> Mesh | None:
-        """A mesh of what it is more."""
+        """A mesh of these films."""
         return film_mesh(self.knot_limit) if self.knot_limit is not None and self.has_film else None
 
     def uniform(self, resolution: int) -> Complex:
@@ -66,7 +66,8 @@ class Family:
         if not self.thickness or not 0 < self.thickness[member] < 1 / resolution:
             return self.uniform(resolution)
         layer_cells = 4.0  # across the layer
-        return graded_complex(self.limit.patches[0].domain, resolution, self.thickness[member] / layer_cells)
+        part = graded_triangulation(self.limit.patches[0].domain, resolution, self.thickness[member] / layer_cells)
+        return join(self.limit.patches, self.joints, [part])[0]
 
     def over_whole(self, mosaic: Complex) -> Complex:
         """Return a complex over the patches of the limit as one over Δ."""
@@ -81,10 +82,7 @@ class Family:
         )
 
     def refined(self, tolerance: float, max_faces: int) -> Complex:
-        """Refine the coarsest complex until it is within a tolerance of every member.
-
-        `ToleranceError` is raised if all meshes together would have more faces than `max_faces`.
-        """
+        """Refine the coarsest complex until it is within a tolerance of every member; at most `max_faces` in all."""
         max_cells = max_faces // len(self.samplers)
         mosaic, count = next(coarse_complexes(self.limit.patches, self.joints)), 0
         while len(mosaic.cells) > count:
@@ -169,11 +167,8 @@ def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequ
     return table
 
 
-def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:
-    """Cut Δ around its centre into cells that become smaller towards its edges and corners.
-
-    Along each edge there are `resolution` cells; the outermost have the width `finest`, as a fraction of Δ's size.
-    """
+def graded_triangulation(shape: Domain, resolution: int, finest: float) -> Triangulation:
+    """Cut Δ into cells that become smaller towards its edges and corners: from `finest`, as a fraction of Δ's size."""
     part = triangulation(shape, resolution) if shape.dimension == 1 else central_triangulation(shape, resolution)
     v = shape.vertices
     steepness = 1.0
@@ -188,7 +183,7 @@ def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:
         sides = np.roll(v, -1, axis=0) - v
         share = _both_ways(np.arange(resolution) / resolution, steepness)
         u[part.boundary] = v[:, None] + share[None, :, None] * sides[:, None]
-    return alone(shape, replace(part, parameters=u))
+    return replace(part, parameters=u)
 
 
 def _towards_edges(v: FloatArray, u: FloatArray, steepness: float) -> FloatArray:

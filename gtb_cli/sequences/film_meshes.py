@@ -32,13 +32,11 @@ def film_mesh(limit: KnotLimit) -> Mesh:
 
 
 def _section_points(along: FloatArray, log_weights: FloatArray, control_points: FloatArray, n: int) -> FloatArray:
-    """Sample curves with (l, k) logarithms of weights at n + 1 evenly spaced linear parameters: (l (n + 1), 3).
-
-    Points that are not found stay where the solver left them: on the film, too.
-    """
+    """Sample curves with (l, k) logarithms of weights at n + 1 evenly spaced linear parameters: (l (n + 1), 3)."""
     x = (along - along.min()) / np.ptp(along)
     t = np.tile(np.arange(1, n) / n, len(log_weights))
     weights = np.repeat(log_weights.T, n - 1, axis=1)
+    # Points that are not found stay where the solver left them: on the film, too.
     s, _ = solve(LogSum(x[:, None] - 0.5, weights), t[None] - 0.5, np.log(t / (1 - t))[None])
     inner = shares((x[:, None] - 0.5) * s + weights).T.reshape(len(log_weights), n - 1, -1)
     ends = [shares(np.where(x == end, log_weights, -np.inf).T).T[:, None] for end in (0, 1)]

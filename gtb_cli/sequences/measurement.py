@@ -24,7 +24,7 @@ LEAST_RESOLUTION = 4  # segments along each edge of what is measured
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How finely distances from a limit are measured."""
+    """The accuracy with which distances from a limit are measured."""
 
     chord_error: float  # of meshes between which distances from films are measured, as a fraction of the diagonal
     cells: int  # rough number from which those meshes are refined
@@ -35,13 +35,11 @@ ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}  # the accuracy for 
 
 
 class Measurement:
-    """Distances of surfaces from a limit.
+    """Distances of surfaces from a limit, whatever the resolution of the meshes that are written.
 
-    Distances are found on the surfaces themselves (`farthest`); those from films, which have no torus coordinates,
-    between meshes. For these, surface and limit are meshed with the same triangulation, refined until each mesh is
-    within the chord error of its surface. Their distance (`mesh_distance`) is off by at most twice the chord error, and
-    by far less if surface and limit, and so the errors of their meshes, are nearly the same. It does not depend on the
-    resolution of the meshes that are written.
+    They are found on the surfaces themselves (`farthest`) or, from films, which have no torus coordinates, between
+    meshes. For these, surface and limit have the same triangulation, refined until each mesh is within the chord error
+    of its surface. Their distance (`mesh_distance`) is off by at most twice the chord error.
     """
 
     def __init__(self, family: Family, accuracy: Accuracy) -> None:
@@ -49,7 +47,7 @@ class Measurement:
         self.starts: dict[float, tuple[Complex, str]] = {}
 
     def distances(self, members: range) -> Iterator[tuple[float, float, float | None, str]]:
-        """Distances of members from the limit, and from the limit with its film; their error; and what is doubtful."""
+        """Yield each member's distances from the limit and from the limit with its film, their error, and a doubt."""
         if self.family.has_film:
             yield from map(self.between_meshes, members)
             return
@@ -67,7 +65,7 @@ class Measurement:
 
     @cached_property
     def rough(self) -> Complex:
-        """The complex whose vertices and middles start the search for distances between surfaces."""
+        """The complex from whose vertices and middles the search for distances between surfaces starts."""
         cells, many = 512, 64  # in all, and patches of the limit that have enough points anyway
         patches = self.family.limit.patches
         return self.family.uniform(cells_along_edges(patches, cells, LEAST_RESOLUTION if len(patches) < many else 1))
@@ -79,17 +77,14 @@ class Measurement:
         return surface_of(patches, self.rough if self.family.faces is not None else layered(self.rough, patches))
 
     def surfaces(self, members: Sequence[Patch]) -> list[Surface]:
-        """Members, with points all over them; while knots move, thin layers along edges need further ones."""
+        """Return members with points all over them; while knots move, thin layers along edges need further ones."""
         if self.family.faces is not None:
             mosaic = self.family.over_whole(self.rough)
             return [surface_of([member], mosaic) for member in members]
         return [surface_of([member], layered(self.rough, [member])) for member in members]
 
     def between_meshes(self, member: int) -> tuple[float, float, float | None, str]:
-        """Distances of one member from a limit with a film, without it and with it; their error; and what is doubtful.
-
-        Each of the two meshes is within the chord error of its surface, unless that took too many faces.
-        """
+        """Measure a member as `distances` does, from a limit with a film, between meshes within the chord error."""
         film_error = 0.25  # as a fraction of the chord error: cells of surface and film do not match
         limit, sampler, film = self.family.limit, self.family.samplers[member], self.family.film
         assert film is not None
@@ -120,14 +115,14 @@ class Measurement:
         return cells_along_edges(self.family.limit.patches, self.accuracy.cells, LEAST_RESOLUTION)
 
     def fine_for_limit(self, member: int) -> tuple[Complex, str]:
-        """The complex, fine enough for the limit, from which a member is measured; and what is doubtful about it."""
+        """Return the complex, fine enough for the limit, from which a member is measured; and a doubt about it."""
         thickness = self.family.thickness[member]
         if thickness not in self.starts:
             self.starts[thickness] = self.refined(self.family.graded(self.resolution, member), self.family.limit)
         return self.starts[thickness]
 
     def refined(self, mosaic: Complex, sampler: Sampler) -> tuple[Complex, str]:
-        """The complex refined for a surface; if that takes too many faces, the complex as it is, and why."""
+        """Refine a complex for a surface; if that takes too many faces, return it as it is, and why."""
         most_faces = 200_000
         try:
             return refine(mosaic, sampler, self.tolerance, most_faces, self.accuracy.points_in_all)[0], ""
@@ -136,5 +131,5 @@ class Measurement:
 
     @staticmethod
     def sampled(mosaic: Complex, sampler: Sampler) -> Mesh:
-        """The mesh of a surface on a complex."""
+        """Mesh a surface on a complex."""
         return Mesh(sampler.points(mosaic.patch, mosaic.parameters, mosaic.face), mosaic.cells)

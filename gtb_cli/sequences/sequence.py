@@ -122,8 +122,8 @@ class MeshSequence:
     def predicted_rate(self) -> float | None:
         """The exponent ρ with which distances fall at least, by the theory; None if there is none, or it is not known.
 
-        That of x, or of 1/x for x → 0, is the `convergence_rate` of the lifting. Knots that merge without a film change
-        every point by O(1 − step).
+        For x → ∞ and x → 0 it is the `convergence_rate` of the lifting. Knots that merge without a film change every
+        point by O(1 − step).
         """
         if self._decomposition is None:
             return None if self._family.has_film else 1.0
@@ -134,7 +134,7 @@ class MeshSequence:
         return found if 0 < found < INF else None
 
     def entry(self, member: Member, name: str, kind: str = "file") -> dict[str, Any]:
-        """Return the entry of a mesh in `sequence.json`; `name` is that of a file, or of what `kind` says."""
+        """Return the entry of a mesh in `sequence.json`, by the name of its file, or of what `kind` says."""
         entry: dict[str, Any] = {
             kind: name,
             # A whole number below 2⁵³ as an int, which JSON writes without a point

@@ -15,7 +15,7 @@ from contextlib import suppress
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.process.memory import LEAST_BYTES, limit_to, shown
+from gtb_cli.process.memory import LEAST_BYTES, limit_to, size_text
 
 GRACE_SECONDS = 1.0  # seconds that the command gets to end by itself, when its time is over
 
@@ -59,12 +59,11 @@ def bound(seconds: float | None, size: int | None) -> None:
         if status < 0:
             ledger.seek(0)
             discard([os.fsdecode(name) for name in ledger.read().split(b"\0") if name])
-    if isinstance(asked, KeyboardInterrupt):
-        raise asked
-    if asked is not None and status in (-signal.SIGKILL, 128 + signal.SIGTERM):
+    # Whatever signal ended it in the end: at its very end, for one, Python no longer unwinds at SIGTERM.
+    if asked is not None and (isinstance(asked, KeyboardInterrupt) or status < 0 or status == 128 + signal.SIGTERM):
         raise asked
     if status < 0:
-        cause = "is there too little memory" if size is None else f"is {shown(size)} (--max-memory) too little"
+        cause = "is there too little memory" if size is None else f"is {size_text(size)} (--max-memory) too little"
         raise GtbError(f"the process was killed by {signal.Signals(-status).name}: {cause}?")
     raise click.exceptions.Exit(status)
 

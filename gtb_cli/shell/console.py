@@ -13,15 +13,13 @@ from gtb_cli.shell.faults import in_options, located
 from gtb_cli.vocabulary import SCHEMA, printable
 
 STANDARD = "-"  # the name of a file that stands for standard input or output
-
-
 # How errors and warnings are printed: as lines, as one JSON object at the end, or as annotations of GitHub
 FORMS = ("text", "json", "github")
 
 
 @dataclass
 class _Messages:
-    """The form of a command line's errors and warnings, its own words, and what is printed at its end."""
+    """The form of a command line's errors and warnings, the line's own words, and what is printed at its end."""
 
     form: str = FORMS[0]
     words: Sequence[str] = ()

@@ -22,10 +22,9 @@ def are_several(paths: Sequence[str]) -> bool:
 
 
 def specs_among(paths: Sequence[str], meshes: bool = False) -> tuple[str, ...]:
-    """Return the paths, with each folder replaced by the specs in it, and each pattern by what matches it, by name.
+    """Return the paths, with the specs in place of each folder, and what matches in place of each pattern, by name.
 
-    With `meshes`, those in a folder count, too, and files that describe them do not. Raises a `SpecError` if there are
-    none.
+    With `meshes`, those in a folder count, too. Raises a `SpecError` if there are none.
     """
     suffixes = (*SPEC_FORMATS, *FORMATS) if meshes else SPEC_FORMATS
     found: list[str] = []
@@ -80,10 +79,7 @@ def pairs(a: str, b: str) -> tuple[dict[str, tuple[str | None, str | None]], dic
 
 
 def files_in(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
-    """Return the paths of the files in a folder and its subfolders, by name; hidden files and manifests do not count.
-
-    Links are followed. What cannot be read is noted.
-    """
+    """Return the paths of files below a folder, by name, but hidden ones and manifests; note what cannot be read."""
     files: dict[str, str] = {}
     waiting: list[tuple[str, frozenset[tuple[int, int]]]] = [("", frozenset())]
     count = 0

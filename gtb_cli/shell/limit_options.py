@@ -25,7 +25,7 @@ def xs_of(texts: Sequence[str]) -> tuple[float, ...]:
     return xs
 
 
-def lifting_of(text: str) -> tuple[float, ...] | int:
+def lifting_from(text: str) -> tuple[float, ...] | int:
     """Read lifting values, or the index of a knot."""
     if not text.strip().startswith("knot:"):
         return numbers_of(text)
@@ -60,7 +60,7 @@ def _approach(
 
 
 x_option = partial(click.option, "-x", "--x", callback=reads(xs_of), multiple=True, metavar="X")
-heights_option = partial(click.option, "--lifting", callback=reads(lifting_of), metavar="L,…")
+heights_option = partial(click.option, "--lifting", callback=reads(lifting_from), metavar="L,…")
 merge_option = partial(click.option, "--merge", callback=reads(moves_of), multiple=True, metavar="K:Q")
 steps_option = partial(click.option, "--steps", callback=reads(numbers_of), metavar="S,…")
 limit_options = gathered(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import ToleranceError
-from gtb_cli.shell.streams import Spec, format_of, refuse_terminal
+from gtb_cli.shell.streams import Spec, output_format, refuse_terminal
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, Up
@@ -52,10 +52,7 @@ class MeshOptions:
         }
 
     def made(self, spec: Spec, kind: str) -> tuple[Mesh, list[str]]:
-        """Make a mesh for a format, and remarks: what is certified, is so of the numbers in the file.
-
-        A `ToleranceError` says that these move vertices farther than a tolerance that is to be certified.
-        """
+        """Make a mesh for a format, and remarks; refuse a tolerance of curves that the file's numbers cannot hold."""
         from gtb_cli.formats.export import held, rounding_in
 
         tolerance, rounding = self.recipe.tolerance_for(spec), 0.0
@@ -88,21 +85,17 @@ class MeshOptions:
         return messages
 
     def format_for(self, output: str, more: Iterable[str] = ()) -> str:
-        """Return the format of an output: that of -f, or of the suffix of a file; OBJ for a folder or a stream.
-
-        An `ExportError` refuses other suffixes, and names those in `more`, too; and binary formats on a terminal.
-        """
-        kind = format_of(output, self.format, FORMATS, more)
+        """Return the format of an output, as `output_format` does; refuse a binary one on a terminal."""
+        kind = output_format(output, self.format, FORMATS, more)
         if not FORMATS[kind].is_text(self.ascii):
             refuse_terminal(output, kind, "-o FILE" if FORMATS[kind].text == "never" else "-o FILE or --ascii")
         return kind
 
 
 def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = (), unit: str | None = None) -> str:
-    """Describe the size of a mesh, for messages; with extents and volume if it is found to be closed as it is `stored`.
+    """Describe the size of a mesh; with extents and volume if it is closed as it is `stored`.
 
-    Where remarks say that faces cross, or there are several parts, what they bound several times is counted so, and the
-    volume is marked.
+    The volume is marked where it counts places several times: if there are several parts, or faces cross.
     """
     text = f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
     if stored is None or mesh.is_curve:
@@ -122,7 +115,7 @@ def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = (),
 
 
 def _amount(value: float) -> str:
-    """Four digits of a number, those of thousands apart."""
+    """Write four digits of a number, with thousands apart."""
     longest = 1e9  # from which on powers of ten are easier to read
     rounded = float(f"{value:.4g}")
     return f"{value:.4g}" if abs(rounded) < 1e3 or abs(rounded) >= longest else f"{rounded:,.0f}".replace(",", " ")

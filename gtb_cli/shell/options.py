@@ -124,10 +124,7 @@ def named_files(kind: click.Path) -> list[str]:
 
 
 def check_outputs(*inside: str) -> None:
-    """Refuse outputs of the running command, and files inside a folder of them, that are also its inputs.
-
-    Files inside that are links out of the folder are refused, too.
-    """
+    """Refuse outputs of the running command, and files inside a folder, that are inputs or links out of the folder."""
     refuse_overwriting(named_files(INPUT), [*named_files(OUTPUT), *inside])
     for output in inside:
         if os.path.islink(output) and leads_out(output):

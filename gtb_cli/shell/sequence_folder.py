@@ -58,10 +58,7 @@ class SequenceOutput:
         )
 
     def write(self, sequence: MeshSequence | None, prefix: str, spec: str, spec_text: str) -> None:
-        """Make and write the meshes, report each when it is made, and print the spec.
-
-        `prefix` stands before values in file names; `spec` is the file that is named in errors.
-        """
+        """Make, write and report the meshes, named by `prefix` and value, and print the spec; errors name `spec`."""
         if sequence is not None:
             texts = [number_text(value) for value in sequence.values[:-1]]
             self._write_folder(sequence, [*(f"{prefix}{text}" for text in texts), "limit"], spec)
@@ -146,10 +143,7 @@ def sequence_options(spec_help: str) -> Option:
 
 
 def number_text(value: float) -> str:
-    """Return the shortest text of a number for a file name: 5, 0.4, 600, 1e6, 1e-30.
-
-    It has six digits, or as many as distinguish it from all other numbers.
-    """
+    """Return a number for a file name, such as 0.4 or 1e6: six digits, or as many as tell it from all others."""
     value += 0.0  # not -0
     least_digits = 6
     digits = next(n for n in range(1, 18) if float(f"{value:.{n}g}") == value)

@@ -34,10 +34,7 @@ def inputs_of(specs: Sequence[str], output: str, meshes: bool = False) -> tuple[
 def attempted(
     spec: str, function: Callable[[Task], Found], task: Task, passing: tuple[type[Exception], ...] = ()
 ) -> Found | GtbError:
-    """Return ``function(task)``, or its error, which does not stop the other specs.
-
-    An error raised on purpose names the spec; others are called internal. Errors of the kinds in `passing` are raised.
-    """
+    """Return ``function(task)`` or its error, which names the spec; errors of the kinds in `passing` are raised."""
     try:
         return function(task)
     except passing:
@@ -54,14 +51,11 @@ def _reported(spec: str, report: Callable[[str], Found]) -> Found | GtbError:
 
 @dataclass(frozen=True)
 class ReportRequest:
-    """The specs, and folders of them, on which a command reports, and how it does so.
-
-    Without `in_full`, each of several specs gets a line, and a large model an extract.
-    """
+    """The specs, and folders of them, on which a command reports, and how it does so."""
 
     specs: tuple[str, ...]
     as_json: bool
-    in_full: bool
+    in_full: bool  # else each of several specs gets a line, and a large model an extract
     weld: float | str | None
     jobs: int
     streams: Streams

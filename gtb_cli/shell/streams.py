@@ -51,13 +51,12 @@ def spec_of(path: str, reading: Reading = AS_SEEN, warn: Callable[[str], object]
 
     A `SpecError` has a line for each of its own errors.
     """
-    from gtb_cli.files import read_file
-    from gtb_cli.language.document import MAX_BYTES, spec_format_of
+    from gtb_cli.language.document import spec_format_of
     from gtb_cli.language.loading import parse
 
-    data = read_bytes(path) if path == STANDARD else read_file(path, MAX_BYTES + 1)
-    spec = parse(data, shown_input(path), reading.spec_format or spec_format_of(path), dict(reading.let), warn)
-    with about(shown_input(path)):
+    source, format = shown_input(path), reading.spec_format or spec_format_of(path)
+    spec = parse(read_bytes(path), source, format, dict(reading.let), warn)
+    with about(source):
         yield spec
 
 
@@ -72,10 +71,11 @@ def single(spec: Spec) -> Patch:
 
 def read_bytes(path: str) -> bytes:
     """Read a file, or standard input; at most one byte more than a spec may have."""
+    from gtb_cli.files import read_up_to
     from gtb_cli.language.document import MAX_BYTES
 
     with opened(path) as file:
-        return file.read(MAX_BYTES + 1)
+        return read_up_to(file, MAX_BYTES + 1)
 
 
 @contextmanager
@@ -95,7 +95,7 @@ def opened(path: str) -> Iterator[IO[bytes]]:
         raise SpecError(Fault(str(error.strerror or error), shown_input(path))) from None
 
 
-def number_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:
+def numbered_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:
     """Yield the numbers in each line of a file, with the number of the line; empty lines and comments are skipped.
 
     `SpecError` is raised for a line with other words, and for a row whose length is not in `sizes` or not the first's.
@@ -135,7 +135,7 @@ def shown_input(path: str) -> str:
 
 
 def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
-    """Raise a usage error if an output is another output, an input, or a file that one includes, under whatever name.
+    """Refuse outputs, under whatever name, that are also another output, an input or a file that it includes.
 
     Anything but a regular file, such as a terminal, may be both.
     """
@@ -178,10 +178,7 @@ def _status(path: str) -> os.stat_result | None:
 
 
 def write_blocks(output: str, blocks: Iterable[bytes]) -> None:
-    """Write bytes to standard output, or to a file that appears whole or not at all.
-
-    Failures are an `ExportError`, or a `BrokenPipeError` if the reader of a pipe has closed it.
-    """
+    """Write bytes to standard output, or a file that appears whole; `BrokenPipeError` if a pipe's reader closed it."""
     if output != STANDARD:
         from gtb_cli.files import replace_file
 
@@ -201,10 +198,7 @@ def write_blocks(output: str, blocks: Iterable[bytes]) -> None:
 
 
 def write_json(output: str, data: Any, *, by_row: bool = False) -> None:
-    """Write an object or a list of objects as JSON, each with the version of what JSON holds.
-
-    With `by_row`, each item of an object's lists has a line.
-    """
+    """Write an object, or a list of them, as JSON with its version; `by_row`: a line for each item of its lists."""
     import json
 
     if not by_row:
@@ -216,7 +210,7 @@ def write_json(output: str, data: Any, *, by_row: bool = False) -> None:
 
 
 def versioned(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the record of something as it stands in JSON, with the version of what this holds."""
+    """Return a record with the version of what JSON holds."""
     return {"schema": SCHEMA, **record}
 
 
@@ -256,11 +250,8 @@ def is_device(output: str) -> bool:
     return os.path.exists(output) and not os.path.isfile(output) and not os.path.isdir(output)
 
 
-def format_of(output: str, given: str | None, formats: Collection[str], more: Iterable[str] = ()) -> str:
-    """Return the format given, or that of the suffix of a file; the first one for a folder or a stream.
-
-    An `ExportError` refuses other suffixes, and names those in `more`, too.
-    """
+def output_format(output: str, given: str | None, formats: Collection[str], more: Iterable[str] = ()) -> str:
+    """Return the format given, or by the suffix of a file, which is refused if unknown; the first for other outputs."""
     suffix = suffix_of(output)
     if given is not None or suffix in formats:
         return given or suffix
@@ -286,6 +277,6 @@ def file_stem(name: str | None) -> str:
     return kept.encode("utf-8")[:MAX_STEM_BYTES].decode("utf-8", "ignore").rstrip() or "patch"
 
 
-def stem_of(path: str) -> str | None:
+def input_stem(path: str) -> str | None:
     """Return the stem of an input's file name, as `file_stem` does; None for standard input."""
     return None if path == STANDARD else file_stem(os.path.splitext(os.path.basename(path))[0])

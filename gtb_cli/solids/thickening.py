@@ -172,9 +172,10 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
 
     In a concave edge between patches, offsets of vertices nearer to it than the corner is moved would pass it, and turn
     their faces over. They are moved between their neighbours instead, in the tangent planes of the offset, if fewer
-    faces are turned over for it: so up to about four rows of faces are kept.
+    faces are turned over for it. Where this does not suffice, as where three patches meet, vertices of seams move along
+    these as well: so up to about seven rows of faces are kept.
     """
-    rounds = 32  # which suffice for four rows of faces
+    rounds = 32  # which suffice for four rows of faces, and after which seams move, or nothing is to be hoped for
     moves = _displacements(mesh)
     moved = mesh.vertices + thickness * moves
     is_mitred = dot(moves, moves) > 1 + 1e-6
@@ -186,11 +187,17 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     rim[sides.directed[sides.alone]] = True
     # The neighbours of a vertex of the rim are those along the rim.
     ends = np.concatenate([sides.edges[(sides.uses == 1) | ~rim[sides.edges[:, k]]][:, [k, 1 - k]] for k in (0, 1)])
+    part = _cell_groups(mesh)
+    is_seam = np.bincount(sides.edge.ravel(), np.repeat(part, 3)) != sides.uses * part[sides.first // 3]
+    seams = sides.edges[is_seam & is_mitred[sides.edges].all(axis=1)]
+    ends = np.concatenate([ends[~is_mitred[ends[:, 0]]], seams, seams[:, ::-1]])
+    stays = is_mitred & (np.bincount(seams.ravel(), minlength=len(moved)) != 2)
     best, fewest = moved.copy(), len(folded)
     is_moving = np.zeros(len(moved), dtype=bool)
-    for _ in range(rounds):
+    latest = rounds
+    for number in range(8 * rounds):
         is_moving[mesh.cells[folded]] = True
-        is_moving &= ~is_mitred
+        is_moving &= ~(is_mitred if number < rounds else stays)
         start, end = ends[is_moving[ends[:, 0]]].T
         count = np.bincount(start, minlength=len(moved))[is_moving, None]
         means = np.stack([np.bincount(start, moved[end, k], len(moved))[is_moving] for k in range(3)], axis=1) / count
@@ -198,8 +205,8 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
         moved[is_moving] += way - dot(way, normal)[:, None] * normal
         folded = _turned_over(mesh, moved)
         if len(folded) < fewest:
-            best, fewest = moved.copy(), len(folded)
-        if not fewest:
+            best, fewest, latest = moved.copy(), len(folded), max(number, rounds)
+        if not fewest or number >= latest + rounds:
             break
     return best
 

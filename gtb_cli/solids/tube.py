@@ -36,7 +36,7 @@ def tube(
 
     A ring has `sides` vertices, or so many that its polygon is within `tolerance` of the circle; else `RING_SIDES`. The
     tube is then within the tolerance of the points at `radius` from the polyline, by tangents and mitres. Given
-    tangents are (k, 2, 3) unit vectors at both ends of each segment, as `curve_tangents` returns them, NaN where
+    tangents are (k, 2, 3) unit vectors at both ends of each segment, as `Patch.tangents` finds them, NaN where
     undefined; without them, the directions of the segments are used.
 
     The mesh is closed, with outward unit normals. Each polyline between ends or branchings makes one tube, and one

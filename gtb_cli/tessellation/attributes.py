@@ -14,7 +14,6 @@ from gtb_cli.tessellation.sampler import Sampler, torically_inside
 from gtb_cli.theory.curvature import Curvature, curvature, curvatures_at
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.tangents import tangents
 from gtb_cli.vocabulary import ATTRIBUTES, BASIS
 
 QUALITY_NAME = "quality"  # the scalar that MeshLab colours by; it repeats the first attribute that was asked for
@@ -45,7 +44,7 @@ def with_attributes(
     replaced = 0
     if any(name.endswith("curvature") for name in names):
         found = _curvature_of(shape, mesh, mesh.parameters, parametrization)
-        values |= {f"{kind}_curvature": filled(mesh, scalars) for kind, scalars in found._asdict().items()}
+        values |= {f"{kind}_curvature": filled_scalars(mesh, scalars) for kind, scalars in found._asdict().items()}
         replaced = int(np.count_nonzero(np.isnan(found.gaussian)))
     if functions and isinstance(shape, Patch):
         basis = shape.basis(mesh.parameters, parametrization)
@@ -82,7 +81,7 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
     return found
 
 
-def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
+def filled_scalars(mesh: Mesh, values: FloatArray) -> FloatArray:
     """Replace (m,) values at vertices that are not finite by the mean of the neighbours' values, ring by ring."""
     finite = np.isfinite(values)
     if finite.all():
@@ -101,10 +100,3 @@ def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
         result[found] = np.bincount(known[:, 0], share, len(values))[found]
         finite |= found
     return result
-
-
-def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "linear") -> FloatArray:
-    """Return the unit tangents of a curve at both ends of each segment of its mesh, (k, 2, 3)."""
-    if mesh.parameters is None:
-        raise DomainError("tangents: the mesh has no parameters")
-    return np.asarray(tangents(patch, mesh.parameters, parametrization)[mesh.cells])

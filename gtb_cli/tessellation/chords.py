@@ -75,10 +75,7 @@ class ChordProofs:
         return s[inverse.reshape(u.shape)]
 
     def failing(self, u: FloatArray, chords: FloatArray, tolerance: float) -> BoolArray:
-        """Mark the (k, 2, 3) chords that are not within the tolerance of their parts of the curve, or may not be.
-
-        Each part lies between two of the (k, 2) parameters; the ends of its chord are nearly the points there.
-        """
+        """Mark (k, 2, 3) chords not proved to be within the tolerance of the curve between their (k, 2) parameters."""
         max_halvings = 200  # all but a few rounds halve intervals; those still open then fail
         alive = 8  # arrays as large as T
         # A curve and its chords are in the convex hull of the control points, but for rounding of the ends.

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, index_type, shifted, taken
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, distinct, index_type, shifted, taken
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
@@ -21,17 +21,13 @@ from gtb_cli.values import frozen
 
 @frozen
 class Complex:
-    """Vertices and cells, without positions in space.
+    """Vertices and cells, without positions in space."""
 
-    A vertex on a shared edge belongs to the first patch that has it: `patch` (v,), with `parameters` (v, d) in the
-    patch's domain, inside the domain's `face` (v,). The (k, d + 1) `cells` are in the (k,) patches `cell_patch`.
-    """
-
-    patch: IntArray
-    parameters: FloatArray
-    face: IntArray
-    cells: IntArray
-    cell_patch: IntArray
+    patch: IntArray  # (v,) the patch of each vertex: of several that share it, the first
+    parameters: FloatArray  # (v, d) in the domain of that patch
+    face: IntArray  # (v,) the number of the domain's face that holds the vertex
+    cells: IntArray  # (k, d + 1)
+    cell_patch: IntArray  # (k,)
     # `corners`; or those that are not just the parameters of the cells' vertices, behind their places among all
     own_corners: FloatArray | tuple[IntArray, FloatArray]
     collapsed: IntArray  # (c, 2) pairs of neighbouring vertices on edges of patches that are one point
@@ -40,7 +36,7 @@ class Complex:
 
     @cached_property
     def corners(self) -> FloatArray:
-        """The parameters of the vertices of each cell in the domain of the cell's own patch, (k, d + 1, d)."""
+        """Parameters of the corners of each cell in the domain of the cell's own patch, (k, d + 1, d)."""
         if not isinstance(self.own_corners, tuple):
             return self.own_corners
         corners, (places, moved) = self.parameters[self.cells], self.own_corners
@@ -56,10 +52,7 @@ class Complex:
 
     @property
     def without_collapsed(self) -> tuple[IntArray, BoolArray | slice]:
-        """The cells that are left when vertices at one point become one, and which of all cells they are.
-
-        Edges that are one point are never split: their ends become one, and the cells beside them vanish.
-        """
+        """The cells that are left when the ends of each collapsed edge become one, and which of all cells they are."""
         if not len(self.collapsed):
             return self.cells, slice(None)
         cells = taken(merged(len(self.patch), self.collapsed), self.cells)
@@ -68,10 +61,10 @@ class Complex:
 
     @property
     def further_places(self) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
-        """Places of vertices of `without_collapsed` beside their own: (q, 2) vertices and patches, (q, d) parameters.
+        """Find the places that vertices of `without_collapsed` have beside their own: on shared and on collapsed edges.
 
-        A vertex has such places on an edge that patches share, that is one point, or that its patch has twice. The last
-        two arrays are the (c,) corners of cells at such places, counted through all cells, and the place of each.
+        Return (q, 2) vertices and patches, (q, d) parameters, the (c,) corners of cells there, counted through all
+        cells, and the place of each corner.
         """
         cells, rows = self.without_collapsed
         row, k = np.nonzero(self.face[cells] != INTERIOR)
@@ -92,7 +85,7 @@ class Complex:
 
 
 def kinds_of(domains: Sequence[Domain]) -> IntArray:
-    """Return, for each domain, the number of the first one that equals it: what depends on Δ alone is found once."""
+    """Return for each domain the number of the first that equals it, so that what depends on Δ alone is found once."""
     first: dict[tuple[bytes, bytes], int] = {}
     keys = ((domain.knots.tobytes(), domain.normals.tobytes()) for domain in domains)
     return np.array([first.setdefault(key, number) for number, key in enumerate(keys)])
@@ -108,11 +101,9 @@ def joined_complex(patches: Sequence[Patch], joints: Joints, resolution: int) ->
     kinds = kinds_of([patch.domain for patch in patches]).tolist()
     made = {kind: triangulation(patches[kind].domain, resolution) for kind in dict.fromkeys(kinds)}
     parts = [made[kind] for kind in kinds]
-    if len(parts) == 1 and not joints.joins:
-        return alone(patches[0].domain, parts[0])
     moves = _moves(patches, joints, resolution)
     _move(parts, patches, moves)
-    mosaic, confused = _joined(patches, joints, parts)
+    mosaic, confused = join(patches, joints, parts)
     tips = _tips(patches, joints)
     again = {*confused.tolist(), *(index for index, _ in tips)}
     again |= {index for index, _ in moves if parts[index].is_turned_over()}
@@ -122,12 +113,12 @@ def joined_complex(patches: Sequence[Patch], joints: Joints, resolution: int) ->
         for index, corner in tips:
             parts[index] = parts[index].with_cut_beside(corner)
         _move(parts, patches, {ref: fractions for ref, fractions in moves.items() if ref[0] in again})
-        mosaic, _ = _joined(patches, joints, parts)
+        mosaic, _ = join(patches, joints, parts)
     return mosaic
 
 
 def coarse_complexes(patches: Sequence[Patch], joints: Joints) -> Iterator[Complex]:
-    """Yield complexes from which refinement may start, the coarsest first, and the last one whatever it is like."""
+    """Yield complexes from which refinement may start, the coarsest first; the last even if it is not simplicial."""
     resolutions = (1, 2, 3, 4)
     for resolution in resolutions:
         mosaic = joined_complex(patches, joints, resolution)
@@ -146,21 +137,6 @@ def _move(parts: list[Triangulation], patches: Sequence[Patch], moves: Mapping[E
         parts[index] = parts[index].moved(patches[index].domain.vertices, edge, fractions)
 
 
-def alone(domain: Domain, part: Triangulation) -> Complex:
-    """Return the complex of one patch that is joined with nothing."""
-    count = len(part.parameters)
-    return Complex(
-        patch=np.zeros(count, dtype=np.int64),
-        parameters=part.parameters,
-        face=part.faces(domain.faces),
-        cells=part.cells,
-        cell_patch=np.zeros(len(part.cells), dtype=np.int64),
-        own_corners=(np.empty(0, dtype=np.int64), np.empty((0, domain.dimension))),
-        collapsed=np.empty((0, 2), dtype=np.int64),
-        sides=count + len(part.cells) - 1,
-    )
-
-
 def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
     """Return the patches, and their corners, between two edges that are the same curve, as at the tip of a cone."""
     tips = []
@@ -173,15 +149,15 @@ def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
     return tips
 
 
-def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation]) -> tuple[Complex, IntArray]:
+def join(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation]) -> tuple[Complex, IntArray]:
     """Join triangulated domains; also return the patches with cells or sides that share all their vertices."""
     is_surface = patches[0].dimension == 2
     offsets = np.cumsum([0, *(len(part.parameters) for part in parts)])
     owner = np.repeat(np.arange(len(parts), dtype=index_type(len(parts))), np.diff(offsets))
     parameters = np.concatenate([part.parameters for part in parts])
     face = np.concatenate([part.faces(patch.domain.faces) for patch, part in zip(patches, parts, strict=True)])
-    turned = [part.cells[:, [0, 2, 1]] if is_surface and flipped else part.cells
-              for part, flipped in zip(parts, joints.flipped, strict=True)]  # fmt: skip
+    flips = [is_surface and flipped for flipped in joints.flipped]
+    turned = (part.cells[:, [0, 2, 1]] if flip else part.cells for part, flip in zip(parts, flips, strict=True))
     kind = index_type(len(owner))
     cells = np.concatenate([shifted(own, n).astype(kind) for own, n in zip(turned, offsets[:-1], strict=True)])
     shared, collapsed = _pairs(joints, parts, offsets)
@@ -206,25 +182,25 @@ def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulat
     if not is_surface:
         return mosaic, owner[:0]
     label = merged(len(owner), np.concatenate([shared, collapsed]))
-    return mosaic, np.unique(owner[_confused(cells, face != INTERIOR, label)])
+    return mosaic, distinct(owner[_confused(cells, face != INTERIOR, label)])
 
 
 def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) -> tuple[IntArray, IntArray]:
     """Return the pairs of vertices that joints make one, (c, 2), and of neighbours on edges that are points, (q, 2)."""
 
-    def side(ref: EdgeRef) -> IntArray:
+    def side(ref: EdgeRef, step: int = 1) -> IntArray:
         patch, edge = ref
-        return np.asarray(offsets[patch] + parts[patch].side(edge))
+        return np.asarray(offsets[patch] + parts[patch].side(edge)[::step])
 
     none = np.empty((0, 2), dtype=np.int64)
-    shared = [np.column_stack([side(joint.first), side(joint.second)[:: -1 if joint.opposite else 1]])
-              for joint in joints.shared]  # fmt: skip
-    collapsed = [np.column_stack([side(ref)[:-1], side(ref)[1:]]) for ref in joints.collapsed]
-    return np.concatenate([none, *shared]), np.concatenate([none, *collapsed])
+    shared = [(side(joint.first), side(joint.second, -1 if joint.opposite else 1)) for joint in joints.shared]
+    collapsed = [(side(ref)[:-1], side(ref)[1:]) for ref in joints.collapsed]
+    one, other = (np.concatenate([none, *map(np.column_stack, pairs)]) for pairs in (shared, collapsed))
+    return one, other
 
 
 def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
-    """Return a vertex of each cell, and of each side inside a patch, that has the boundary vertices of another one."""
+    """Return a vertex of each cell, and of each side inside a patch, that shares all its vertices with another one."""
     a, b, c = (on_boundary[corner] for corner in cells.T)
     cells = cells[(a & b) | (b & c) | (c & a)]
     cells = cells[are_proper(label[cells])]
@@ -237,6 +213,6 @@ def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntAr
 
 
 def _repeated(rows: IntArray) -> BoolArray:
-    """Mark the rows, (m,), that have the entries of another one in any order."""
+    """Mark the rows, (m,), that have the same entries as another row, in any order."""
     _, kind, count = np.unique(np.sort(rows, axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(count[kind] > 1)

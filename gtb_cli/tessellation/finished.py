@@ -101,10 +101,7 @@ def _rows_of_missing(normals: FloatArray, patch: IntArray, vertex: IntArray) -> 
 def _inside_out(
     vertices: FloatArray, faces: IntArray, face_patch: IntArray, on_boundary: BoolArray, count: int
 ) -> BoolArray:
-    """Mark the patches, (count,), of closed bodies whose faces point inwards; a patch may have no faces.
-
-    Only sides with an end on the boundary of a patch may be open, or join two patches.
-    """
+    """Mark the patches, (count,), of closed bodies whose faces point inwards; only sides at a boundary may be open."""
     a, b, c = (on_boundary[corner] for corner in faces.T)
     outer = np.flatnonzero(a | b | c)
     sides = sides_of(faces[outer])

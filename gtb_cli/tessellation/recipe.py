@@ -1,7 +1,4 @@
-"""`Recipe`: how fine a mesh is, as a tube or solid, with which attributes, and what it must be.
-
-The command line reads its options with this module, so whatever computes is imported only when a mesh is made.
-"""
+"""`Recipe`: how fine a mesh is, as a tube or solid, with which attributes, and what it must be; light to import."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Rim, check_fineness,
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.models.model import Model
-    from gtb_cli.tessellation.solid_making import Held
+    from gtb_cli.tessellation.solid_making import Held, TubeMaker, WallMaker
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
 
@@ -112,33 +109,21 @@ class Recipe:
         spec = with_weld(spec, self.weld)
         surface, tolerance = self._surface(spec, rounding)
         remarks = self._remarks(spec, surface)
-        mesh = surface
-        if self.attributes:
-            from gtb_cli.tessellation.attributes import with_attributes
-
-            mesh, replaced = with_attributes(spec, mesh, self.attributes, self.parametrization)
-            if replaced:
-                remarks.append(
-                    f"the curvature has no finite limit at {replaced} of {len(mesh.vertices)} vertices, "
-                    "which get the mean of their neighbours'"
-                )
+        mesh = self._with_attributes(spec, surface, remarks) if self.attributes else surface
+        maker = self._maker(spec, tolerance)
         size = self.thickness if self.radius is None else self.radius
         faults, folds, thin = list[str](), list[str](), list[str]()
-        if size is not None:
-            from gtb_cli.tessellation.solid_making import TubeMaker, WallMaker
-
-            maker: TubeMaker | WallMaker = WallMaker(spec, self.rim)
-            if self.radius is not None:
-                maker = TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
+        if maker is not None and size is not None:
             mesh, faults, folds, thin = maker.solid(mesh, size)
-        must_close = not mesh.is_curve and (self.thickness is not None or {"watertight", "solid"} & {*self.require})
         held = held or (lambda mesh: (mesh, ""))
+        is_solid = not mesh.is_curve and (self.thickness is not None or "solid" in self.require)
+        must_close = is_solid or ("watertight" in self.require and not mesh.is_curve)
         stored, coarse = held(mesh) if must_close else (mesh, "")
-        if not mesh.is_curve and (self.thickness is not None or "solid" in self.require):
+        if is_solid:
             from gtb_cli.tessellation.solid_making import crossings_of
 
             folds += crossings_of(mesh, stored, coarse)
-        if size is not None and folds and not faults:
+        if maker is not None and size is not None and folds and not faults:
             folds[-1] += f"; {maker.smaller(surface, size, held)}"
         if self.require:
             from gtb_cli.tessellation.requirements import require
@@ -148,7 +133,7 @@ class Recipe:
         return mesh, remarks + faults + folds + thin
 
     def _surface(self, spec: Patch | Model, rounding: float) -> tuple[Mesh, float | None]:
-        """Mesh the surface or curve; also return the tolerance, that of a tube less what its rings need."""
+        """Mesh the surface or curve; also return the tolerance, for a tube without what its rings need."""
         from gtb_cli.tessellation.tessellate import tessellate
 
         tolerance, around = self.tolerance_for(spec), 1
@@ -192,6 +177,26 @@ class Recipe:
             remarks += crowding(spec, self.resolution) if self.parametrization == "toric" else []
         return remarks
 
+    def _with_attributes(self, spec: Patch | Model, mesh: Mesh, remarks: list[str]) -> Mesh:
+        """Return a mesh with attributes, and add to the remarks where curvatures are not the surface's own."""
+        from gtb_cli.tessellation.attributes import with_attributes
+
+        mesh, replaced = with_attributes(spec, mesh, self.attributes, self.parametrization)
+        if replaced:
+            where = f"at {replaced} of {len(mesh.vertices)} vertices"
+            remarks.append(f"the curvature has no finite limit {where}, which get the mean of their neighbours'")
+        return mesh
+
+    def _maker(self, spec: Patch | Model, tolerance: float | None) -> TubeMaker | WallMaker | None:
+        """Return what makes a tube or a wall, if one is asked for."""
+        if self.radius is None and self.thickness is None:
+            return None
+        from gtb_cli.tessellation.solid_making import TubeMaker, WallMaker
+
+        if self.radius is None:
+            return WallMaker(spec, self.rim)
+        return TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
+
     def _fine(self, spec: Patch | Model, surface: Mesh) -> Mesh:
         """Return the mesh of a surface if it folds or is fine, else a finer one of at most half a million faces."""
         from gtb_cli.knots.triangulation import cell_count
@@ -215,10 +220,7 @@ class Recipe:
         return tolerance_for(spec, self.tolerance)
 
     def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
-        """Say how sure the tolerance is: certified for curves, sampled for surfaces; None without a tolerance.
-
-        The middle line of a tube is certified, its surface is not.
-        """
+        """Say how sure the tolerance is: certified for curves, sampled for surfaces and tubes; None without one."""
         if self.tolerance is None:
             return None
         return "certified" if spec.dimension == 1 and self.radius is None else "sampled"

@@ -152,10 +152,7 @@ class _Refinement:
         return np.stack([column_dot(middles[k] - (corners[k] + corners[k - 2]) / 2, normal) * scale for k in range(3)])
 
     def bulge(self, rows: IntArray) -> FloatArray:
-        """Measure how high the quadratic surfaces through the corners and middles of sides of some cells rise, (k,).
-
-        Heights are taken at the middles of the sides, at the centroid, and between middles.
-        """
+        """Measure how high quadratic surfaces through the corners and middles of sides rise over some cells, (k,)."""
         if not self.mesh.is_surface:
             return np.zeros(len(rows))
         quarters = np.array([[2, 2, 0], [0, 2, 2], [2, 0, 2], [4 / 3, 4 / 3, 4 / 3], [2, 1, 1], [1, 2, 1], [1, 1, 2]])
@@ -211,10 +208,9 @@ class _Refinement:
     def sample_on_lattices(
         self, rows: IntArray, steps_at: IntArray, peaks: PeakParameters
     ) -> tuple[IntArray, IntArray]:
-        """Sample cells at peaks, and on lattices of the given steps; return the cells that fail, and the doubtful ones.
+        """Sample cells at peaks, and on lattices of the given steps; return the cells that fail, and those in doubt.
 
-        Doubtful cells hold, but the surface over them is not quadratic. They are sampled on a finer lattice when
-        nothing else is left to split.
+        Cells in doubt hold, but the surface over them is not quadratic: they are sampled more finely in the end.
         """
         fails, doubts = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
         for steps in np.unique(steps_at).tolist():
@@ -277,7 +273,7 @@ class _Refinement:
         return points
 
     def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
-        """Mark edges, (e,), whose curves have a quarter or their middle far from that of the edge."""
+        """Mark edges, (e,), along which the curve runs far ahead of the edge, or behind, at a quarter or the middle."""
         max_slide = 0.1  # part of an edge: a curve that runs farther ahead along it may overshoot the other end
         start, end = self.mesh.ends(rows)
         chord = end - start
@@ -287,10 +283,7 @@ class _Refinement:
         return np.asarray(np.maximum(*slides) > max_slide * square)
 
     def flat_marks(self, todo: IntArray) -> BoolArray:
-        """Mark the edges, (e,), of flat patches to split: on boundaries first, then where the mesh folds or has gaps.
-
-        A patch on which that happens again and again is refined like others.
-        """
+        """Mark the edges, (e,), of flat patches to split: on boundaries first, then at folds and gaps of the mesh."""
         max_fold_splits = 256  # cells, turned over or leaving samples out, that are split before all edges count
         edges, cells = self.mesh.edges, self.mesh.cells
         sides = self.mesh.sides_of(todo)
@@ -326,9 +319,7 @@ def refuse_rounding(tolerance: float, points: FloatArray) -> None:
 
 
 def cells_needed(errors: FloatArray) -> float:
-    """Estimate how many cells there will be, from the (1 or 3, k) errors of sides in units of the tolerance.
-
-    Halving the width divides errors by four. A triangle bends in a second direction only as its straightest side does.
-    """
+    """Estimate the final number of cells, from the (1 or 3, k) errors of sides in units of the tolerance."""
+    # Halving the width divides errors by four. A triangle bends in a second direction as its straightest side does.
     parts = np.exp2(np.ceil(np.log2(np.maximum(errors, 1.0)) / 2))
     return float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())

@@ -17,11 +17,7 @@ from gtb_cli.theory.patch import Patch
 
 
 def crowding(spec: Patch | Model, resolution: int) -> list[str]:
-    """Say how far the vertices of a uniform toric mesh crowd, and what helps; nothing if they do not.
-
-    Vertices are compared by μ = Σ_i T_i a_i, their linear parameters, which are the vertices of a patch with the knots
-    in place of the control points.
-    """
+    """Say how far the vertices of a uniform toric mesh crowd in linear parameters μ = Σ_i T_i a_i, and what helps."""
     max_side = 0.1  # part of the domain's size that a side may span before vertices are said to crowd
     min_resolution = 16  # from which on even spacing gives no sides as wide as that
     same_place = 1e-9  # of the domain's size: corners of a face that are nearer are one point

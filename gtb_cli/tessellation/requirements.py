@@ -10,10 +10,11 @@ from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, components_of, sides_of
 from gtb_cli.models.joint_search import find_joints
-from gtb_cli.models.model import Model
+from gtb_cli.models.model import Model, diagonal_of
+from gtb_cli.models.near_ends import touching
 from gtb_cli.models.openings import obstacles, unjoined_seams
 from gtb_cli.solids.solidity import folded_places, inward_faces, where
-from gtb_cli.theory.edges import edge_name
+from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_curves, edge_name, patch_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import requirements
 
@@ -38,6 +39,8 @@ def require(
     for word, faults in (("watertight", ()), ("solid", folds)):
         if word in asked:
             open_edges = _open_edges(spec, mesh)
+            if open_edges and word == "solid" and "is open" in open_edges[0]:
+                open_edges[0] += "; `thickness` makes a solid of a surface"
             if not open_edges and word == "solid":
                 open_edges = _inward_faces(mesh)
             if not open_edges:
@@ -47,10 +50,13 @@ def require(
                 open_edges = [f"{line}: {held[1]}" for line in open_edges]
             causes = [*open_edges, *faults]
             if causes and isinstance(spec, Model):
-                causes = unjoined_seams(spec) or causes
+                causes = unjoined_seams(spec) or [*(_loose_parts(spec) if faults else []), *causes]
             lines += [f"not {word}: {line}" for line in causes]
-    if "one-piece" in asked:
-        lines += _pieces(mesh)
+    if "one-piece" in asked and (pieces := _pieces(mesh)):
+        causes = unjoined_seams(spec) if isinstance(spec, Model) else []
+        if "solid" not in asked:
+            lines += [f"not one-piece: {line}" for line in causes]
+        lines += pieces
     if "unfolded" in asked:
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*folded_places(surface or mesh), *folds))]
     if "smooth" in asked:
@@ -69,6 +75,28 @@ def _pieces(mesh: Mesh) -> list[str]:
         return []
     smallest = point_text(mesh.vertices[names[sizes.argmin()]], mesh.bounds)
     return [f"not one-piece: {len(names)} pieces, the smallest, of {sizes.min()} faces, near {smallest}"]
+
+
+def _loose_parts(model: Model) -> list[str]:
+    """Name the parts of a model that share no edge, and edges of two parts with the same ends; nothing if it is one."""
+    patches, refs = model.patches, model.joints.open
+    pairs = np.array([(joint.first[0], joint.second[0]) for joint in model.joints.shared]).reshape(-1, 2)
+    part = components_of(pairs, len(patches))
+    firsts, counts = np.unique(part, return_index=True, return_counts=True)[1:]
+    if len(counts) < 2 or patches[0].dimension == 1:
+        return []
+    order, most = np.argsort(firsts), 8
+    names = [
+        patch_name(patches[first], first) + f" and {count - 1} more" * (count > 1)
+        for first, count in zip(firsts[order].tolist(), counts[order].tolist(), strict=True)
+    ][:most]
+    lines = [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
+    near = touching(edge_curves(patches, refs), np.full(len(refs), CURVE_TOLERANCE * diagonal_of(patches)))[0].tolist()
+    for one, other in near:
+        if part[refs[one][0]] != part[refs[other][0]]:
+            ends = " and ".join(edge_name(patches, refs[k]) for k in (one, other))
+            return [f"{ends} have the same ends, and are not the same curve between them", *lines]
+    return lines
 
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:
@@ -109,10 +137,7 @@ def _inward_faces(mesh: Mesh) -> list[str]:
 
 
 def _merged_faces(mesh: Mesh) -> list[str]:
-    """Say which faces of a closed mesh collapse, or meet others at an edge, as vertices are at the same place.
-
-    Readers put such vertices together. The edges of a collapsed face have four faces for one that keeps it.
-    """
+    """Say which faces of a closed mesh collapse, or fall upon others, once readers merge vertices at one place."""
     cells = weld(mesh.vertices)[1][mesh.faces]
     collapsed = np.flatnonzero(~are_proper(cells))
     if len(collapsed):

@@ -27,9 +27,7 @@ def evenly(resolution: int) -> Locate:
     return partial(LinearParametrization.locations, resolution=resolution)
 
 
-def torically(
-    linear: LinearParametrization, u: FloatArray, face: IntArray, within: float = 0.0, numbers: IntArray | None = None
-) -> Iterator[Location]:
+def torically(linear: LinearParametrization, u: FloatArray, face: IntArray, **_: object) -> Iterator[Location]:
     """Locate toric parameters."""
     return toric_locations(linear.shape, u, face)
 
@@ -46,16 +44,12 @@ def torically_inside(
 
 @frozen
 class Sampler:
-    """Points and normals of several patches; parameters of patches with equal knots are located together.
-
-    Parameters may be in `parts` of the patches' domains; then `faces`, (patches, faces), has the number of the face of
-    the patch's domain that holds each face of its part.
-    """
+    """Points and normals of several patches; parameters of patches with equal knots are located together."""
 
     patches: Sequence[Patch]
     locate: Locate = LinearParametrization.locations
-    parts: Sequence[Domain] = ()
-    faces: IntArray | None = None
+    parts: Sequence[Domain] = ()  # of the patches' domains, if parameters are in these
+    faces: IntArray | None = None  # (patches, faces) of each domain, by number, that hold the faces of its part
 
     @property
     def domains(self) -> Sequence[Domain]:
@@ -63,10 +57,7 @@ class Sampler:
         return self.parts or [patch.domain for patch in self.patches]
 
     def points(self, patch: IntArray, parameters: FloatArray, face: IntArray, within: float = 0.0) -> FloatArray:
-        """Return the points, (m, 3), at (m, d) parameters, each in its own patch and known to lie on a given face.
-
-        Linear parameters may be off by `within`, a fraction of the domain's size: they are then found sooner.
-        """
+        """Return points, (m, 3), at (m, d) parameters on known faces of their patches, sooner to `within` of Δ."""
         result, face = np.empty((len(patch), 3)), self._faces_of_patches(patch, face)
         for nets, rows, numbers in self._alike(patch):
             own = nets.vectors(numbers)
@@ -100,10 +91,7 @@ class Sampler:
     def near(
         self, patch: IntArray, parameters: FloatArray, face: IntArray, guesses: FloatArray, within: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the points of surfaces, found sooner from (2, m) guesses, and the right guesses.
-
-        A guess is NaN where there is none, as on the boundary. See `_AlikePatches.near`.
-        """
+        """Return what `points` does, found sooner from (2, m) guesses (NaN: unknown), and the right guesses."""
         points, right = np.full((len(patch), 3), np.nan), np.full(guesses.shape, np.nan)
         inside = np.flatnonzero(self._faces_of_patches(patch, face) == INTERIOR)
         for nets, rows, numbers in self._alike(patch[inside]):
@@ -153,7 +141,7 @@ class _AlikePatches:
         return basis.linear if (weights == weights[0]).all() else LinearParametrization(basis.domain, weights)
 
     def vectors(self, numbers: IntArray) -> IntArray | None:
-        """The vectors of weights of (m,) patches, or None if there is one."""
+        """Return the number of the vector of weights of each patch, (m,), or None if all have the same."""
         return numbers if self.linear.log_weights.ndim == 2 else None
 
     @cached_property
@@ -162,11 +150,10 @@ class _AlikePatches:
         return np.stack([patch.control_points for patch in self.patches])
 
     def near(self, numbers: IntArray, u: FloatArray, guesses: FloatArray, within: float) -> tuple[Location, FloatArray]:
-        """Locate (m, 2) linear parameters inside Δ, in the coordinates of its longest edge, from (2, m) guesses.
+        """Locate (m, 2) linear parameters inside Δ, in the coordinates of its longest edge, from (2, m) guesses or NaN.
 
         A guess is what must be added to the torus coordinates that the nearest layers of knots give, or to 0 if knots
-        crowd. It changes slowly: that of a point nearby serves. NaN is an unknown guess. Return the points found, and
-        their right guesses.
+        crowd; the guess of a point nearby serves. Return the points found, and their right guesses.
         """
         longest = self.linear.longest
         places = longest.columns(u)
@@ -181,11 +168,8 @@ class _AlikePatches:
 
     @cached_property
     def _is_crowded(self) -> bool:
-        """Whether knots are so near an edge that starts from these alone say nothing of points farther inside.
-
-        The distance from an edge to the next knot, in units of 1/√n of the widest, is 1 in lattices, and 0.001 among
-        1,000 random knots.
-        """
+        """Tell whether knots are so near an edge that starts from these alone say nothing of points farther inside."""
+        # In units of 1/√n of the widest, the next knot's distance is 1 in lattices, .001 among 1,000 random knots.
         heights = self.linear.shape.heights
         least = np.where(heights > 0, heights, np.inf).min(axis=0) / heights.max(axis=0)
         return bool(least.min() * len(heights) ** 0.5 < 0.1)

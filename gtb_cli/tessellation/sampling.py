@@ -87,8 +87,7 @@ class Sampling:
     def folded_or_uncovered(self, rows: IntArray, steps_at: IntArray, within: float, tolerance: float) -> BoolArray:
         """Mark cells of a flat patch that are turned over, or have samples farther than the tolerance from all cells.
 
-        All k cells of the patch are given, and sampled on lattices of the given steps: points may slide out of their
-        cells, but all cells together must cover them.
+        All k cells of the patch are given: samples may slide out of their own cells, but not out of all.
         """
         corners = np.stack(self.mesh.corners(rows), axis=1)
         failing = _turned_over(corners)
@@ -138,7 +137,7 @@ def _turned_over(corners: FloatArray) -> BoolArray:
 
 
 def _either(values: FloatArray, others: FloatArray) -> FloatArray:
-    """Fill in others where values are not known."""
+    """Return values, and others where they are NaN."""
     return np.where(np.isnan(values), others, values)
 
 
@@ -193,10 +192,7 @@ def _peaks_of(domain: Domain) -> list[FloatArray]:
 
 
 def _peaks_of_layer(domain: Domain, edge: int) -> FloatArray:
-    """Return parameters between knots so near to an edge that the surface may turn in a narrow layer there.
-
-    They are on the segments from each such knot to its neighbours along the edge, among such knots and on the edge.
-    """
+    """Return parameters between neighbouring knots near an edge, where the surface may turn in a thin layer."""
     slope = 0.1  # height over the edge of the farther end of such a segment, by its length
     height, place = domain.heights[:, edge] / domain.normal_lengths[edge], domain.along(edge, domain.knots)
     on = domain.edge_knots(edge)

@@ -12,10 +12,10 @@ from gtb_cli.solids.rims import with_flat_rims
 from gtb_cli.solids.solidity import crossing_remarks, folded_places, where
 from gtb_cli.solids.thickening import thicken
 from gtb_cli.solids.tube import folded_segments, tube
-from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.remarks import offset_folds, thin_wall
 from gtb_cli.tessellation.requirements import require
 from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -45,8 +45,8 @@ class TubeMaker:
     def solid(self, curve: Mesh, radius: float) -> Solid:
         """Make the tube of a radius."""
         tangents = None
-        if curve.is_curve and isinstance(self.spec, Patch):
-            tangents = curve_tangents(self.spec, curve, self.parametrization)
+        if isinstance(self.spec, Patch) and curve.is_curve and curve.parameters is not None:
+            tangents = self.spec.tangents(curve.parameters, self.parametrization)[curve.cells]
         folded = folded_segments(curve, radius, tolerance=self.tolerance, tangents=tangents)
         folds = []
         if len(folded):
@@ -76,6 +76,9 @@ class WallMaker:
 
     def solid(self, surface: Mesh, thickness: float) -> Solid:
         """Make the wall of a thickness."""
+        for refs in self.spec.joints.crowded if isinstance(self.spec, Model) else ():
+            names = ", ".join(edge_name(self.spec.patches, ref) for ref in refs)
+            raise DomainError(f"thickness: {names} are one curve, where at most two may meet: is a patch there twice?")
         folds = offset_folds(self.spec, surface, thickness)
         wall = thicken(surface, thickness)
         thin = thin_wall(wall, thickness)
@@ -120,10 +123,8 @@ def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
 
 
 def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: int) -> str:
-    """Name the largest of a few smaller values that make a solid, or say that none does.
-
-    The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
-    """
+    """Name the largest of a few smaller values that make a solid, or say that none does."""
+    # The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
     few, many = 5_000, 20_000  # cells up to which there is time for eight tries, and from which on only for one
     tries = 8 if cells < few else 4 if cells < many else 1
     low, high, tried = 0.0, value, 0

@@ -16,36 +16,27 @@ from gtb_cli.theory.edges import edge_curves
 
 
 class Vertices(NamedTuple):
-    """Vertices, each with its patch, its (v, d) parameters there and the number of the face of Δ that holds them.
-
-    The (v, 2) `guess` is for points of a surface beside the vertex, see `gtb_cli.tessellation.sampling`.
-    """
+    """The v vertices of a subdivision."""
 
     patch: IntArray
-    parameters: FloatArray
-    face: IntArray
+    parameters: FloatArray  # (v, d) in the domain of the patch
+    face: IntArray  # the number of the face of Δ that holds them
     points: FloatArray
-    guess: FloatArray
+    guess: FloatArray  # (v, 2) for points of a surface beside the vertex, see `gtb_cli.tessellation.sampling`
 
 
 class Edges(NamedTuple):
-    """Sides of cells, and the surface over them as far as it is known; NaN stands for what is not known yet.
+    """The e sides of cells, and what is known of the surface over them; NaN stands for what is not known yet."""
 
-    An edge has two `ends` with (e, 2, d) `parameters` in a patch, and the face of Δ that holds its middle; the (e, 3)
-    `middle` of its curve, and the (e, 2) `guess` of a vertex there. `bend` and `error` are the distances of the middle
-    and of the farthest sample of the curve from the edge, 0 if it was split; `roughness` is by how much samples differ
-    from a parabola.
-    """
-
-    ends: IntArray
+    ends: IntArray  # (e, 2)
     patch: IntArray
-    parameters: FloatArray
-    face: IntArray
-    middle: FloatArray
-    guess: FloatArray
-    bend: FloatArray
-    error: FloatArray
-    roughness: FloatArray
+    parameters: FloatArray  # (e, 2, d) of the ends in the domain of the patch
+    face: IntArray  # the number of the face of Δ that holds the middle
+    middle: FloatArray  # (e, 3) the middle of the curve over the edge
+    guess: FloatArray  # (e, 2) of a vertex there
+    bend: FloatArray  # distance of that middle from the edge
+    error: FloatArray  # distance of the farthest sample of the curve from the edge, 0 if it was split
+    roughness: FloatArray  # by how much samples differ from a parabola
 
     @property
     def middles(self) -> FloatArray:
@@ -60,17 +51,13 @@ class Edges(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Cells with their vertices and sides: side i runs from vertex i to the next.
+    """The k cells: segments or triangles."""
 
-    The (k, d + 1, d) `corners` are parameters in the domain of the cell's own patch. A cell that `holds` was found to
-    be within the tolerance: everywhere if it is a segment, at samples if it is a triangle.
-    """
-
-    cells: IntArray
-    sides: IntArray
-    corners: FloatArray
+    cells: IntArray  # (k, d + 1) vertices
+    sides: IntArray  # (k, 1 or 3) edges; side i runs from vertex i to the next
+    corners: FloatArray  # (k, d + 1, d) parameters in the domain of the cell's own patch
     patch: IntArray
-    holds: BoolArray
+    holds: BoolArray  # found to be within the tolerance: a segment everywhere, a triangle at samples
 
 
 class _SplitPattern(NamedTuple):
@@ -88,10 +75,7 @@ _ALL_SIDES = _SplitPattern(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5)
 
 
 class Subdivision:
-    """The vertices, edges and cells of a complex that grows; their order depends on the input alone.
-
-    It starts from a simplicial complex, with the points of a sampler.
-    """
+    """The vertices, edges and cells of a simplicial complex that grows, with the points of a sampler."""
 
     def __init__(self, start: Complex, sampler: Sampler) -> None:
         thin_height = 0.01  # of a triangle in Δ over its longest side, in units of the smallest such ratio at the start
@@ -114,11 +98,11 @@ class Subdivision:
         return len(self.cells.cells)
 
     def corners(self, rows: IntArray) -> list[FloatArray]:
-        """Return the points, (k, 3), of the first vertices of some cells, of the second ones, and so on."""
+        """Return the points of some cells' first vertices, (k, 3), of their second vertices, and so on."""
         return [self.points.take(vertex, axis=0) for vertex in self.cells.cells.take(rows, axis=0).T]
 
     def corner_columns(self, rows: IntArray) -> list[FloatArray]:
-        """Return what `corners` does in columns, (3, k)."""
+        """Return the points of `corners` as columns, (3, k)."""
         return [np.ascontiguousarray(corner.T) for corner in self.corners(rows)]
 
     def ends(self, rows: IntArray) -> list[FloatArray]:
@@ -138,16 +122,15 @@ class Subdivision:
         return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
 
     def has_mark(self, marked: BoolArray, rows: IntArray | None = None) -> BoolArray:
-        """Mark the cells, all or (k,) of given ones, that have a marked side."""
+        """Mark cells, all or the (k,) given, that have a marked side."""
         sides = self.cells.sides if rows is None else self.cells.sides.take(rows, axis=0)
         return reduce(np.logical_or, [marked.take(side) for side in sides.T])
 
     def mark_thin(self, marked: BoolArray) -> None:
         """Mark the longest edge of triangles that are thin, in space or in Δ, and have a marked edge.
 
-        Without triangles thin in Δ, parts of a surface that bends to and fro along an edge could be split for ever.
-        Those beyond the newly marked edges are left as they are: near a knot close to an edge of Δ all triangles are
-        thin, in space and in Δ along different sides, and marks would spread over the whole neighbourhood.
+        Otherwise a surface that bends to and fro along an edge could be split for ever. Marks do not spread further:
+        near a knot close to an edge of Δ all triangles are thin, in space and in Δ along different sides.
         """
         if not self.is_surface:
             return
@@ -224,10 +207,7 @@ class Subdivision:
         return pieces, made
 
     def _patterns(self, whole: Cells, vertex: IntArray) -> Iterator[tuple[Cells, _SplitPattern]]:
-        """Yield triangles turned so that their split sides come first, and how each of them is cut.
-
-        Of two diagonals the one is taken that is shorter in space.
-        """
+        """Yield triangles turned so that split sides come first, with their patterns: the shorter diagonal is taken."""
         if not self.is_surface:
             yield whole, _SEGMENT
             return
@@ -347,5 +327,5 @@ def _slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _largest(rows: Sequence[FloatArray] | FloatArray) -> IntArray:
-    """Return the number of the largest of three rows in each column, the first of equal ones."""
+    """Return the number of the largest of three rows in each column, the first if some are equal."""
     return np.where(rows[2] > np.maximum(rows[0], rows[1]), 2, rows[1] > rows[0])

@@ -22,10 +22,7 @@ Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
 
 
 def shape_of(shape: Shape) -> Patch | Model:
-    """Return a patch or model as it is, load the file of a spec, and make a model of several patches.
-
-    Raises `DomainError` if it is something else.
-    """
+    """Return a patch or model as it is, load the file of a spec, and make a model of several patches."""
     match shape:
         case Patch() | Model():
             return shape

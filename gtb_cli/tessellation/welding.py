@@ -37,11 +37,7 @@ class Weld:
         return farthest and farthest + 16 * EPS * size
 
     def moved(self, mosaic: Complex, points: FloatArray) -> FloatArray:
-        """Return the (v, 3) points of a complex after welding.
-
-        A vertex on a seam is at the mean of the seam's curves, a corner at the mean of all corners that become one, and
-        an edge that becomes a point is at the mean of its corners.
-        """
+        """Return the (v, 3) points of a complex after welding: vertices on seams, corners and collapsed edges move."""
         if not self.farthest:
             return points
         points = points.copy()

@@ -20,17 +20,12 @@ from gtb_cli.knots.face import Face
 
 
 class Location(NamedTuple):
-    """The place of parameters: a face of Δ, and torus coordinates on it.
+    """The place of parameters: a face of Δ, of dimension e, and torus coordinates on it."""
 
-    `rows`, a slice or (B,) int, are the indices of the parameters; a later location (an edge, a corner) may cover some
-    of them again, and then replaces the earlier one. `knots` are the coordinates of the k knots on the face, (k, e), in
-    the face of dimension e, and `s` the torus coordinates, (e, B), dual to them.
-    """
-
-    rows: slice | IntArray
+    rows: slice | IntArray  # (B,) indices of the parameters; later locations replace earlier ones of the same rows
     face: Face
-    knots: FloatArray
-    s: FloatArray
+    knots: FloatArray  # (k, e) coordinates of the knots on the face
+    s: FloatArray  # (e, B) torus coordinates, dual to them
 
 
 def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:

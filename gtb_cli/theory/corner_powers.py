@@ -17,29 +17,25 @@ from gtb_cli.knots.about_a_knot import cleared, coordinate_rounding
 from gtb_cli.knots.domain import LAYER_TOLERANCE, Domain
 
 AXIS = 1e-9  # λ along an edge
-
 PLACES = 1601  # across each way on which limits turn into others
 
 
 class CornerKnots(NamedTuple):
-    """Knots but for those at the corner: (n, 2) exponents, (n,) log weights and (n, 3) points from that of the corner.
+    """The n knots that are not at a corner, as seen from it."""
 
-    Exponents are equal up to (2,) `gaps`, and points up to `rounding`.
-    """
-
-    x: FloatArray
-    logs: FloatArray
-    points: FloatArray
-    gaps: FloatArray
-    rounding: float
+    x: FloatArray  # (n, 2) exponents
+    logs: FloatArray  # (n,) logarithms of weights
+    points: FloatArray  # (n, 3) differences of control points from the corner's
+    gaps: FloatArray  # (2,) up to which exponents are equal
+    rounding: float  # up to which points are equal
 
 
 class Powers(NamedTuple):
-    """A sum of powers: (k, 2) exponents, all different, and (k, c) factors but for their (k,) logarithms."""
+    """A sum of k powers, whose factors are ``factors · exp(logs)``."""
 
-    x: FloatArray
-    logs: FloatArray
-    factors: FloatArray
+    x: FloatArray  # (k, 2) exponents, all different
+    logs: FloatArray  # (k,)
+    factors: FloatArray  # (k, c)
 
     def of_order(self, order: float, ray: FloatArray, gaps: FloatArray) -> "Powers":
         """Return the terms of an order, and of lower ones, on a way."""
@@ -73,7 +69,7 @@ def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, co
 
 
 def alike(columns: FloatArray, gaps: Iterable[float]) -> IntArray:
-    """Number groups of points that are equal up to gaps, from (d, n) coordinates: (n,), by the first of these first."""
+    """Number groups of points that are equal up to gaps, (n,), ascending by the first of (d, n) coordinates first."""
     group = np.zeros(columns.shape[1], dtype=np.int64)
     for values, gap in zip(columns, gaps, strict=True):
         # A gap splits each group found so far.
@@ -84,7 +80,7 @@ def alike(columns: FloatArray, gaps: Iterable[float]) -> IntArray:
 
 
 def summed(number: IntArray, logs: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the (k,) largest logarithms of groups of terms, and their (k, c) sums but for these."""
+    """Return the largest logarithm of each group of terms, (k,), and the sums of terms over it, (k, c)."""
     count = int(number.max(initial=-1)) + 1
     tops = np.full(count, -np.inf)
     np.maximum.at(tops, number, logs)

@@ -93,7 +93,7 @@ class CornerLimits:
 
     @property
     def normal(self) -> FloatArray:
-        """(3,) the limit of normals; NaN if there are several, with more than `PLANE_DEGREES` between them."""
+        """The limit of normals, (3,); NaN if there are several, with more than `PLANE_DEGREES` between them."""
         if not self.angle <= PLANE_DEGREES:
             return np.full(3, math.nan)
         return np.asarray(unit(self.normals.sum(axis=0, keepdims=True))[0])
@@ -142,23 +142,28 @@ def corner_limits(patch: Blend, corner: int) -> CornerLimits:
 def limits_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> CornerLimits:
     """Return the limits of a surface with (n, 3) control points at a corner of Δ."""
     knots, extent = corner_knots(domain, log_weights, points, corner)
-    found, area, chain, rays, pairs = _normal_limits(knots)
-    sectors = _sectors(knots, pairs[chain], rays)
+    found, area, pairs, rays = _normals(knots)
+    sectors = _sectors(knots, pairs, rays)
     return _with_curvature(found, knots, area, sectors, extent) if sectors else found
 
 
+def normal_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> FloatArray:
+    """Return the limit of normals that `limits_at` finds, (3,), without the curvature, which takes longer."""
+    return _normals(corner_knots(domain, log_weights, points, corner)[0])[0].normal
+
+
 def folds_at(patch: Blend, corner: int) -> bool:
-    """Return what `corner_limits` says of folds, without the rest."""
+    """Return what `corner_limits` says of folds, without the curvature."""
     basis = patch.rational_basis
-    return _normal_limits(corner_knots(basis.domain, basis.log_weights, patch.control_points, corner)[0])[0].folds
+    return _normals(corner_knots(basis.domain, basis.log_weights, patch.control_points, corner)[0])[0].folds
 
 
-def _normal_limits(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, list[FloatArray], IntArray]:
-    """Return the limits of normals, the terms of P_s × P_t, those that lead, rays between them, and knots of terms."""
+def _normals(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, list[FloatArray]]:
+    """Return the limits of normals, the terms of P_s × P_t, the two knots of each limit, and the rays between."""
     area, pairs = _areas(knots)
     chain = newton_polygon(area.x, knots.gaps)
     if not len(chain):
-        return CornerLimits(np.empty((0, 3))), area, chain, [], pairs
+        return CornerLimits(np.empty((0, 3))), area, pairs[:0], []
     steps = np.diff(area.x[chain], axis=0) * [-1, 1]
     rays = [np.array([AXIS, 1.0]), *(steps[:, ::-1] / steps.max(axis=1, keepdims=True)), np.array([1.0, AXIS])]
     steepest = 2.5  # ν₂ / ν₁: a hundredth of the edge from its end such a strip is 1e-5 of the edge wide, and not seen
@@ -172,13 +177,13 @@ def _normal_limits(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, 
         if area.x[number] @ ray - first <= steepest * first:
             folds |= bool(dot(turn[1:], turn[:-1]).min() <= 0 or vertex @ normals[-1][-1] <= 0)
         normals += [turn[PLACES // 16 : -1 : PLACES // 16] if len(leading.logs) > 2 else turn[:0], vertex[None]]
-    return CornerLimits(np.concatenate(normals), folds=folds), area, chain, rays, pairs
+    return CornerLimits(np.concatenate(normals), folds=folds), area, pairs[chain], rays
 
 
 def _with_curvature(
     found: CornerLimits, knots: CornerKnots, area: Powers, sectors: Sequence[_Sector], extent: float
 ) -> CornerLimits:
-    """Add what is known of curvature, and of the way to a single normal."""
+    """Add the limits of curvature, and the power with which normals tend to a single one."""
     is_plane = found.angle <= PLANE_DEGREES
     flat = max(1e-9, math.radians(found.angle)) if is_plane else PARALLEL_SINE
     unsure = knots.rounding + flat * np.linalg.norm(knots.points, axis=1)
@@ -214,9 +219,9 @@ def _single(values: FloatArray, size: float) -> float:
 
 
 def _areas(knots: CornerKnots) -> tuple[Powers, IntArray]:
-    """Return the terms of P_s × P_t, and (k, 2) knots of each, −1 if there are more.
+    """Return the terms of P_s × P_t, and the (k, 2) knots of each, −1 if there are more.
 
-    Knots with the corner's control point take its part where two others are in line with the corner.
+    A knot with the corner's control point stands in for it where two others are in line with the corner.
     """
     enough = 20  # knots on the outermost polygons: the first two decide unless control points are special
     away = knots.points.any(axis=1)
@@ -245,10 +250,7 @@ def _areas(knots: CornerKnots) -> tuple[Powers, IntArray]:
 
 
 def _sectors(knots: CornerKnots, pairs: IntArray, rays: Sequence[FloatArray]) -> list[_Sector]:
-    """Return the sectors in which two knots lead: the pairs of a limit of normals, between two rays.
-
-    There are none if knots that lead have points in line with the corner.
-    """
+    """Return the sectors in which two knots lead; none if knots that lead have points in line with the corner."""
     found, live = [], knots.points.any(axis=1)
     for (i, j), (start, end) in zip(pairs.tolist(), pairwise(rays), strict=True):
         if i < 0:

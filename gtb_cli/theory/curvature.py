@@ -24,7 +24,7 @@ from gtb_cli.theory.parametrization import Blend, Parametrization
 
 
 class Curvature(NamedTuple):
-    """(…) curvatures of a surface at points; NaN without a finite limit. Found by `Patch.curvature`.
+    """Curvatures of a surface at points, (…); NaN without a finite limit. Found by `Patch.curvature`.
 
     K = κ₁ κ₂ is in units of 1 / length², H = (κ₁ + κ₂) / 2 in units of 1 / length. H is positive if the surface bends
     away from its normal: 1 / R for a sphere with outward normals.
@@ -42,7 +42,7 @@ def curvature(patch: Blend, u: ArrayLike, parametrization: Parametrization = "to
 
 
 def curvatures_at(patches: Sequence[Blend], where: Iterable[Location], count: int) -> Curvature:
-    """(q, count) curvatures of q patches that share one rational basis: what does not depend on points is made once."""
+    """Return the curvatures, (q, count), of q patches that share one rational basis."""
     domain, log_weights = patches[0].rational_basis.domain, patches[0].rational_basis.log_weights
     if domain.dimension == 1:
         raise DomainError("curvature: Gaussian and mean curvature are a surface's, this is a curve")
@@ -71,7 +71,7 @@ def curvatures_at(patches: Sequence[Blend], where: Iterable[Location], count: in
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # from points without a normal or a finite limit
 def _about(points: FloatArray, rounding: FloatArray, local: Local, terms: Terms, layers: FaceLayers) -> Curvature:
-    """Curvatures of surfaces with (q, n, 3) points, known up to (q, 1) lengths, at places that one knot leads."""
+    """Return the curvatures of surfaces with (q, n, 3) points, known up to (q, 1) lengths, at places one knot leads."""
     deltas = cleared(points - points[:, [local.k]], rounding[:, :, None])
     columns = deltas.swapaxes(1, 2)
     total = terms.point.sum(axis=0)

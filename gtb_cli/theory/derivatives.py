@@ -29,7 +29,7 @@ Order: TypeAlias = Literal[1, 2]
 
 
 class Jet(NamedTuple):
-    """(k, m) values of k functions at m places, (d, k, m) first derivatives, and (d, d, k, m) second ones."""
+    """Values of k functions at m places, (k, m), first derivatives, (d, k, m), and second ones, (d, d, k, m)."""
 
     value: FloatArray
     first: FloatArray
@@ -45,7 +45,7 @@ class DerivativeField:
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # where there is no finite limit
     def at(self, u: FloatArray, order: Order, parametrization: Parametrization) -> FloatArray:
-        """(m, k, d) first or (m, k, d, d) second derivatives at (m, d) parameters; see `Patch.derivatives`."""
+        """Return derivatives at (m, d) parameters, (m, k, d) or (m, k, d, d); see `Patch.derivatives`."""
         if order not in (1, 2):
             raise DomainError(f"order: expected 1 or 2, got {order!r}")
         shape, work_arrays = self.basis.domain, 24  # as large as T, alive at once
@@ -84,17 +84,14 @@ class DerivativeField:
 
     @cached_property
     def _exponents(self) -> FloatArray:
-        """(n, r) exponents h_j(a_i), exactly 1 and 2 where they are to rounding."""
+        """The exponents h_j(a_i), (n, r), exactly 1 and 2 where they are to rounding."""
         shape = self.basis.domain
         whole = np.clip(np.rint(shape.heights), 0, 2)
         near = np.abs(shape.heights - whole) <= knot_tolerance(shape.knots) * shape.normal_lengths
         return np.where(near, whole, shape.heights)
 
     def _toric(self, face: Face, heights: FloatArray, order: Order) -> Iterator[tuple[IntArray, Jet]]:
-        """Yield columns led by one knot, of (r, m) edge functions on a face, and derivatives there.
-
-        A facet through the face has the edge function 0: of its powers in a derivative, 0⁰ = 1 alone is left.
-        """
+        """Yield columns led by one knot, of (r, m) edge functions on a face, and derivatives there: with 0⁰ = 1."""
         shape, zero = self.basis.domain, np.isin(np.arange(len(heights)), face.facets)
         x = np.where(zero[:, None], 1.0, heights)
         e = self._exponents @ np.log(x) + self.basis.log_weights[:, None]
@@ -130,7 +127,7 @@ class DerivativeField:
         return np.where(np.abs(normal) > least * np.abs(normal).max(), normal, 0.0)
 
     def _linear(self, face: Face, p: FloatArray, local: Local, e: FloatArray, layers: FaceLayers) -> Jet:
-        """Derivatives at (m, d) points of Δ, near which `local` are coordinates of the knots."""
+        """Return derivatives at (m, d) points of Δ, near which `local` are coordinates of the knots."""
         shape = self.basis.domain
         steps = np.array([shape.knots[pivot] - shape.knots[local.k] for pivot in local.pivots])
         knot_step = knot_tolerance(shape.knots) / np.sqrt((steps**2).sum(axis=2))  # rounding of knots, on the axes
@@ -171,7 +168,7 @@ class DerivativeField:
         second = np.einsum("aim,bjm,ijkm->abkm", whole, whole, bends)
 
         def leave_the_plane(knots: BoolArray) -> BoolArray:
-            """(k, m) whether values of some knots are not those of the tangent plane."""
+            """Mark functions and places, (k, m), at which some knots' values are off the tangent plane."""
             away = axes[:, knots] - own.value[:, None]
             rise = self._columns(local.k)[:, knots, None] - jet.value[:, None]
             planes = slopes[:, :, None] * away[:, None]
@@ -200,10 +197,9 @@ def jet_of(terms: Terms, sums: Callable[[FloatArray], FloatArray]) -> Jet:
 
 
 def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions: FloatArray, order: Order) -> Terms:
-    """Terms e^e, and their derivatives, of products of (n, r) powers of r edge functions.
+    """Return terms e^e, and derivatives up to an order, of products of (n, r) powers of r edge functions.
 
-    Some edge functions are zero. The (r, d, m) directions are derivatives of their logarithms, of those that are zero
-    derivatives of themselves. With order 1, second derivatives, whose time grows with r², are left out.
+    The (r, d, m) directions are derivatives of the logarithms of these or, where they are zero, of the edge functions.
     """
     r, d, m = directions.shape
     on, first, twice = (
@@ -234,14 +230,14 @@ def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions:
 
 
 def _unlimited(powers: FloatArray, order: int) -> BoolArray:
-    """(n,) whether powers of x, or their products, have no finite derivative of an order at x = 0."""
+    """Mark (n,) powers of x that have, or whose products have, no finite derivative of an order at x = 0."""
     every = np.column_stack([powers, powers[:, None] + powers])
     whole = np.abs(every - np.rint(every)) <= 64 * EPS
     return np.asarray(((every > 0) & (every < order) & ~whole).any(axis=1))
 
 
 def _inverse(matrices: FloatArray) -> FloatArray:
-    """(d, d, m) inverse matrices, d up to 2."""
+    """Invert matrices, (d, d, m), d up to 2."""
     if len(matrices) == 1:
         return np.asarray(1 / matrices)
     (a, b), (c, d) = matrices

@@ -77,11 +77,8 @@ class Curve:
     def nearest(
         self, points: FloatArray, start: FloatArray, low: FloatArray, high: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Find where the curve is nearest to (m, 3) points: (m,) fractions between (m,) bounds, and its points there.
-
-        The Gauss-Newton method starts from (m,) fractions. Each step narrows the bounds; where it leaves them, they are
-        halved instead.
-        """
+        """Find where the curve is nearest to (m, 3) points: at (m,) fractions between (m,) bounds, and points."""
+        # By the Gauss-Newton method: each step narrows the bounds; where it leaves them, they are halved instead.
         roundings, most_steps = 16, 100  # of the largest coordinate, or of a fraction; halving alone needs 53 steps
         t, rounding = np.clip(start, EPS, 1 - EPS), roundings * EPS * float(np.abs(self.points).max())
         for _ in range(most_steps):

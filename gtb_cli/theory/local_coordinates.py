@@ -23,7 +23,7 @@ from gtb_cli.values import frozen
 
 
 class Terms(NamedTuple):
-    """(n, m) terms of T up to a factor for each column, their d first derivatives, and their second: xx, xy, yy."""
+    """Terms of T up to a factor for each column, (n, m), and their derivatives: d first, and second, xx, xy and yy."""
 
     point: FloatArray
     first: tuple[FloatArray, ...]
@@ -32,21 +32,17 @@ class Terms(NamedTuple):
 
 @frozen
 class FaceLayers:
-    """(n,) bool each: the knots that count in each sum on a face, and those that prevent a limit there.
+    """The knots, (n,) bool, that count in each sum on a face, and the knots that prevent a limit there.
 
     Inside Δ all knots count in all sums. A limit on an edge is a sum over the knots with one value of η, a limit at a
-    corner is one over the knots with one value of ξ and of η.
-
-    `slow` are the knots at a corner because of which first derivatives have no limit, and `against`, for each facet
-    through the face, those because of which second derivatives across this facet have none; unless their values are
-    those of the tangent plane.
+    corner is one over the knots with one value of ξ and of η. Knots in the tangent plane prevent no limit.
     """
 
     point: BoolArray
     first: tuple[BoolArray, ...]
     second: tuple[BoolArray, ...]
-    slow: BoolArray
-    against: tuple[tuple[int, BoolArray], ...]
+    slow: BoolArray  # because of them, first derivatives at a corner have no limit
+    against: tuple[tuple[int, BoolArray], ...]  # because of them, second ones across a facet through the face have none
 
     @cached_property
     def hindering(self) -> BoolArray:
@@ -80,7 +76,7 @@ def _at(levels: Sequence[FloatArray], place: tuple[int, ...]) -> BoolArray:
 
 
 def _levels(shape: Domain, edge: int, among: BoolArray | None = None) -> FloatArray:
-    """(n,) heights over the lowest positive one (among some knots), 1 and 2 where they are so to rounding of knots."""
+    """Return heights over the lowest positive one (among some knots), (n,), 1 and 2 where they are to rounding."""
     heights = shape.heights[:, edge]
     lowest = heights[(heights > 0) & (True if among is None else among)].min()
     level = heights / lowest
@@ -91,18 +87,15 @@ def _levels(shape: Domain, edge: int, among: BoolArray | None = None) -> FloatAr
 
 
 class Local(NamedTuple):
-    """Coordinates about knot k at m places: d (n, m) `axes`, and the (m,) indices of the `pivots` at which these are 1.
-
-    `turn` is 1 where the three knots of a surface are counter-clockwise, else −1.
-    """
+    """Coordinates of the n knots about knot k, at m places."""
 
     k: int
-    axes: tuple[FloatArray, ...]
-    pivots: tuple[IntArray, ...]
-    turn: FloatArray
+    axes: tuple[FloatArray, ...]  # d coordinates, (n, m)
+    pivots: tuple[IntArray, ...]  # (m,) the knot at which each coordinate is 1
+    turn: FloatArray  # (m,) 1 where the three knots of a surface are counter-clockwise, else −1
 
     def terms(self, e: FloatArray, layers: FaceLayers) -> Terms:
-        """Terms at (n, m) logarithms of T relative to knot k, in units in which those of the pivots have slope 1."""
+        """Return terms at (n, m) logarithms of T relative to knot k, so scaled that the pivots' terms have slope 1."""
         logs = [e[pivot, np.arange(e.shape[1])] for pivot in self.pivots]
         pairs = combinations_with_replacement(range(len(self.axes)), 2)
         return Terms(
@@ -118,10 +111,7 @@ class Local(NamedTuple):
 def neighbourhoods(
     shape: Domain, log_weights: FloatArray, location: Location, work_arrays: int
 ) -> Iterator[tuple[IntArray, Local, FloatArray, FaceLayers]]:
-    """Yield columns of a location led by one knot, with coordinates about it, (n, m) logarithms of T, and layers.
-
-    `work_arrays` as large as T are alive at once.
-    """
+    """Yield columns of a location led by one knot, with coordinates about it, (n, m) logarithms of T, and layers."""
     face, n = location.face, len(shape.knots)
     layers = face_layers(shape, face)
     knots = location.knots
@@ -136,10 +126,8 @@ def neighbourhoods(
 
 
 def local_coordinates(shape: Domain, k: int, e: FloatArray, layers: FaceLayers) -> Local:
-    """Return coordinates about the knot k with the largest T, for (n, m) logarithms of T.
-
-    The other knots are chosen like pivots, so that the triangle has neither little weight nor a small angle.
-    """
+    """Return coordinates about the knot k with the largest T, for (n, m) logarithms of T."""
+    # The other knots are chosen like pivots, so that the triangle has neither little weight nor a small angle.
     columns = np.arange(e.shape[1])
     if shape.dimension == 1:
         steps = shape.knots - shape.knots[k]
@@ -160,7 +148,7 @@ def _pivot(e: FloatArray, extents: FloatArray, members: BoolArray) -> IntArray:
 
 
 def _weighted(e: FloatArray, members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:
-    """(n, m) factor · T up to exp(shift), for members; exact zeros are kept."""
+    """Return factor · T up to exp(shift) for members, 0 for others, (n, m); exact zeros are kept."""
     x = np.exp(np.clip(e - shift, UNDERFLOW_EXPONENT, -UNDERFLOW_EXPONENT)) * factor
     x[~members] = 0.0
     return np.asarray(x)

@@ -24,7 +24,7 @@ from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.corners import limits_at
+from gtb_cli.theory.corners import normal_at
 from gtb_cli.theory.local_coordinates import face_layers
 from gtb_cli.theory.parametrization import Blend
 
@@ -61,7 +61,7 @@ def _inside(patch: Blend, location: Location) -> FloatArray:
 
 
 def _about_corners(patch: Blend, t: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Normals at (n, m) values of the rational basis, and whether they are doubtful."""
+    """Return normals at (n, m) values of the rational basis, (m, 3), and mark those that may have lost digits."""
     cancelled = 1e-3  # three digits are lost in a derivative so much smaller than its summands, or in such an angle
     cut_off_sum = 1e-280  # smaller sums may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`
     shape = patch.rational_basis.domain
@@ -100,10 +100,10 @@ def _about_leaders(patch: Blend, e: FloatArray) -> FloatArray:
 
 
 def _about_point(patch: Blend, edge: int, s: FloatArray) -> FloatArray:
-    """(m, 3) limits of normals at (m,) torus coordinates on a collapsed edge.
+    """Return the limits of normals, (m, 3), at (m,) torus coordinates on a collapsed edge.
 
-    Areas are affine in the place of the knot on the edge, so that it can be averaged; the sum is over pairs of the
-    others.
+    Of each triple one knot is on the edge. Areas are affine in its place, so that its mean stands for all of them, and
+    the sum is over pairs of the other knots.
     """
     block = 1 << 20  # pairs of knots times places on the edge, which bounds the memory
     shape, log_weights = patch.rational_basis.domain, patch.rational_basis.log_weights
@@ -128,7 +128,7 @@ def _about_point(patch: Blend, edge: int, s: FloatArray) -> FloatArray:
 
 
 def _pairs(deltas: FloatArray, distance: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """(p,) knots j, (p,) knots k and (p, 3) products ``(b_j − b_i) × (b_k − b_i)`` that are not zero, given b − b_i.
+    """Return (p,) knots j and k, and their (p, 3) products ``(b_j − b_i) × (b_k − b_i)`` that are not zero.
 
     Normals have the direction of ``Σ T_i T_j T_k [a_i, a_j, a_k] (b_j − b_i) × (b_k − b_i)`` over all triples. Knot i
     lies on a collapsed edge, whose control points are equal, so that pairs of other knots remain: they lead unless T
@@ -145,11 +145,8 @@ def _pairs(deltas: FloatArray, distance: FloatArray) -> tuple[IntArray, IntArray
 
 
 def _at_corner(patch: Blend, face: Face) -> FloatArray:
-    """(3,) the limit of normals at a corner; NaN if there is none.
-
-    Mostly it is the cross product of the ways to the next knots along both edges. Knots inside that are lower, and
-    control points in line with the corner's, make it another one, or several.
-    """
+    """Return the limit of normals at a corner, (3,); NaN if there is none, or there are several."""
+    # Mostly it is the cross product of the ways to the next knots along both edges, but knots inside may be lower.
     shape, log_weights = patch.rational_basis.domain, patch.rational_basis.log_weights
     before, after, at_corner = face.index - 1, face.index, np.flatnonzero(face.knots)
     deltas = offsets_from(patch.control_points, int(at_corner[0]))
@@ -163,11 +160,11 @@ def _at_corner(patch: Blend, face: Face) -> FloatArray:
         normal = _unit_cross(*(cleared(way - middle, rounding) for way in ways))[0][0]
         if np.isfinite(normal[0]):
             return np.asarray(normal)
-    return limits_at(shape, log_weights, patch.control_points, face.index).normal
+    return normal_at(shape, log_weights, patch.control_points, face.index)
 
 
 def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
-    """(q, m, 3) normals on an edge of q surfaces with one domain, at (q, m) torus coordinates; NaN where undefined."""
+    """Return normals on an edge of q surfaces with one domain, (q, m, 3), at (q, m) torus coordinates; NaN if none."""
     shape = patches[0].rational_basis.domain
     members = np.flatnonzero(shape.incidence[:, edge])
     along = shape.along(edge, shape.knots)
@@ -208,14 +205,14 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
 
 
 def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
-    """(m, 3) unit vectors along (3, m) sums; NaN if a sum is rounding relative to the (m,) sums of lengths."""
+    """Return unit vectors along (3, m) sums, (m, 3); NaN if a sum is rounding beside the sum of lengths, (m,)."""
     length = np.sqrt((total**2).sum(axis=0))
     good = length > PARALLEL_SINE * size
     return np.asarray(np.where(good, total / np.where(good, length, 1.0), np.nan).T)
 
 
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(…, m, 3) unit cross products of (…, 3, m) vectors, NaN if parallel or zero; and the sines of their angles."""
+    """Return unit cross products of (…, 3, m) vectors, (…, m, 3), NaN if parallel or zero; and sines of angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (unit_columns(v) for v in (first, second))
         normal = np.empty_like(first)

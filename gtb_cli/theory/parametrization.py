@@ -182,9 +182,9 @@ class LinearParametrization:
             yield Location(rows, shape.faces[INTERIOR], system.moments.knots, s)
 
     def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray | None]:
-        """Locate most inner vertices of `triangulation` and return the other rows, or None where interpolation fails.
+        """Locate most inner vertices of `triangulation`, by starts interpolated from solutions at a few of them.
 
-        Starts are interpolated from the solutions at a few vertices, all in the coordinates of the longest edge.
+        Return the other rows, or None where interpolation fails.
         """
         if resolution < 48 or self.shape.dimension == 1:  # interpolation needs 12 nodes in a line
             return None
@@ -235,10 +235,7 @@ class LinearParametrization:
         return self._systems[2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax())]
 
     def _nearest(self, heights: FloatArray) -> IntArray:
-        """Choose coordinates for points inside, by number, (m,): those of the nearest edge.
-
-        Points far from all edges lose no digits in any coordinates; they are located together, at the longest edge.
-        """
+        """Choose coordinates for points inside, by number, (m,): of the nearest edge or, far from all, the longest."""
         shape, columns = self.shape, np.arange(heights.shape[1])
         edge = shape.nearest_edge(heights)
         if shape.dimension == 1:

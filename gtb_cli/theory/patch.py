@@ -282,7 +282,7 @@ class Patch:
 
     @cached_property
     def _derivatives(self) -> tuple[DerivativeField, DerivativeField]:
-        """Of points, and of the basis."""
+        """Derivatives of points, and of the basis."""
         from gtb_cli.theory.derivatives import DerivativeField
 
         return DerivativeField(self.rational_basis, self.control_points), DerivativeField(self.rational_basis, None)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, planar_cross
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
@@ -71,7 +71,7 @@ def quadrature(patch: Patch, order: int = 24) -> Quadrature:
         r, phi = distance[:, None, None], distance[:, None]
         steps_inside = (1 - phi) * along[:, None, None] + phi * inwards[:, None, None]
         places = corners[:, None, None] + r * steps_inside
-        areas = np.abs(along[:, 0] * inwards[:, 1] - along[:, 1] * inwards[:, 0])
+        areas = np.abs(planar_cross(along, inwards))
         weights = (areas[:, None, None] * (steps * distance)[:, None] * steps).ravel()
     places = places.reshape(-1, shape.dimension)
     return Quadrature(_inside(shape, places), weights)

@@ -11,7 +11,7 @@ from functools import partial
 from itertools import combinations, groupby
 from typing import TYPE_CHECKING
 
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import Fault, GtbError
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import pairs
@@ -85,6 +85,9 @@ class Comparing:
             return replace(compare(), name=name)
         except (GtbError, OSError) as error:
             return Verdict(name, paths, "unreadable", errors=tuple(faults_about(error)))
+        except ImportError as error:  # of scipy, which finds how far surfaces are apart
+            reason = f"{paths[0]} and {paths[1]}: surfaces cannot be compared: {faults_about(error)[0].message}"
+            return Verdict(name, paths, "unreadable", errors=(Fault(reason),))
 
     def _pair(self, first: str, second: str, has_meshes: bool) -> Verdict:
         for path in (first, second):

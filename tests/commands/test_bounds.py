@@ -63,6 +63,11 @@ def test_code_that_lets_no_other_thread_run_is_killed_and_cleaned_up_after(tmp_p
     assert stuck(tmp_path, "signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(15)") == (2, LATE)
 
 
+def test_a_process_that_no_longer_unwinds_at_a_signal_is_late_all_the_same(tmp_path):
+    """Python takes its handlers away when it ends."""
+    assert stuck(tmp_path, "signal.signal(signal.SIGTERM, signal.SIG_DFL); time.sleep(15)") == (2, LATE)
+
+
 def test_a_process_that_crashes_is_one_line_and_leaves_nothing(tmp_path):
     message = "gtb: error: the process was killed by SIGSEGV: is there too little memory?\n"
     assert stuck(tmp_path, "os.kill(os.getpid(), signal.SIGSEGV)", seconds=15) == (2, message)

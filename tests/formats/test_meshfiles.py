@@ -250,6 +250,21 @@ def test_ply_with_polygons_of_several_sizes_and_other_lists():
     assert decoded(ply(text, *lines)).cells.tolist() == expected
 
 
+def test_ply_text_is_read_where_the_machine_has_32_bits(monkeypatch):
+    def narrow(values, counts, axis=None):
+        assert isinstance(counts, int) or np.can_cast(counts.dtype, np.intp), counts.dtype
+        return repeat(values, counts, axis)
+
+    repeat = np.repeat
+    monkeypatch.setattr(np, "intp", np.int32)  # as Python in a browser has it
+    monkeypatch.setattr(np, "repeat", narrow)
+    faces = ["element face 2", FACE[1], "property list uchar int more"]
+    text = ply("0 0 0\n1 0 0\n0 1 0\n4 0 2 1 0 2 5 5\n3 0 1 2 1 5\n", *XYZ, *faces)
+    read = decode_mesh(text, "file", "ply")
+    assert read.mesh.cells.tolist() == [[0, 2, 1], [0, 1, 0], [0, 1, 2]]
+    assert any("more" in name for name in read.values())
+
+
 def test_ply_text_with_a_fraction_for_each_face():
     face = ("element face 1", "property float quality", *FACE[1:])
     body = "0 0 0\n1 0 0\n0 1 0\n0.5 3 0 1 2\n"

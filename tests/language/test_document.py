@@ -246,7 +246,7 @@ def test_bytes_that_are_not_text() -> None:
         (b"ISO-10303-21;\nHEADER;\n", "a STEP file, and a spec is expected: gtb import makes one"),
         (b"x" * 72 + b"S0000001\r\n", "an IGES file"),
         (b"solid x = y\n facet normal 0 0 1\n", "not valid TOML"),
-        (b"solid part\n facet normal 0 0 1\n", "an STL mesh"),
+        (b"solid part\n facet normal 0 0 1\n", "an STL mesh, and a spec is expected; gtb view shows meshes"),
         (bytes(80) + (1).to_bytes(4, "little") + bytes(50), "an STL mesh"),
         (b"# a comment\n\nv 0 0 0\nv 1 0 0\n", "an OBJ mesh"),
         (b"o pentagon\nv 0 0 0\n", "an OBJ mesh"),

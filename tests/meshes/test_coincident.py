@@ -1,10 +1,12 @@
 """Points at the same place become one number, in the order in which they appear."""
 
+import time
+
 import numpy as np
 from hypothesis import given, strategies as st
 
 from gtb_cli.meshes import coincident
-from gtb_cli.meshes.coincident import weld
+from gtb_cli.meshes.coincident import merged, weld
 
 COORDINATES = st.sampled_from([0.0, -0.0, 1.0, 1.0 + 2**-52, -1.0, 1e-300, 1e300])
 
@@ -32,3 +34,20 @@ def test_keys_that_are_equal_by_chance(monkeypatch):
     points = np.random.default_rng(1).integers(0, 3, (50, 3)).astype(float)
     first, labels = weld(points)
     assert (first.tolist(), labels.tolist()) == by_dictionary(points)
+
+
+@given(st.lists(st.tuples(st.integers(0, 19), st.integers(0, 19)), max_size=30))
+def test_what_pairs_connect_has_its_smallest_index(pairs):
+    label = list(range(20))
+    for _ in label:
+        for a, b in pairs:
+            label[a] = label[b] = min(label[a], label[b])
+    assert merged(20, np.array(pairs, dtype=np.int64).reshape(-1, 2)).tolist() == label
+
+
+def test_a_long_way_in_any_order_takes_little_time():
+    """Each smallest index once went one step in a round: a way through 20,000 took seconds, and a large mesh, too."""
+    way = np.random.default_rng(0).permutation(50_000)
+    begun = time.process_time()
+    assert not merged(len(way), np.stack([way[:-1], way[1:]], axis=1)).any()
+    assert time.process_time() - begun < 1.0

@@ -15,7 +15,7 @@ from gtb_cli.commands.view import content_of_paths
 from gtb_cli.language.reading import AS_SEEN, Numbers, Reading
 from gtb_cli.pages.page_scene import Content
 from gtb_cli.plots.panels import Approach
-from gtb_cli.shell.serving import HOST, Pages, handler
+from gtb_cli.shell.view_server import HOST, Pages, handler
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import SPECS, gtb
 

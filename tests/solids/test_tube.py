@@ -12,7 +12,6 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import cell_distances
 from gtb_cli.models.model import Model
 from gtb_cli.solids.tube import RING_SIDES, folded_segments, ring_size, tube
-from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
@@ -67,7 +66,7 @@ def circle() -> Patch:
 
 def swept(patch: Patch, n: int, radius: float, parametrization: str = "linear", **options) -> Mesh:
     mesh = tessellate(patch, n, parametrization=parametrization)
-    return tube(mesh, radius, tangents=curve_tangents(patch, mesh, parametrization), **options)
+    return tube(mesh, radius, tangents=tangents(patch, mesh.parameters, parametrization)[mesh.cells], **options)
 
 
 # --- tangents
@@ -137,8 +136,6 @@ def test_tangents_are_a_curves():
         tangents(load(PENTAGON), [[1, 1]])
     with pytest.raises(DomainError, match="expected toric or linear"):
         tangents(load(CURVE), [1.0], "polar")
-    with pytest.raises(DomainError, match="the mesh has no parameters"):
-        curve_tangents(load(CURVE), polyline(np.eye(3)))
 
 
 # --- closed, oriented, of the right volume
@@ -433,7 +430,7 @@ def test_folds_are_where_the_bend_is_too_sharp():
     np.testing.assert_array_equal(folded_segments(hook, 0.01), [])
     patch = load(SPECS / "example-3.1.toml")
     line = tessellate(patch, 64, parametrization="linear")
-    given = curve_tangents(patch, line, "linear")
+    given = tangents(patch, line.parameters, "linear")[line.cells]
     assert 0 < len(folded_segments(line, 1.0, tangents=given)) < 64
     assert len(folded_segments(line, 0.1, tangents=given)) == 0
 

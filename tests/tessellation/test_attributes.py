@@ -10,7 +10,7 @@ import pytest
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
-from gtb_cli.tessellation.attributes import QUALITY_NAME, filled, with_attributes
+from gtb_cli.tessellation.attributes import QUALITY_NAME, filled_scalars, with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.vocabulary import ATTRIBUTES
@@ -62,11 +62,11 @@ def test_gaps_are_filled_ring_by_ring():
     steps = np.arange(5)
     line = Mesh(np.zeros((6, 3)), np.column_stack([steps, steps + 1]))
     nan = np.nan
-    np.testing.assert_array_equal(filled(line, np.array([2.0, nan, 4.0, nan, nan, nan])), [2, 3, 4, 4, 4, 4])
-    np.testing.assert_array_equal(filled(line, np.array([nan, nan, nan, nan, 8.0, np.inf])), [8, 8, 8, 8, 8, 8])
-    np.testing.assert_array_equal(filled(line, np.full(6, nan)), np.zeros(6))
+    np.testing.assert_array_equal(filled_scalars(line, np.array([2.0, nan, 4.0, nan, nan, nan])), [2, 3, 4, 4, 4, 4])
+    np.testing.assert_array_equal(filled_scalars(line, np.array([nan, nan, nan, nan, 8.0, np.inf])), [8, 8, 8, 8, 8, 8])
+    np.testing.assert_array_equal(filled_scalars(line, np.full(6, nan)), np.zeros(6))
     large = np.array([1.5e308, nan, 1.5e308, 1.0, 1.0, 1.0])
-    assert filled(line, large)[1] == 1.5e308
+    assert filled_scalars(line, large)[1] == 1.5e308
 
 
 def test_attributes_reach_the_file_under_their_names():

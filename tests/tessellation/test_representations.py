@@ -8,7 +8,7 @@ import pytest
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.checks.joint_checks import joint_findings
 from gtb_cli.language.writer import save
-from gtb_cli.models.curve_equality import equal, measured
+from gtb_cli.models.curve_equality import equal, matched
 from gtb_cli.models.joint_search import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import seam_remarks
@@ -273,7 +273,7 @@ def test_a_spike_between_samples_is_seen(height):
     points = np.column_stack([knots**1.3, 0 * knots, 0 * knots])
     middle = (np.array([16, 17]) / 32) ** (1 / 1.3)
     points[np.abs(knots - middle.mean()).argmin(), 1] = height
-    found = measured(segment, Curve(knots, -4 / knots[1] ** 2 * knots**2, points), np.inf)
+    found = matched(segment, Curve(knots, -4 / knots[1] ** 2 * knots**2, points), np.inf)
     there = np.interp([0.5, 17 / 32], *found.places)
     np.testing.assert_allclose(there, middle, atol=knots[1])
     assert (found.distance < 1e-12) if height == 0 else (found.distance > 0.1)

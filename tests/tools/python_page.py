@@ -20,8 +20,8 @@ PAGE = REPOSITORY / "specs" / "PYTHON.md"
 
 def sections() -> dict[str, list[str]]:
     """Public names by their headings in the docstring of the package."""
-    found = re.findall(r"^(\S.*)\n((?: {4}.*\n?)+)", inspect.cleandoc(gtb_cli.__doc__), re.M)
-    return {title: re.findall(r"\w+", names) for title, names in found}
+    found = re.findall(r"^(\S.*)\n((?: {4}\S+: .*\n?)+)", inspect.cleandoc(gtb_cli.__doc__), re.M)
+    return {title: re.findall(r"\w+(?=,|$)", lines, re.M) for title, lines in found}
 
 
 def page(before: str) -> str:
