@@ -238,7 +238,8 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         power = 0 if any(each.second for each in edges) else BENDING_POWER
         scores = [b.energy**power * b.variation * math.sqrt(d.variation) for b, d in zip(bent, below, strict=True)]
-        best = int(np.argmin(scores))
+        flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
+        best = int(np.argmin(scores)) if bent[0].energy > flat else 0
         for k in dict.fromkeys((best, 0)):
             yield Patch(shape.knots, found[k], log_weights=shape.log_weights)
     # A thin plate overshoots least; a membrane is what was asked for.

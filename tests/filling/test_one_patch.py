@@ -687,3 +687,25 @@ def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
     assert filling.model.joints.closed
     assert filling.angle < PLANES
     assert filling.folds == 0
+
+
+def smooth_curves(n: int, height: float) -> list[HoleSide]:
+    """Sides of a closed curve around the z axis that runs on straight from each to the next."""
+    t = 2 * np.pi * np.arange(n + 1) / n
+    places = np.column_stack([np.cos(t), np.sin(t), height * np.sin(2 * t)])
+    legs = np.column_stack([-np.sin(t), np.cos(t), 2 * height * np.cos(2 * t)]) * (2 * np.pi / n / 3)
+    rows = zip(places, places + legs, np.roll(places - legs, -1, axis=0), np.roll(places, -1, axis=0), strict=True)
+    return [HoleSide(f"side {k}", homogeneous(np.array(row))) for k, row in enumerate([*rows][:n])]
+
+
+@pytest.mark.parametrize(("n", "height"), mostly_long([(5, 0.0), (4, 0.2), (6, 0.3)], 2))
+def test_rows_without_planes_begin_inside_smooth_corners(n, height):
+    filling = fill_loop(smooth_curves(n, height))
+    assert max(corner.angle for corner in filling.corners) < 1e-3
+    limits = np.array([corner.normal for corner in filling.corners])
+    vertices = filling.patch.domain.vertices
+    for share in (1e-5, 1e-3, 1e-2):
+        places = vertices + share * (filling.patch.domain.center - vertices)
+        assert (filling.patch.normals(places, "linear") * limits).sum(axis=1).min() > 0.99
+    if height == 0:
+        assert np.abs(filling.patch.control_points[:, 2]).max() < 1e-9
