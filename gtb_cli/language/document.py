@@ -12,17 +12,12 @@ MAX_BYTES = 10_000_000  # a spec; a patch of a thousand knots takes a hundred ki
 MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of them
 # Slips that a parser of TOML or JSON calls something else: its reason, what is before and after, and the fault
 _SLIPS = (
-    (r"Illegal character '\\[rn]|Unterminated string|Expected \"'\"", "", "", "a text in quotes is not closed"),
-    (
-        "Cannot overwrite",
-        r"\[\[[\w-]+$",
-        "",
-        "{} is there already, and not in double brackets: [[{}]] begins each of several",
-    ),
-    ("", "", r"[ \t]*(?://|/\*)", "a comment begins with #"),
-    ("", "", r"[ \t]*;", "a ; has no meaning: values stand apart by commas, and lines end by themselves"),
-    ("", "", r"[ \t]*[“”„‘’«»]", "quotes are straight"),
-    ("Invalid value", "", r"[-+]?\.\d", "a digit stands before the point of a number"),
+    (r"^(?:Illegal character '\\[rn]|Unterminated string|Expected \"'\")", "", "", "a text in quotes is not closed"),
+    ("^Cannot overwrite", r"\[\[[\w-]+$", "", "{} is there already: [[{}]] begins each of several, the first as well"),
+    ("", "", r"^[ \t]*(?://|/\*)", "a comment begins with #"),
+    ("", "", r"^[ \t]*;", "a ; has no meaning: values stand apart by commas, and lines end by themselves"),
+    ("", "", r"^[ \t]*[“”„‘’«»]", "quotes are straight"),
+    ("^Invalid value", "", r"^[-+]?\.\d", "a digit stands before the point of a number"),
 )
 # The beginnings of files that users mistake for specs
 _OTHER_FILES = {
@@ -151,9 +146,7 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
         if data.startswith(LFS_POINTER):
             raise SpecError(Fault(LFS_FAULT, source))
         if (kind := kind_of(data)) is not None:
-            way_out = ": gtb import makes one" * kind.endswith("file") + "; gtb view shows meshes" * kind.endswith(
-                "mesh"
-            )
+            way_out = {"file": ": gtb import makes one", "mesh": "; gtb view shows meshes"}.get(kind[-4:], "")
             raise SpecError(Fault(f"is {kind}, and a spec is expected{way_out}", source))
     text = _decode(data, source)
     if format is None:
@@ -243,10 +236,8 @@ def _malformed(text: str, source: str, language: str, line: int, column: int, re
     earlier = "\n".join([*text.split("\n")[: line - 1], before])
     ended = re.search(r"""[\]\w."'}][ \t\r]*(?:#[^\n]*)?(?:\n[ \t\r]*(?:#[^\n]*)?)*$""", earlier[-1000:])
     is_key = re.match(r"[\w-]+[ \t]*=", rest) is not None
-    tests = (
-        (re.match(row[0], reason) and re.search(row[1], before) and re.match(row[2], rest), row[3]) for row in _SLIPS
-    )
-    if slip := next((said for holds, said in tests if holds), ""):
+    texts = reason, before, rest
+    if slip := next((row[3] for row in _SLIPS if all(map(re.search, row, texts))), ""):
         reason = slip.replace("{}", before.lstrip("["))
     elif reason == "Unclosed array" and is_key:
         reason = "a list before this is not closed: ] is missing"

@@ -179,7 +179,7 @@ def join(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation
         sides=len(owner) + len(cells) - len(parts) - (len(shared) - len(joints.shared)),
         uneven=frozenset(of_uneven),
     )
-    if not is_surface:
+    if not (is_surface and joints.joins):
         return mosaic, owner[:0]
     label = merged(len(owner), np.concatenate([shared, collapsed]))
     return mosaic, distinct(owner[_confused(cells, face != INTERIOR, label)])

@@ -53,10 +53,8 @@ def require(
                 causes = unjoined_seams(spec) or [*(_loose_parts(spec) if faults else []), *causes]
             lines += [f"not {word}: {line}" for line in causes]
     if "one-piece" in asked and (pieces := _pieces(mesh)):
-        causes = unjoined_seams(spec) if isinstance(spec, Model) else []
-        if "solid" not in asked:
-            lines += [f"not one-piece: {line}" for line in causes]
-        lines += pieces
+        seams = unjoined_seams(spec) if isinstance(spec, Model) and "solid" not in asked else []
+        lines += [*(f"not one-piece: {line}" for line in seams), *pieces]
     if "unfolded" in asked:
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*folded_places(surface or mesh), *folds))]
     if "smooth" in asked:
@@ -85,11 +83,8 @@ def _loose_parts(model: Model) -> list[str]:
     firsts, counts = np.unique(part, return_index=True, return_counts=True)[1:]
     if len(counts) < 2 or patches[0].dimension == 1:
         return []
-    order, most = np.argsort(firsts), 8
-    names = [
-        patch_name(patches[first], first) + f" and {count - 1} more" * (count > 1)
-        for first, count in zip(firsts[order].tolist(), counts[order].tolist(), strict=True)
-    ][:most]
+    sizes, most = sorted(zip(firsts.tolist(), counts.tolist(), strict=True)), 8
+    names = [patch_name(patches[k], k) + f" and {count - 1} more" * (count > 1) for k, count in sizes[:most]]
     lines = [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
     near = touching(edge_curves(patches, refs), np.full(len(refs), CURVE_TOLERANCE * diagonal_of(patches)))[0].tolist()
     for one, other in near:
