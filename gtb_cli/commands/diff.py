@@ -106,9 +106,9 @@ def diff(
     recipe = Recipe(resolution or RESOLUTION, None, parametrization, max_faces=max_faces)
     for path in (a, b):
         if path != STANDARD and not os.path.exists(path):
-            is_new = path == a and os.path.isdir(b) and "*" not in a and not suffix_of(a)
+            is_new = path == a != "" and os.path.isdir(b) and "*" not in a and not suffix_of(a)
             takes = f": gtb approve {a} {b} makes it from {b}" if is_new else ""
-            raise GtbError(f"{path}: No such file or directory{takes}")
+            raise GtbError(f"{shown_input(path)}: No such file or directory{takes}")
     of_folders = os.path.isdir(a) and os.path.isdir(b)
     if of_folders:
         inputs = [path for pair in pairs(a, b)[0].values() for path in pair if path]

@@ -1,9 +1,8 @@
 """GLB (binary glTF 2.0), both ways: surfaces by trimesh's exporter, curves as indexed lines; any scene is read."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from functools import cache
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -11,16 +10,8 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.file_arrays import (
-    SINGLE_FLOAT,
-    FileArrays,
-    mark_of,
-    segments,
-    single_half_steps,
-    triangles,
-    unreserved,
-)
-from gtb_cli.formats.glb_tree import HEADER_BYTES, accessor_values, further_description, glb_chunks, placed_meshes
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, segments, single_half_steps, triangles, unreserved
+from gtb_cli.formats.glb_tree import HEADER_BYTES, Scene, accessor_values, glb_chunks, meant
 from gtb_cli.meshes.mesh import MATERIALS, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up
@@ -216,9 +207,9 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
     groups = []
     others: dict[str, list[_Part]] = {}
     materials: list[tuple[list[float], int, int]] = []
-    row_of = _materials(tree)
+    scene = Scene(tree, binary)
     count = rows = used = 0
-    for mesh, name, place in placed_meshes(tree):
+    for mesh, name, place in scene.placed_meshes():
         before = rows
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", 4)
@@ -246,7 +237,7 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
                     others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
             count += len(positions)
             rows += len(found)
-            materials.append((row_of(primitive.get("material")), rows - len(found), rows))
+            materials.append((scene.material(primitive.get("material")), rows - len(found), rows))
         name = name or str(mesh.get("name", ""))
         if name and rows > before:
             groups.append((name, before, rows))
@@ -274,56 +265,11 @@ def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
         for name, parts in sorted(others.items()):
             label = known.get(name) or unreserved(name.lower().strip("_"), found)
             found[label] = _values(tree, binary, name, parts, count, is_z_up), corners
-        if rest := further_description(tree, binary):
-            mark = np.array([[mark_of(json.dumps(rest, sort_keys=True))]])
-            found[f"{OTHER}description"] = mark, np.zeros(corners.shape, dtype=np.int64)
+        if mark := scene.further():
+            found[f"{OTHER}description"] = np.array([[mark]]), np.zeros(corners.shape, dtype=np.int64)
         return found
 
     return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, {f"{MATERIALS}GLB": materials})
-
-
-def _materials(tree: dict[str, Any]) -> Callable[[int | None], list[float]]:
-    """Give, by number, the colour of a material, and a mark of all else but its name and the bytes of pictures."""
-    defaults = {"metallicFactor": 1, "roughnessFactor": 1, "emissiveFactor": [0, 0, 0], "doubleSided": False}
-    defaults |= {"alphaMode": "OPAQUE", "alphaCutoff": 0.5, "texCoord": 0, "scale": 1, "strength": 1}
-    defaults |= {"wrapS": 10497, "wrapT": 10497}
-
-    def entry(table: str, number: Any) -> Any:
-        """Return an entry of a table without the place of its bytes; if there is none, the number."""
-        with suppress(LookupError, TypeError, AttributeError):
-            return {name: value for name, value in tree[table][number].items() if name != "bufferView"}
-        return number
-
-    def told(value: Any, key: str = "") -> Any:
-        if isinstance(value, dict) and key != "extras":
-            kept = {name: inner for name, inner in value.items() if inner != defaults.get(name)}
-            if key.endswith("Texture") and "index" in kept:
-                kept["index"] = texture(kept["index"])
-            found = {name: told(inner, name) for name, inner in kept.items()}
-            return {name: inner for name, inner in found.items() if inner not in ({}, [], None)}
-        if isinstance(value, list):
-            return [told(inner) for inner in value]
-        return float(value) if type(value) is int else value
-
-    @cache
-    def texture(number: Any) -> Any:
-        found = entry("textures", number)
-        if isinstance(found, dict):
-            used = {key: entry(table, found.get(key)) for key, table in (("source", "images"), ("sampler", "samplers"))}
-            found = mark_of(json.dumps(told(found | used), sort_keys=True))
-        return found
-
-    @cache
-    def row(number: int | None) -> list[float]:
-        material = {} if number is None else tree["materials"][number]
-        shading = dict(material.get("pbrMetallicRoughness", {}))
-        colour = [float(part) for part in shading.pop("baseColorFactor", (1, 1, 1, 1))]
-        if len(colour) != 4:
-            raise GtbError(f"baseColorFactor: expected 4 numbers, got {len(colour)}")
-        rest = told(material | {"pbrMetallicRoughness": shading, "name": None})
-        return [*colour, mark_of(json.dumps(rest, sort_keys=True))]
-
-    return row
 
 
 def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], count: int, is_z: bool) -> FloatArray:
@@ -332,13 +278,7 @@ def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], 
     for _, length, number, _ in parts:
         if tree["accessors"][number]["count"] != length:  # before it is read: few bytes may name many
             raise GtbError(f"{name}: {tree['accessors'][number]['count']} rows for {length} vertices")
-        rows = accessor_values(tree, binary, number)
-        largest = (
-            float(np.iinfo(rows.dtype).max)
-            if tree["accessors"][number].get("normalized") and rows.dtype.kind in "iu"
-            else 1.0
-        )
-        found.append(np.maximum(rows.astype(np.float64) / largest, -np.inf if largest == 1 else -1.0))
+        found.append(meant(accessor_values(tree, binary, number), tree["accessors"][number]))
     result = np.full((count, max(rows.shape[1] for rows in found)), np.nan)
     for rows, (start, length, _, turn) in zip(found, parts, strict=True):
         if name == "NORMAL":

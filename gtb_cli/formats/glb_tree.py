@@ -1,10 +1,10 @@
 """The tree of a GLB file: its description and buffer, the places of its meshes, and the numbers of its accessors."""
 
-import hashlib
 import json
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import cache
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import GtbError
+from gtb_cli.formats.file_arrays import mark_of
 
 HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its content
 
@@ -47,8 +48,161 @@ def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     return tree, chunks.get(buffer, b"")
 
 
-def placed_meshes(tree: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:
-    """Yield the meshes of a scene with the names of their nodes and their (4, 4) places."""
+def accessor_values(tree: dict[str, Any], binary: bytes, number: object) -> NDArray[Any]:
+    """Return the (count, width) numbers of an accessor."""
+    accessor = tree["accessors"][_index(number)]
+    if "sparse" in accessor or "bufferView" not in accessor:
+        raise GtbError("sparse accessors are not known here")
+    return _rows(tree, binary, accessor)
+
+
+def _rows(tree: dict[str, Any], binary: bytes, accessor: dict[str, Any]) -> NDArray[Any]:
+    component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+    element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+    view = tree["bufferViews"][_index(accessor["bufferView"])]
+    buffer = tree["buffers"][_index(view.get("buffer", 0))]
+    if "uri" in buffer or view.get("buffer", 0) != 0:
+        raise GtbError("has its numbers in another file")
+    kind = np.dtype(component_types[accessor["componentType"]])
+    width, count = element_widths[accessor["type"]], _index(accessor["count"])
+    stride = _index(view.get("byteStride", 0)) or width * kind.itemsize
+    if stride < width * kind.itemsize:
+        raise GtbError("has rows of numbers that overlap, which would be more than the file holds")
+    begin = _index(view.get("byteOffset", 0))
+    start, end = begin + _index(accessor.get("byteOffset", 0)), begin + _index(view["byteLength"])
+    if not count:
+        return np.empty((0, width), dtype=kind)
+    if start + (count - 1) * stride + width * kind.itemsize > min(end, len(binary)):
+        raise GtbError("is cut off: an accessor is longer than the data")
+    return np.ndarray((count, width), dtype=kind, buffer=binary, offset=start, strides=(stride, kind.itemsize))
+
+
+def meant(rows: NDArray[Any], accessor: dict[str, Any]) -> FloatArray:
+    """Return the numbers of an accessor as they are meant: whole ones may stand for fractions."""
+    if accessor.get("normalized") and rows.dtype.kind in "iu":
+        return np.maximum(rows / float(np.iinfo(rows.dtype).max), -1.0)
+    return rows.astype(np.float64)
+
+
+class Scene:
+    """The nodes that are shown, and what is said of them, whatever the numbers in tables, and without defaults."""
+
+    def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
+        self.tree, self.binary = tree, binary
+        self.placed = [*_placed_nodes(tree)]
+        self.labels: dict[int, Any] = {}  # of the nodes of the scene: their names, if no other one has them
+        self._marks: dict[tuple[str, Any], Any] = {}
+
+    def placed_meshes(self) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:
+        """Yield the meshes with the names of their nodes and their (4, 4) places."""
+        for node, place in ((self.tree["nodes"][number], place) for number, _, place in self.placed):
+            if "mesh" in node:
+                yield self.tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place
+
+    def material(self, number: int | None) -> list[float]:
+        """Return the colour of a material, the default one's for None, and a mark of all else but its name."""
+        material = {} if number is None else self.tree["materials"][number]
+        colour = material.get("pbrMetallicRoughness", {}).get(COLOUR, (1, 1, 1, 1))
+        if len(colour) != 4:
+            raise GtbError(f"{COLOUR}: expected 4 numbers, got {len(colour)}")
+        return [*map(float, colour), self._mark("shadings", number)]
+
+    def further(self) -> float | None:
+        """Return a mark of what is said beside the faces, places and materials of meshes, if there is anything."""
+        placing = {"mesh", "matrix", "translation", "rotation", "scale", "children", "name"}
+        drawing = {"attributes", "indices", "material", "mode"}
+
+        def without(table: dict[str, Any], names: set[str]) -> dict[str, Any]:
+            return {name: value for name, value in table.items() if name not in names}
+
+        nodes, scenes, meshes = (self.tree.get(name, ()) for name in ("nodes", "scenes", "meshes"))
+        names = [nodes[number].get("name") for number, *_ in self.placed]
+        once = {name for name, count in Counter(names).items() if count == 1}
+        self.labels = {number: names[k] if names[k] in once else k for k, (number, *_) in enumerate(self.placed)}
+        is_plain = len(scenes) < 2 and not self.tree.get("skins")  # no node has a place beside those of the meshes
+        has_several, path = sum("mesh" not in nodes[number] for number in self.labels) > 1, list[Any]()
+        of_nodes, of_meshes = [], []
+        for number, depth, place in self.placed:
+            node = nodes[number]
+            said = without(node, placing if is_plain else {"mesh"})
+            path[depth:] = [node.get("name")]
+            if has_several:
+                said["path"] = path[: depth + ("mesh" not in node)]
+            if "mesh" not in node and (said.keys() - {"path"} or not node.get("children")):  # as a camera is
+                size = np.abs(place).max() or 1.0
+                said["place"] = [*(np.round(place / size, 6) + 0.0).ravel().tolist(), float(f"{size:.6g}")]
+            if said:
+                of_nodes.append(said | {"node": number})
+        shown = dict.fromkeys(_index(nodes[number]["mesh"]) for number in self.labels if "mesh" in nodes[number])
+        for mesh in (meshes[number] for number in shown):
+            rest = [each if each.get("mode") == 0 else without(each, drawing) for each in mesh["primitives"]]
+            of_meshes.append(without(mesh, {"name"}) | {"primitives": rest})
+        found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
+        found["scenes"] = scenes if len(scenes) > 1 else [without(scene, {"nodes", "name"}) for scene in scenes]
+        told: dict[str, Any] = self._told(found | {"meshes": of_meshes})
+        unseen = [node for number, node in enumerate(nodes) if number not in self.labels]
+        unseen += [mesh for number, mesh in enumerate(meshes) if number not in shown]
+        for name, values in (("nodes", of_nodes), ("others", unseen)):  # in any order
+            told |= {name: sorted(map(self._told, values), key=partial(json.dumps, sort_keys=True))} if values else {}
+        return mark_of(json.dumps(told, sort_keys=True)) if told else None
+
+    def _told(self, value: Any, key: str = "", above: str = "") -> Any:
+        """Return a value with marks of what it refers to; `key` and `above` are the names below which it stands."""
+        if key == "extras":
+            return value
+        if isinstance(value, dict):
+            known = _DEFAULTS | {COLOUR: value.get(COLOUR)} if above == "shadings" else _DEFAULTS
+            said = [each for each in value.items() if above == "extensions" or each[1] != known.get(each[0])]
+            told = {name: self._told(inner, name, key) for name, inner in said}
+            return {name: inner for name, inner in told.items() if key == "extensions" or inner not in _NOTHING}
+        if isinstance(value, list):
+            each = [self._told(inner, key, above) for inner in value]
+            return each if any(inner not in _NOTHING for inner in each) else []
+        table = _TABLES.get(key, "")
+        if {key, above} & {"targets", "attributes"}:
+            table = "accessors"
+        elif "texture" in above.lower():
+            table = {"index": "textures", "source": "images", "sampler": "samplers"}.get(key, "")
+        return self._mark(table, value) if table else float(value) if type(value) is int else value
+
+    def _mark(self, table: str, number: Any) -> Any:
+        """Return what stands for an entry of a table, which is its number if there is no such entry."""
+        if (table, number) not in self._marks:
+            self._marks[table, number] = number
+            with suppress(LookupError, TypeError, AttributeError, GtbError):
+                self._marks[table, number] = self._found(table, number)
+        return self._marks[table, number]
+
+    def _found(self, table: str, number: Any) -> Any:
+        if table == "nodes":
+            return self.labels[number]
+        entry = {} if number is None else self.tree["materials" if table == "shadings" else table][number]
+        if table == "bufferViews":
+            start = entry.get("byteOffset", 0)
+            return mark_of(self.binary[start : start + entry["byteLength"]])
+        if table == "accessors":
+            held = [entry] if "bufferView" in entry else []
+            if sparse := entry.get("sparse"):
+                held += [entry | {"byteOffset": 0, "count": sparse["count"]} | sparse["values"]]
+                held += [{"type": "SCALAR", "count": sparse["count"]} | sparse["indices"]]
+            return mark_of(*(meant(_rows(self.tree, self.binary, each), each).tobytes() for each in held))
+        return mark_of(json.dumps(self._told(entry | {"name": None}, table), sort_keys=True))
+
+
+COLOUR = "baseColorFactor"
+# What numbers below some names refer to
+_TABLES = {"bufferView": "bufferViews", "material": "materials"}
+_TABLES |= dict.fromkeys(("input", "output", "inverseBindMatrices", "indices"), "accessors")
+_TABLES |= dict.fromkeys(("node", "nodes", "joints", "skeleton", "children"), "nodes")
+_NOTHING: tuple[object, ...] = ({}, [], None)
+# Values that say nothing, by names which have no other meaning but within extensions
+_DEFAULTS: dict[str, Any] = {"metallicFactor": 1, "roughnessFactor": 1, "emissiveFactor": [0, 0, 0]}
+_DEFAULTS |= {"alphaMode": "OPAQUE", "alphaCutoff": 0.5, "doubleSided": False, "texCoord": 0, "scale": 1, "strength": 1}
+_DEFAULTS |= {"wrapS": 10497, "wrapT": 10497, "interpolation": "LINEAR"}
+
+
+def _placed_nodes(tree: dict[str, Any]) -> Iterator[tuple[int, int, FloatArray]]:
+    """Yield the nodes of a scene, each before those within it: their numbers, depths and (4, 4) places."""
     harmless = {"materials_unlit", "texture_transform", "lights_punctual", "materials_specular"}
     most = 100  # nodes within nodes
     needed = set(tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}
@@ -69,82 +223,9 @@ def placed_meshes(tree: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, F
         seen.add(index)
         if depth > most:
             raise GtbError(f"has nodes within nodes more than {most} deep")
-        node = nodes[index]
-        place = above @ _matrix(node)
-        if "mesh" in node:
-            yield tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place
-        stack += [(_index(child), place, depth + 1) for child in reversed(node.get("children", []))]
-
-
-def accessor_values(tree: dict[str, Any], binary: bytes, number: object) -> NDArray[Any]:
-    """Return the (count, width) numbers of an accessor."""
-    component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-    element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-    accessor = tree["accessors"][_index(number)]
-    if "sparse" in accessor or "bufferView" not in accessor:
-        raise GtbError("sparse accessors are not known here")
-    view = tree["bufferViews"][_index(accessor["bufferView"])]
-    buffer = tree["buffers"][_index(view.get("buffer", 0))]
-    if "uri" in buffer or view.get("buffer", 0) != 0:
-        raise GtbError("has its numbers in another file")
-    kind = np.dtype(component_types[accessor["componentType"]])
-    width, count = element_widths[accessor["type"]], _index(accessor["count"])
-    stride = _index(view.get("byteStride", 0)) or width * kind.itemsize
-    begin = _index(view.get("byteOffset", 0))
-    start, end = begin + _index(accessor.get("byteOffset", 0)), begin + _index(view["byteLength"])
-    if not count:
-        return np.empty((0, width), dtype=kind)
-    if start + (count - 1) * stride + width * kind.itemsize > min(end, len(binary)):
-        raise GtbError("is cut off: an accessor is longer than the data")
-    return np.ndarray((count, width), dtype=kind, buffer=binary, offset=start, strides=(stride, kind.itemsize))
-
-
-def further_description(tree: dict[str, Any], binary: bytes) -> list[Any]:
-    """Return what is said beside meshes, their places and materials, such as skins, with the numbers of accessors."""
-    placing = {"mesh", "matrix", "translation", "rotation", "scale", "children", "name"}
-    drawing = {"attributes", "indices", "material", "mode"}
-
-    @cache
-    def digest(number: int) -> str:
-        """Return what stands for the numbers of an accessor, also a sparse one, or its own number if it has none."""
-        accessor = tree["accessors"][number]
-        try:
-            held = [accessor_values(tree, binary, number).tobytes()]
-        except GtbError:
-            parts = [accessor["sparse"][name] for name in ("indices", "values")]
-            views = [tree["bufferViews"][part["bufferView"]] for part in parts]
-            held = [binary[view.get("byteOffset", 0) :][: view["byteLength"]] for view in views]
-        return hashlib.sha256(b"".join(held)).hexdigest()
-
-    def told(value: Any, key: str = "", above: str = "") -> Any:
-        if key == "extras":
-            return value
-        if isinstance(value, dict):
-            found = {name: told(inner, name, key) for name, inner in value.items()}
-            return {name: inner for name, inner in found.items() if inner not in ({}, [], None)}
-        if isinstance(value, list):
-            inner = [told(each, key, above) for each in value]
-            return inner if any(each not in ({}, [], None) for each in inner) else []
-        if key in ("input", "output", "inverseBindMatrices") or {key, above} & {"targets", "attributes"}:
-            with suppress(LookupError, TypeError, AttributeError):
-                return digest(value)
-        return float(value) if type(value) is int else value
-
-    def without(table: dict[str, Any], names: set[str]) -> dict[str, Any]:
-        return {name: value for name, value in table.items() if name not in names}
-
-    names = [node.get("name") for node in tree.get("nodes", ()) if "mesh" not in node]
-    scenes = tree.get("scenes", ())
-    parts = [tree.get(name) for name in ("skins", "animations", "cameras", "extensions")]
-    parts += [names if len(names) > 1 else None, scenes if len(scenes) > 1 else None]
-    is_plain = len(scenes) < 2 and not tree.get("skins")  # no node has a place beside those of the meshes
-    parts += [[without(node, placing) if is_plain else node for node in tree.get("nodes", ())]]
-    for mesh in tree.get("meshes", ()):
-        points = [primitive for primitive in mesh["primitives"] if primitive.get("mode") == 0]
-        rest = [without(primitive, drawing) for primitive in mesh["primitives"]]
-        parts += [without(mesh, {"primitives", "name"}), rest, points]
-    found: list[Any] = told(parts)
-    return found
+        place = above @ _matrix(nodes[index])
+        yield index, depth, place
+        stack += [(_index(child), place, depth + 1) for child in reversed(nodes[index].get("children", []))]
 
 
 def _index(value: object) -> int:

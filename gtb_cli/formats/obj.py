@@ -13,7 +13,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import COLOURS, MATERIALS, NORMALS, OBJECTS, TEXTURE, Values
+from gtb_cli.meshes.mesh import COLOURS, MATERIALS, NORMALS, OBJECTS, SMOOTHING, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
@@ -38,7 +38,7 @@ def _values(data: bytes, block: int) -> Values:
     """Read the normals and the texture coordinates at the corners of faces; those without have NaN."""
     found: Values = {}
     for keyword, label, width, field in ((b"vt", TEXTURE, 2, 1), (b"vn", NORMALS, 3, 2)):
-        rows, corners, so_far = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+        rows, corners, so_far = [np.empty((0, 3))], list[IntArray](), 0
         for _, lines in lines_of(data, size=block) if keyword in data else ():
             places, _ = _sorted(lines)
             if places[keyword]:
@@ -49,15 +49,16 @@ def _values(data: bytes, block: int) -> Values:
                 row = np.zeros((len(counts), 3))
                 row[is_there] = numbers[np.arange(len(numbers)) - np.repeat(np.cumsum(counts) - counts, counts) < 3]
                 rows.append(row)
-            if places[b"f"]:
-                words = [lines[k][2:].split() for k in places[b"f"]]
+            cells, made = (b"l", segments) if places[b"l"] else (b"f", triangles)
+            if places[cells]:
+                words = [lines[k][2:].split() for k in places[cells]]
                 counts = np.array([len(line) for line in words])
                 parts = [(*word.split(b"/"), b"", b"")[field] or b"0" for line in words for word in line]
                 chosen = number_rows(b"\n".join(parts), np.int64)[0]
-                before = so_far + np.repeat(np.searchsorted(places[keyword], places[b"f"]), counts)
-                corners.append(triangles(np.where(chosen < 0, before + chosen, chosen - 1), counts))
+                before = so_far + np.repeat(np.searchsorted(places[keyword], places[cells]), counts)
+                corners.append(made(np.where(chosen < 0, before + chosen, chosen - 1), counts))
             so_far += len(places[keyword])
-        of = np.concatenate(corners)
+        of = np.concatenate(corners or [np.empty((0, 3), dtype=np.int64)])
         if of.max(initial=-1) >= so_far or of.min(initial=0) < -1:
             raise GtbError(f"{label}: a face refers to one that is not there")
         if len(of) and of.max() >= 0:
@@ -148,12 +149,15 @@ class _ObjLines:
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
         vertices = np.concatenate([np.empty((0, 3)), *self.vertices])
-        groups, objects, materials = (
+        groups, objects, materials, smooth = (
             [(name, a, b) for (_, name, a), (*_, b) in pairwise([*found, (b"", "", self.cell_count)]) if name and a < b]
-            for found in ([each for each in self.names if each[0] in kinds] for kinds in (b"go", b"o", (b"usemtl",)))
+            for found in (
+                [each for each in self.names if each[0] in kinds] for kinds in (b"go", b"o", (b"usemtl",), b"s")
+            )
         )
-        is_divided = len({name for name, *_ in objects}) > 1 and any(keyword == b"g" for keyword, *_ in self.names)
-        ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials}
+        is_divided = len({name for name, *_ in objects}) > 1 or sum(b - a for _, a, b in objects) < self.cell_count
+        is_divided = is_divided and any(keyword == b"g" for keyword, *_ in self.names)
+        ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
         marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
@@ -161,9 +165,7 @@ class _ObjLines:
 
         def values() -> Values:
             numbers = np.concatenate([np.empty((0, width)), *further])
-            if (
-                width < 2 and (np.isnan(numbers) | (numbers == 1)).all()
-            ):  # weights, of which each is 1 unless it is said
+            if width < 2 and (np.isnan(numbers) | (numbers == 1)).all():  # weights are 1 unless another one is said
                 return {}
             return {COLOURS if width > 1 else "weights of vertices": (numbers, cells)}
 
@@ -176,9 +178,7 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
     A keyword followed by another separator is changed to have a blank after it.
     """
     # Keywords of single points, and of anything but geometry
-    ignored_keywords = set(
-        b"vn vt p s mg mtllib maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split()
-    )
+    ignored_keywords = set(b"p mg mtllib maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
     # Keywords of free-form curves and surfaces
     free_form_keywords = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
     known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}  # the last with any blank
@@ -190,17 +190,17 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
         keyword, _, rest = lines[place].strip().partition(b" ")
         if b"\t" in keyword:
             keyword, rest = (*lines[place].split(None, 1), b"")[:2]
-        if keyword in MIN_NUMBERS:
-            known[keyword + b" "].append(place)
+        if (kind := (keyword + b" ")[:2] if keyword in MIN_NUMBERS else keyword) in known:
+            known[kind].append(place)
             lines[place] = keyword + b" " + rest
-        elif keyword in (b"g", b"o", b"usemtl"):
-            names.append((place, keyword, b" ".join(rest.split()).decode("utf-8", "backslashreplace")))
+        elif keyword in (b"g", b"o", b"usemtl", b"s"):
+            name = b" ".join(rest.split()).decode("utf-8", "backslashreplace")
+            names.append((place, keyword, "" if keyword == b"s" and name in ("0", "off") else name))
         elif keyword in free_form_keywords:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
         elif keyword and not keyword.startswith(b"#") and keyword not in ignored_keywords:
             raise GtbError(f"unknown keyword {shown(keyword)}")
-    places = {keyword: sorted(known[keyword + b" "]) for keyword in MIN_NUMBERS}
-    return {**places, b"vn": known[b"vn"], b"vt": known[b"vt"]}, names
+    return {keyword.strip(): sorted(places) for keyword, places in known.items()}, names
 
 
 def _numbers(

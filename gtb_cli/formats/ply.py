@@ -14,7 +14,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.digits import text_rows
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, triangles, unreserved
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import NORMALS, OTHER, TEXTURE, Mesh, Values
+from gtb_cli.meshes.mesh import ABSENT, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 
 
@@ -122,39 +122,41 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     """All columns but the positions of vertices and the corners of cells; what is neither's, by a mark of it."""
     known: dict[tuple[str, ...], str] = {("nx", "ny", "nz"): NORMALS}
     known |= dict.fromkeys([("s", "t"), ("u", "v"), ("texture_u", "texture_v")], TEXTURE)
-    columns = {name: numbers for name, (numbers, _) in tables["vertex"].items() if name not in ("x", "y", "z")}
-    plain = {name: not item.count_kind for name, item in elements["vertex"].properties.items()}
-    columns = {name: found for name, found in columns.items() if plain[name]}
+    lists = {name for name, item in elements["vertex"].properties.items() if item.count_kind}
+    columns = {name: numbers for name, (numbers, _) in tables["vertex"].items() if name not in {"x", "y", "z", *lists}}
     values: Values = {}
     for names, label in known.items():
         if columns.keys() >= {*names}:
             values[label] = np.stack([columns.pop(name) for name in names], axis=1).astype(np.float64), cells
     for name, numbers in columns.items():
         values[unreserved(name, values)] = _exact(numbers), cells
-    is_curve = cells.shape[1] == 2
-    rest = {f"{name} of vertices": found for name, found in tables["vertex"].items() if not plain[name]}
-    lists = {name: counts for name, (_, counts) in tables.get("face", {}).items() if name.startswith("vertex_ind")}
-    corners = np.full(len(cells), 3) if is_curve or not lists else next(iter(lists.values()))
+    table, what = ("edge", "edges") if cells.shape[1] == 2 else ("face", "faces")
+    rest = {f"{name} of vertices": tables["vertex"][name] for name in lists}
+    ends = [name for name in tables.get(table, {}) if name in ("vertex1", "vertex2") or name.startswith("vertex_ind")]
+    corners = tables[table][ends[0]][1] if table == "face" and ends else np.full(len(cells), 3)
     rows = np.broadcast_to(np.repeat(np.arange(len(corners)), (corners - 2).astype(np.intp))[:, None], cells.shape)
-    for name, (numbers, counts) in tables.get("edge" if is_curve else "face", {}).items():
-        label = f"{name} of {'edges' if is_curve else 'faces'}"
-        if name in lists or (is_curve and name in ("vertex1", "vertex2")):
+    for name, (numbers, counts) in tables.get(table, {}).items():
+        if name in ends:
             continue
         if (counts == 1).all():
-            values[label] = _exact(numbers), rows
+            values[f"{name} of {what}"] = _exact(numbers), rows
         elif name == "texcoord" and (counts == 2 * corners).all():
             of = triangles(np.arange(corners.sum()), corners)
-            values[TEXTURE if TEXTURE not in values else label] = numbers.reshape(-1, 2).astype(np.float64), of
+            label = TEXTURE if TEXTURE not in values else f"{name} of {what}"
+            values[label] = numbers.reshape(-1, 2).astype(np.float64), of
         else:
-            rest[label] = numbers, counts
-    of_rows = {"vertices": cells, "faces": rows, "edges": rows}
-    for label, (numbers, counts) in list(rest.items()):
-        if len(counts) and 0 < counts.max() < 64:  # lists of few numbers have rows, in any order
-            found = np.full((len(counts), counts.max()), np.nan)
-            found[np.arange(counts.max()) < counts[:, None]] = numbers
-            values[label] = found, of_rows[label.rpartition(" of ")[2]]
-            del rest[label]
-    for name in tables.keys() - {"vertex", "edge" if is_curve else "face"}:
+            rest[f"{name} of {what}"] = numbers, counts
+    for label, (numbers, counts) in [each for each in rest.items() if each[1][1].any()]:  # rows, in any order
+        longest, exact, suffix = int(counts.max()), _exact(numbers), ""
+        if longest >= 64 and longest * len(counts) > 2 * len(numbers):  # marks take less memory
+            parts = np.split(exact.astype(np.float32) if exact.dtype.kind == "f" else exact, np.cumsum(counts)[:-1])
+            exact, longest = np.array([[int(mark_of(part.tobytes()))] for part in parts]), 1
+            counts, suffix = np.ones_like(counts), MARKED
+        found = np.full((len(counts), longest), np.nan if exact.dtype.kind == "f" else ABSENT, exact.dtype)
+        found[np.arange(longest) < counts[:, None]] = exact[:, 0]
+        values[label + suffix] = found, cells if label.endswith(" of vertices") else rows
+        del rest[label]
+    for name in tables.keys() - {"vertex", table}:
         for column, (numbers, counts) in tables[name].items() if elements[name].rows else ():
             rest[f"{column} of {name}"] = numbers.astype(elements[name].properties[column].kind), counts
     for label, (numbers, counts) in rest.items():

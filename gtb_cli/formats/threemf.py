@@ -144,15 +144,19 @@ class _Reader:
         least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
         if archive.getinfo(name).file_size > min(LARGEST, max(least, ratio * archive.getinfo(name).compress_size)):
             raise GtbError(f"says that its model has more than {LARGEST >> 30} GB, or {ratio} times its packed size")
-        self.depth = self.named = 0
+        self.depth = self.named = self.foreign = 0  # depths, of which the last is that of an element of an extension
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
         self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}
         self.items: list[tuple[str, FloatArray, str]] = []
         self.id = self.material = ""
+        self.order: dict[str, str] = {}  # of what has a number in the file
         self.kinds: set[str] = set()  # of objects that are no solids
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
+        others = ((each.filename, each.CRC) for each in archive.infolist() if each.filename != name)
+        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$")  # as pictures and settings of parts are
+        self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
@@ -165,6 +169,7 @@ class _Reader:
 
     def end(self, _: str) -> None:
         self.depth -= 1
+        self.foreign *= self.foreign <= self.depth
 
     def start(self, name: str, given: dict[str, str]) -> None:
         deepest, most = 32, 100_000  # elements within elements, and objects, materials and their uses
@@ -173,14 +178,18 @@ class _Reader:
         self.named += name in ("object", "component", "item", "basematerials", "base", "colorgroup", "color")
         if self.depth > deepest or self.named > most:
             raise GtbError(f"has elements more than {deepest} deep, or more than {most} objects, materials and uses")
-        if name == "vertex":
+        if "id" in given:
+            self.order.setdefault(given["id"], f"{len(self.order)}")
+        if self.foreign:
+            self.note(name, given)
+        elif name == "vertex":
             self.meshes[self.id].vertices.extend((float(given["x"]), float(given["y"]), float(given["z"])))
         elif name == "triangle":
             mesh = self.meshes[self.id]
             group, member = given.get("pid", mesh.part[0]), given.get("p1", mesh.part[1])
             same = ("v1", "v2", "v3", "pid", "p1", *(key for key in ("p2", "p3") if given.get(key) == member))
             rest = [key for key in given if key not in same]
-            part = group, member, "".join(f"{key} {given[key]}\n" for key in sorted(rest))
+            part = group, member, "".join(sorted(f"{key.rpartition(':')[2]} {given[key]}\n" for key in rest))
             if not mesh.parts or mesh.parts[-1][1] != part:
                 mesh.parts.append((len(mesh.corners) // 3, part))
             mesh.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
@@ -202,76 +211,97 @@ class _Reader:
             kind = given.get("type", "model").removeprefix("model")
             self.meshes[self.id] = _Mesh(array("f"), array("q"), [], part, given.get("name", ""), kind)
             self.components[self.id] = []
+            self.note(f"object {len(self.meshes)}", given, *_KNOWN)
         elif name in ("component", "item"):
             if any(key.endswith(":path") for key in given):
                 raise GtbError("has an object in another part of the archive, where it is not looked for")
             is_printed = given.get("printable", "1") in ("1", "true")
             link = given["objectid"], _matrix(given.get("transform")), "" if is_printed else "not printed\n"
             (self.items if name == "item" else self.components[self.id]).append(link)
-        elif name not in (
-            "resources",
-            "build",
-            "mesh",
-            "vertices",
-            "triangles",
-            "components",
-            "metadata",
-            "metadatagroup",
-        ):
-            plain = {key.rpartition(":")[2]: value for key, value in given.items()}
-            told = sorted((key, plain[key]) for key in plain if key not in ("id", "identifier", "UUID"))
-            self.extensions.update(repr((name, told)).encode())
+            self.note(f"{name} {len(self.items)}", given, *_KNOWN)
+            self.extensions.update((self.meshes[self.id].name if name == "component" else "").encode())
+        elif name not in _PLAIN:
+            self.foreign = self.depth
+            self.note(name, given)
 
-    def content(self) -> FileArrays:
-        """Place the objects, each after those that it refers to: an object names only earlier ones."""
+    def note(self, name: str, given: dict[str, str], *known: str) -> None:
+        """Take attributes into account that no place here knows, whatever the prefixes and numbers of this file."""
+        plain = {key.rpartition(":")[2]: value for key, value in given.items() if key[:5] != "xmlns"}
+        told = {key: self.order.get(value, value) if key.endswith("id") else value for key, value in plain.items()}
+        told = {key: told[key] for key in sorted(told.keys() - {"id", "identifier", "UUID", *known})}
+        if told or not known:
+            self.extensions.update(f"{name} {told}".encode())
+
+    def placed(self) -> Iterator[tuple[_Mesh, FloatArray, str, str]]:
+        """Yield the objects that are built with their places, numbers, and what else is said of them."""
         most = 50_000_000  # numbers of all placed objects: few bytes may name many
         effort = 10_000  # numbers that take as long as an object without any
         order = {key: number for number, key in enumerate(self.meshes)}
-        vertices: list[FloatArray] = []
-        cells: list[IntArray] = []
-        groups: list[tuple[str, int, int]] = []
-        materials: list[tuple[list[float], int, int]] = []
-        special: list[tuple[list[float], int, int]] = []
         is_mixed = len({mesh.kind for mesh in self.meshes.values()}) > 1  # a kind of all stands in what the file says
-        count = rows = used = 0
-        stack = [(*item, len(order)) for item in reversed(self.items)]
+        used, stack = 0, [(*item, len(order)) for item in reversed(self.items)]
         while stack:
             key, place, said, above = stack.pop()
-            if order[key] >= above:
+            if order[key] >= above:  # an object names only earlier ones
                 raise GtbError(f"object {key!r:.40} is not before the object that refers to it")
             mesh = self.meshes[key]
             used += len(mesh.vertices) + len(mesh.corners) + effort
             if used > most:
                 raise GtbError(f"has more than {most} numbers in all objects together")
-            vertices.append(np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3) @ place[:3, :3] + place[3, :3])
-            found = np.array(mesh.corners).reshape(-1, 3)
-            if len(wrong := found[(found < 0) | (found >= len(vertices[-1]))]):
-                raise GtbError(f"triangles: expected vertices below {len(vertices[-1])}, got {wrong[0]}")
-            is_mirrored = np.linalg.det(place[:3, :3]) < 0  # then faces keep their outer sides
-            cells.append((found[:, ::-1] if is_mirrored else found) + count)
-            ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
-            for (start, part), end in zip(mesh.parts, ends, strict=False):
-                known = self.materials.get(part[0])
-                name, colour = known[int(part[1] or 0)] if known else (mesh.name, b"")
-                name = name or mesh.name or f"{order[key] + 1}"
-                is_same = start and groups[-1][0] == name  # with other paint
-                groups.append((name, groups.pop()[1] if is_same else rows + start, rows + end))
-                rest = part[2] + (f"{part[0]} {part[1]}" if part[0] and not known else "")
-                shares = [share / 255 for share in colour] or [math.nan] * 4
-                row = [*shares, mark_of(rest) if rest else math.nan] if colour or rest else []
-                materials.append((row, rows + start, rows + end))
-            if said := said + mesh.kind * is_mixed:
-                special.append(([mark_of(said)], rows, rows + len(found)))
-            count, rows = count + len(vertices[-1]), rows + len(found)
+            said += mesh.kind * is_mixed
+            yield mesh, place, f"{order[key] + 1}", said
             inner = reversed(self.components[key])
             stack += [(link, motion @ place, said + more, order[key]) for link, motion, more in inner]
-        points = np.concatenate([np.empty((0, 3)), *vertices])
-        corners = np.concatenate([np.empty((0, 3), dtype=np.int32), *cells])
-        space = ", ".join([self.unit, *sorted(self.kinds)])
-        ranges = {f"{MATERIALS}3MF": materials, f"{OBJECTS} that are not printed, or support": special}
-        if self.extensions.digest() != hashlib.sha256().digest():
-            ranges[f"{OTHER}extensions"] = [([mark_of(self.extensions.hexdigest())], 0, rows)]
+
+    def content(self) -> FileArrays:
+        """Put the objects where they are built."""
+        vertices, cells = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
+        groups: list[tuple[str, int, int]] = []
+        ranges: dict[str, list[tuple[list[float], int, int]]] = {name: [] for name in (_LOOK, OBJECTS, _SPECIAL)}
+        materials, named = set[str](), {mesh.name for mesh in self.meshes.values() if len(mesh.corners)}
+        count = rows = 0
+        for mesh, place, number, said in self.placed():
+            points = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3) @ place[:3, :3] + place[3, :3]
+            found = np.array(mesh.corners).reshape(-1, 3)
+            if len(wrong := found[(found < 0) | (found >= len(points))]):
+                raise GtbError(f"triangles: expected vertices below {len(points)}, got {wrong[0]}")
+            is_mirrored = np.linalg.det(place[:3, :3]) < 0  # then faces keep their outer sides
+            vertices.append(points)
+            cells.append((found[:, ::-1] if is_mirrored else found) + count)
+            ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
+            looks = [self.look(part) for _, part in mesh.parts]
+            materials |= (here := {material for material, _ in looks})
+            for (start, _), end, (material, row) in zip(mesh.parts, ends, looks, strict=False):
+                name = material or mesh.name or number
+                is_same = start and groups[-1][0] == name  # with other paint
+                groups.append((name, groups.pop()[1] if is_same else rows + start, rows + end))
+                ranges[_LOOK].append((row, rows + start, rows + end))
+            for label, text in ((_SPECIAL, said), (OBJECTS, mesh.name if len(named) > 1 and any(here) else "")):
+                ranges[label] += [([mark_of(text)], rows, rows + len(found))] if text else []
+            count, rows = count + len(points), rows + len(found)
+        extensions = self.extensions.digest() if self.extensions.digest() != hashlib.sha256().digest() else b""
+        material = materials.pop() if len(materials) == 1 else ""  # that of a whole mesh
+        for label, told in (("extensions", extensions), ("further parts", self.others), ("material", material)):
+            ranges[f"{OTHER}{label}"] = [([mark_of(told)], 0, rows)] if told else []
+        points, corners, space = (
+            np.concatenate(vertices),
+            np.concatenate(cells),
+            ", ".join([self.unit, *sorted(self.kinds)]),
+        )
         return FileArrays(points, corners, single_half_steps, tuple(groups), space, ranges=ranges)
+
+    def look(self, part: _Part) -> tuple[str, list[float]]:
+        """Return the name of a material, and its colour with a mark of what else is said; none if it is plain."""
+        known = self.materials.get(part[0])
+        name, colour = known[int(part[1] or 0)] if known else ("", b"")
+        rest = part[2] + (f"{self.order.get(part[0], part[0])} {part[1]}" if part[0] and not known else "")
+        shares = [share / 255 for share in colour] or [math.nan] * 4
+        return name, [*shares, mark_of(rest) if rest else math.nan] if colour or rest else []
+
+
+_LOOK, _SPECIAL = f"{MATERIALS}3MF", f"{OBJECTS} that are not printed, or support"
+# Elements and attributes of the core specification that say nothing of their own, or are read
+_PLAIN = ["resources", "build", "mesh", "vertices", "triangles", "components", "metadata", "metadatagroup"]
+_KNOWN = ["objectid", "name", "type", "pid", "pindex", "transform", "printable", "thumbnail"]
 
 
 def _matrix(text: str | None) -> FloatArray:

@@ -2,13 +2,26 @@
 
 import math
 from collections.abc import Collection
+from itertools import pairwise
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.meshes.coincident import weld
 from gtb_cli.meshes.correspondence import Slots
-from gtb_cli.meshes.mesh import FACETS, GROUPS, MATERIALS, NORMALS, OBJECTS, OTHER, KnownMesh, Values
+from gtb_cli.meshes.mesh import (
+    ABSENT,
+    FACETS,
+    GROUPS,
+    MARKED,
+    MATERIALS,
+    NORMALS,
+    OBJECTS,
+    OTHER,
+    SMOOTHING,
+    KnownMesh,
+    Values,
+)
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
@@ -37,9 +50,12 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
                 lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
                 remarks += [f"{name}: {_listed(sorted(names))} only in the {which}" for which, names in lone if names]
         elif name in here and name in there:
+            (rows, of), (others, others_of) = here[name], there[name]
+            if name.startswith(OTHER):
+                remarks += [f"{name}: not the same"] if (rows[of[0, 0]] != others[others_of[0, 0]]).any() else []
+                continue
             if slots is None:
                 continue
-            (rows, of), (others, others_of) = here[name], there[name]
             step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
             one, other = (each[::step] for each in slots)
             remarks += _unlike(name, rows[of.ravel()[one]], others[others_of.ravel()[other]], a.mesh.cells.ravel()[one])
@@ -76,16 +92,14 @@ def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
     if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
-    if name.startswith(OTHER):
-        return [f"{name}: not the same"] if (rows[:1] != others[:1]).any() else []
-    if name == GROUPS or name.startswith((OBJECTS, MATERIALS)):
+    if name in (GROUPS, SMOOTHING) or name.startswith((OBJECTS, MATERIALS)) or name.endswith(MARKED):
         moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
         told = f"{len(moved)} {'cell has' if len(moved) == 1 else 'cells have'} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
     if name == NORMALS:
         with np.errstate(invalid="ignore", divide="ignore"):
             rows, others = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (rows, others))
-    gone = (np.isnan(rows) != np.isnan(others)).any(axis=1)
+    gone = np.logical_xor(*((each == ABSENT) | np.isnan(each) for each in (rows, others))).any(axis=1)
     if gone.any():
         return [f"{name}: at {gone.sum()} corners in one of them only, first at vertex {vertex[np.argmax(gone)]}"]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -97,10 +111,10 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -
         told = f"up to {angle:.3g} degrees apart (tolerance {NORMALS_TOLERANCE:g})"
         return [f"{name}: {told}, most at vertex {vertex[most]}"] if angle > NORMALS_TOLERANCE else []
     size = np.where(np.isnan(rows), 0.0, np.maximum(np.abs(rows), np.abs(others)))
-    largest, further = [*np.unique(size[np.isfinite(size)])[:-3:-1], 0.0, 0.0][:2]
-    far = 100  # times as large as all others, a value stands for none, as -9999 does
-    allowed = VALUES_TOLERANCE * (further if 0 < far * further < largest else largest)
-    allowed = max(allowed, 1e-15 * min(largest, 1e6))  # rounding beside a value that stands for itself
+    sizes = [*np.unique(size[np.isfinite(size)])[:-5:-1], 0.0]
+    far = 100  # times as large as all others, a value stands for none, as -9999 and 1e30 do
+    allowed = VALUES_TOLERANCE * next((one for one, less in pairwise(sizes) if not 0 < far * less < one), 0.0)
+    allowed = max(allowed, 1e-15 * min(sizes[0], 1e6))  # rounding beside a value that stands for itself
     if rows.dtype.kind == others.dtype.kind == "i":
         allowed = 0.0
     with np.errstate(invalid="ignore"):

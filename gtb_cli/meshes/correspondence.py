@@ -28,6 +28,12 @@ class Matching:
     turned: int  # faces that are turned over
     remarks: tuple[str, ...]  # how else the cells differ: in the vertices that they share
     slots: Slots  # corners, counted through all cells, that belong together
+    cells: tuple[IntArray, IntArray]  # of both meshes, in common numbers
+
+    @property
+    def turned_in_mirror(self) -> int:
+        """How many faces are turned over in a mirror image."""
+        return _faces(*self.cells).turned(-1)
 
 
 def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
@@ -132,24 +138,23 @@ def _by_nearness(
 class _Faces:
     """Faces of two meshes in common numbers: (k,) numbers, and (f,) how often each occurs in either.
 
-    The corners of odd (k,) faces run against those of other faces with their number.
+    Faces with the same number look to one side or the other, 1 or −1; 0 if they look nowhere.
     """
 
     face: IntArray
     other: IntArray
-    odd: BoolArray
-    other_odd: BoolArray
+    side: IntArray
+    other_side: IntArray
     here: IntArray
     there: IntArray
 
-    @property
-    def turned(self) -> int:
-        """How many of the faces that both have equally often are turned over."""
-        odd, other = (
-            np.bincount(face, weights, len(self.here))
-            for face, weights in ((self.face, self.odd), (self.other, self.other_odd))
+    def turned(self, usual: int = 1) -> int:
+        """How many of the faces that both have equally often are turned over; −1 says that the usual ones are."""
+        one, other = (
+            np.bincount(face, sides, len(self.here))
+            for face, sides in ((self.face, self.side), (self.other, self.other_side))
         )
-        return int(np.abs(odd - other)[self.here == self.there].sum())
+        return int(np.abs(one - usual * other)[self.here == self.there].sum()) // 2
 
 
 def _faces(cells: IntArray, others: IntArray) -> _Faces:
@@ -157,14 +162,15 @@ def _faces(cells: IntArray, others: IntArray) -> _Faces:
     rows = np.concatenate([cells, others]).astype(np.int64)
     order = np.argsort(rows, axis=1, kind="stable")
     rows = np.take_along_axis(rows, order, axis=1)
-    odd = np.zeros(len(rows), dtype=bool)  # segments, and faces with a corner twice, look nowhere
+    side = np.zeros(len(rows), dtype=np.int8)  # segments, and faces with a corner twice, look nowhere
     if rows.shape[1] == 3:
-        odd = ((order[:, 1] - order[:, 0]) % 3 == 2) & (rows[:, 0] < rows[:, 1]) & (rows[:, 1] < rows[:, 2])
+        is_even = (order[:, 1] - order[:, 0]) % 3 == 1
+        side = np.where(is_even, 1, -1) * ((rows[:, 0] < rows[:, 1]) & (rows[:, 1] < rows[:, 2]))
     else:
         rows = np.pad(rows, ((0, 0), (0, 1)))
     _, labels = weld(rows.astype(np.float64))
     here, there = (np.bincount(part, minlength=int(labels.max()) + 1) for part in (labels[:count], labels[count:]))
-    return _Faces(labels[:count], labels[count:], odd[:count], odd[count:], here, there)
+    return _Faces(labels[:count], labels[count:], side[:count], side[count:], here, there)
 
 
 def _may_be_equal(cells: IntArray, others: IntArray) -> bool:
@@ -185,13 +191,13 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
         faces = _faces(cells, others)
         if not np.array_equal(faces.here, faces.there):
             return None
-        turned = faces.turned
+        turned = faces.turned()
         starts, width = np.arange(0, cells.size, cells.shape[1])[:, None], cells.shape[1]
         one, other = (
-            (np.argsort(places, axis=1, kind="stable") + starts)[_order(mesh, face, odd)].ravel()
-            for mesh, places, face, odd in (
-                (a.mesh, cells, faces.face, faces.odd),
-                (b.mesh, others, faces.other, faces.other_odd),
+            (np.argsort(places, axis=1, kind="stable") + starts)[_order(mesh, face, side < 0)].ravel()
+            for mesh, places, face, side in (
+                (a.mesh, cells, faces.face, faces.side),
+                (b.mesh, others, faces.other, faces.other_side),
             )
         )
         slots = one, other
@@ -209,7 +215,7 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
     if a.has_indices and b.has_indices and not used == others_used == len(vertices):
         remarks = (f"faces share vertices in another way: {used} against {others_used} vertices",)
     apart = a.mesh.vertices[vertices] - b.mesh.vertices[there]
-    return Matching(vertices, there, np.asarray(reduce(np.hypot, apart.T)), turned, remarks, slots)
+    return Matching(vertices, there, np.asarray(reduce(np.hypot, apart.T)), turned, remarks, slots, (cells, others))
 
 
 def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
@@ -267,7 +273,7 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
         beyond = np.packbits(np.concatenate([points < low - reach, points > high + reach], axis=1), axis=1)[:, 0]
         one, other = (np.flatnonzero(reduce(np.bitwise_and, beyond[each.T]) == 0) for each in (cells, others))
         near = one, other
-    return Lone(is_first, absent, faces.turned, doubled, repeated, near)
+    return Lone(is_first, absent, faces.turned(), doubled, repeated, near)
 
 
 def _unequal(cells: IntArray, others: IntArray, count: int) -> tuple[IntArray, IntArray]:
@@ -326,7 +332,7 @@ def unlike(
     if other:
         s, have = ("", "has") if other == 1 else ("s", "have")
         told.append(f"{other} {side}{s} of common {cell}s {have} further {cell}s in one of them only")
-    turned, rest, others_rest = faces.turned, ~thin & only, ~others_thin & others_only
+    turned, rest, others_rest = faces.turned(), ~thin & only, ~others_thin & others_only
     if have_others and not first.is_curve:
         away = _looking_away(a.mesh, rest, b.mesh, ~others_thin, tolerance)
         turned += max(away, _looking_away(b.mesh, others_rest, a.mesh, ~thin, tolerance))

@@ -196,7 +196,7 @@ def difference(
             vertex=vertex,
             other_vertex=other,
             group=_group(a.mesh, vertex),
-            turned=len(a.mesh.cells) - matched.turned if is_mirrored and not a.mesh.is_curve else matched.turned,
+            turned=matched.turned_in_mirror if is_mirrored else matched.turned,
             remarks=matched.remarks,
             words=words,
             values=(*axes, *values),

@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 
 # By name: (r, w) numbers, and the (k, c) rows of them that the corners of cells have
 Values: TypeAlias = dict[str, tuple[FloatArray, IntArray]]
+ABSENT = -(2**62)  # among whole numbers, what NaN is among others
 # Names of values that are not attributes; the normals of an STL file's facets follow from their corners
 NORMALS, TEXTURE, FACETS = "normals", "texture coordinates", "facet normals"
 GROUPS, OBJECTS, MATERIALS = "groups", "objects", "materials in "  # these with the format: no other has the same
-COLOURS = "colours of vertices"
+COLOURS, SMOOTHING = "colours of vertices", "smoothing groups"
+MARKED = " (long lists)"  # values that are marks end with it
 OTHER = "other data: "  # what a file holds that belongs to neither vertices nor cells: compared as a whole
 
 

@@ -223,6 +223,16 @@ def test_turned_faces_in_files(kind):
     assert shared == (kind in ("stl", "glb", "3mf"))  # where faces do not tell which vertices they share
 
 
+@pytest.mark.parametrize(("reverse", "turned"), [(False, 5), (True, 0)])
+def test_faces_that_look_to_both_sides_or_nowhere_are_not_turned_by_a_mirror(reverse, turned):
+    """Four faces of a tetrahedron, a lone one, a sheet with a face on each side, and one that is a line."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [5, 5, 5.0]])
+    cells = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3], [1, 2, 4], [0, 1, 4], [1, 0, 4], [3, 4, 3]])
+    mirrored = Mesh(vertices * [-1, 1, 1], cells[:, ::-1] if reverse else cells)
+    found = difference(known_exactly(Mesh(vertices, cells)), known_exactly(mirrored))
+    assert (found.words, found.turned) == (("mirrored in x",), turned)
+
+
 def test_other_faces_with_vertices_within_a_large_tolerance_are_no_difference():
     for tolerance in ("1%", "10%", "50%"):
         found = difference(known_exactly(plane(8)), known_exactly(plane(9)), tolerance)
