@@ -12,7 +12,8 @@ from gtb_cli.errors import SpecError
 
 MAX_CHARACTERS = 256  # longest expression, in characters
 MAX_NESTING = 32  # deepest nesting of parentheses, powers and signs
-FUNCTIONS = {name: getattr(math, name) for name in "sqrt sin cos tan asin acos atan exp log".split()}
+_FUNCTION_NAMES = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
+FUNCTIONS = {name: getattr(math, name) for name in _FUNCTION_NAMES}
 COUNTER = "k"  # name of a copy's number, in the expressions of copies
 # Constants known in every expression; ``deg`` is a degree in radians
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
