@@ -34,10 +34,10 @@ _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]
 def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> float:
     """Evaluate a number expression of at most `MAX_CHARACTERS` characters, nested at most `MAX_NESTING` deep.
 
-    Digits, ``+ - * / ** ( )``, the functions ``sqrt sin cos tan asin acos atan exp log`` (natural, radians),
-    the constants ``pi e deg`` and further `names`, with Python's precedence: ``-2**2`` is −4, ``2**3**2`` is 512. Every step is a
-    float operation, for integers as well: ``9**9**9**9`` overflows at once. Raises `SpecError` for anything else, and
-    where a final or intermediate result is not a finite real number.
+    Digits, ``+ - * / ** ( )``, the functions ``sqrt sin cos tan asin acos atan exp log`` (natural, radians), the
+    constants ``pi e deg`` and further `names`, with Python's precedence: ``-2**2`` is −4, ``2**3**2`` is 512. Every
+    step is a float operation, for integers as well: ``9**9**9**9`` overflows at once. Raises `SpecError` for anything
+    else, and where a final or intermediate result is not a finite real number.
     """
     if len(text) > MAX_CHARACTERS:
         _refuse(text, f"has {len(text)} characters, at most {MAX_CHARACTERS} are allowed")
