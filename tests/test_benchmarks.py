@@ -74,7 +74,7 @@ def test_a_generalized_bezier_patch_with_four_sides_is_bicubic_and_bends_as_one(
     assert jets[0] == pytest.approx(bicubic.evaluate(places, "linear"), abs=1e-12)
     s = MomentMap(knots, bicubic.log_products).inverse(places, 1e-13)
     areas = np.ones(20)
-    [expected] = bendings(knots, bicubic.log_products, s, areas, [bicubic.control_points])
+    [[expected]] = bendings(knots, bicubic.log_products, s, areas, [bicubic.control_points])
     bent = bending(jets, 2 * areas)  # the area of the polygon
     assert dataclasses.astuple(bent) == pytest.approx(dataclasses.astuple(expected), rel=1e-9)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.fairing.energy import Samples
-from gtb_cli.fairing.variation import Bending, Linearisation, bendings, linearisation
+from gtb_cli.fairing.variation import Bending, bendings, linearisation
 
 BENDING_POWER = 4
 """Power of ∫ κ₁² + κ₂² in the product that is made small: with less, some surfaces bend more than a thin plate does."""
@@ -22,7 +22,7 @@ LEAST_GAIN = 0.1
 def measured(zones: Sequence[Samples], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
     """Integrate each of the surfaces, (n, 3) control points, over the first zone, the first two and so on."""
     with np.errstate(all="ignore"):  # where a surface has no tangent plane, integrals are not finite
-        parts = [bendings(*zone, surfaces) for zone in zones]
+        parts = [bendings(*zone, surfaces)[0] for zone in zones]
     return [[together(found[: k + 1]) for k in range(len(zones))] for found in zip(*parts, strict=True)]
 
 
@@ -81,7 +81,7 @@ def descended(
     return points
 
 
-def _logarithms(parts: Sequence[Linearisation]) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _logarithms(parts: Sequence[Sequence[FloatArray]]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return half the gradient, the square and the matrix of the logarithm of the product of all figures."""
     slope, square, matrix = 0.0, 0.0, 0.0
     for k in range(len(parts)):

@@ -1,25 +1,20 @@
 """Thin-plate and Dirichlet energy of a patch in its linear parametrisation: quadratic forms of the control points.
 
-With p = μ(s), ``∂T/∂s = T (a − μ)``, ``∂p/∂s = C`` (the covariance of the knots under T) and ``∂²p/∂s² = K`` (their
-third central moments). So ``∂T/∂p = C⁻¹ ∂T/∂s`` and ``∂²T/∂p² = C⁻¹ (∂²T/∂s² − K ∂T/∂p) C⁻¹``: no differences.
-
 Near an edge second derivatives grow like h^(r − 2), h the distance from it and r the ratio of the second to the first
 height of knots over it, and so do curvatures: over all of Δ the thin-plate integral is infinite for r ≤ 1.5, and at a
 corner it may be for any power of h as a factor. So both energies are integrals over Δ without its outermost thousandth.
 """
 
 import math
-from collections.abc import Iterator
-from functools import cached_property
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, planar_cross
 from gtb_cli.errors import DomainError
+from gtb_cli.fairing.metric import forms
 from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.moment_map import MomentMap
-from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.theory.patch import Patch
 
 Energy: TypeAlias = Literal["thin-plate", "dirichlet"]
@@ -58,74 +53,36 @@ class Samples(NamedTuple):
 def samples(
     domain: Domain, log_weights: FloatArray, resolution: int, left_out: float = 1e-3, until: float = 1.0
 ) -> Samples:
-    """Return the places of `energy_samples` on the torus, of knots from their middle and in units of √area."""
+    """Return the places of `energy_samples` on the torus, of knots from their middle and in units of √area.
+
+    The solver starts from half the resolution, by polynomials in the variables of Gauss's rule.
+    """
+    coarsest = 8  # with less, interpolation saves no steps
     p, areas = energy_samples(domain, resolution, left_out, until)
     middle, unit = domain.vertices.mean(axis=0), np.sqrt(_sectors(domain.vertices).sum())
-    knots = (domain.knots - middle) / unit
-    s = MomentMap(knots, log_weights).inverse((p - middle) / unit, 1e-10)
+    knots, start = (domain.knots - middle) / unit, None
+    if resolution > coarsest:
+        half = (resolution + 1) // 2
+        s = samples(domain, log_weights, half, left_out, until).s
+        depth, along = _lagrange(_depths(half, until), _depths(resolution, until)), _lagrange(half, resolution)
+        start = (depth @ s.reshape(2, len(domain.vertices), -1, half) @ along.T).reshape(2, -1)
+    s = MomentMap(knots, log_weights).inverse((p - middle) / unit, 1e-10, start)
     return Samples(knots, log_weights, s, areas / unit**2)
+
+
+def _lagrange(count: int, finer: int) -> FloatArray:
+    """Return the values of the polynomials of Gauss's nodes at the nodes of a finer rule, (finer, count)."""
+    nodes, places = (np.polynomial.legendre.leggauss(n)[0] for n in (count, finer))
+    values, basis = (np.polynomial.legendre.legvander(x, count - 1) for x in (places, nodes))
+    return np.asarray(values @ np.linalg.inv(basis))
 
 
 def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, kind: Energy) -> FloatArray:
     """Return the (n, n) energy matrix of samples at (2, m) torus coordinates that stand for (m,) areas."""
     if kind not in ("dirichlet", "thin-plate"):
         raise DomainError(f"energy: expected thin-plate or dirichlet, got {kind!r}")
-    form = np.zeros((len(knots), len(knots)))
-    for block, places in central_moments(knots, log_weights, s):
-        root, (tx, ty), (cxx, cxy, cyy) = np.sqrt(areas[places]), block.first, block.covariance
-        det = cxx * cyy - cxy**2
-        jxx, jxy, jyy = cyy / det, -cxy / det, cxx / det
-        px, py = tx * jxx + ty * jxy, tx * jxy + ty * jyy
-        rows = [px * root, py * root]
-        if kind == "thin-plate":
-            along_x, along_y = block.skewness[:3], block.skewness[1:]
-            axx, axy, ayy = (
-                table - block.t * c - (px * kx + py * ky)
-                for table, c, kx, ky in zip(block.second, block.covariance, along_x, along_y, strict=True)
-            )
-            pxx = jxx**2 * axx + 2 * jxx * jxy * axy + jxy**2 * ayy
-            pxy = jxx * jxy * axx + (jxx * jyy + jxy**2) * axy + jxy * jyy * ayy
-            pyy = jxy**2 * axx + 2 * jxy * jyy * axy + jyy**2 * ayy
-            rows = [pxx * root, pyy * root, pxy * (np.sqrt(2) * root)]
-        table = np.concatenate(rows, axis=1)
-        form += table @ table.T
-    return form
-
-
-class CentralMoments:
-    """T and its derivatives at m places, in coordinates x, y of the knots from their mean μ, listed by the powers of y.
-
-    The (n, m) tables `first`, `second` and `third` are T times one, two and three coordinates. The first are the
-    derivatives of T in torus coordinates.
-    """
-
-    def __init__(self, knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> None:
-        self.t = shares(exponents(knots, log_weights, s))
-        self.x, self.y = (axis[:, None] - axis @ self.t for axis in knots.T)
-        self.first = [self.t * self.x, self.t * self.y]
-        self.second = [self.first[0] * self.x, self.first[0] * self.y, self.first[1] * self.y]
-        self.covariance = [table.sum(axis=0) for table in self.second]
-
-    @cached_property
-    def third(self) -> list[FloatArray]:
-        """T xxx, T xxy, T xyy and T yyy."""
-        (xx, _, yy), x, y = self.second, self.x, self.y
-        return [xx * x, xx * y, yy * x, yy * y]
-
-    @cached_property
-    def skewness(self) -> list[FloatArray]:
-        """Third central moments, which are the sums of these."""
-        return [table.sum(axis=0) for table in self.third]
-
-
-def central_moments(
-    knots: FloatArray, log_weights: FloatArray, s: FloatArray
-) -> Iterator[tuple[CentralMoments, slice]]:
-    """Yield the moments at (2, m) torus coordinates, block by block, and which places these are."""
-    step = max(256, block_length(len(knots)) // 16)  # as many tables of T's size are alive at once
-    for begin in range(0, s.shape[1], step):
-        places = slice(begin, begin + step)
-        yield CentralMoments(knots, log_weights, s[:, places]), places
+    plane = np.column_stack([knots, np.zeros(len(knots))])
+    return np.asarray(forms(knots, log_weights, s, areas, plane, (1 if kind == "dirichlet" else 2,))[0])
 
 
 def energy_samples(
@@ -140,7 +97,7 @@ def energy_samples(
     """
     # Of the way to the middle, as is what is left out, and of an edge; within these, steps are nearly even
     layer, corner = min(1e-2, until / 10), max(1e-3, left_out)
-    nodes, weights = np.polynomial.legendre.leggauss(resolution if until == 1 else math.ceil(resolution / 3))
+    nodes, weights = np.polynomial.legendre.leggauss(_depths(resolution, until))
     span = np.log((until + layer) / (left_out + layer))
     depth = (left_out + layer) * np.exp(span * (nodes + 1) / 2) - layer
     depth_weights = weights * span / 2 * (depth + layer) * (1 - depth)
@@ -154,6 +111,10 @@ def energy_samples(
     places = middle + (1 - depth)[:, None, None] * (on_edges[:, None] - middle)
     areas = 2 * _sectors(domain.vertices)[:, None, None] * depth_weights[:, None] * along_weights
     return places.reshape(-1, 2), areas.ravel()
+
+
+def _depths(resolution: int, until: float) -> int:
+    return resolution if until == 1 else math.ceil(resolution / 3)
 
 
 def _sectors(vertices: FloatArray) -> FloatArray:

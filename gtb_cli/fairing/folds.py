@@ -32,10 +32,12 @@ def folds(patch: Patch) -> int:
     points = patch.control_points - patch.control_points.mean(axis=0)
     points /= np.abs(points).max() or 1.0
 
+    columns = np.column_stack([points, *(axis[:, None] * points for axis in knots.T), knots])
+
     def directions(s: FloatArray) -> FloatArray:
         """(m, 3) unit normals at (2, m) torus coordinates, or 0."""
-        t = shares(exponents(knots, weights, s))
-        normals = np.cross(*((t * (axis[:, None] - axis @ t)).T @ points for axis in knots.T))
+        p, *rates, mean = np.split(columns.T @ shares(exponents(knots, weights, s)), [3, 6, 9])
+        normals = np.cross(rates[0] - mean[0] * p, rates[1] - mean[1] * p, axis=0).T
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))
 

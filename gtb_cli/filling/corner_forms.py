@@ -17,59 +17,61 @@ POINT = 1e-9
 
 @frozen
 class CornerForms:
-    """(…, c, 3) factors and (…, c, 3) normals of equations ``Σ factor ⟨normal, P − V⟩ = 0`` in (c, 3) `members`."""
+    """Equations ``Σ factor ⟨normal, P − V⟩ = target``: (c, 3) members P and factors, (c,) origins V, (c, 3) normals."""
 
     members: IntArray
     origins: IntArray
     factors: FloatArray
     normals: FloatArray
+    targets: FloatArray
 
     @classmethod
     def of(cls, points: FloatArray, log_weights: FloatArray, corners: IntArray, given: BoolArray) -> "CornerForms":
-        """Return the equations of (r, 10) `corners`, with coefficients as (…, n, 3) points have them.
+        """Return the equations of (r, 10) `corners`, with coefficients as (n, 3) points have them.
 
         `given` tells for each of r sides whether its row has planes.
         """
+        straight, crossing = 1e-3, 0.04  # sine of the angle of edges; how far rows are from them, of their first way
         short = 1e-2  # a first way, of the longest: equations would only hold by a wave of its neighbours' size
-        b = points[..., corners, :] - points[..., corners[:, :1], :]
+        b = points[corners] - points[corners[:, :1]]
         w = np.exp(log_weights[corners] - log_weights[corners[:, :1]])
         before: BoolArray = np.roll(given, 1)
-        planes = [_unit(np.cross(b[..., i, :], b[..., i + 1, :])) for i in (1, 3)]
-        normals = planes[0] * given[:, None] + planes[1] * before[:, None]
-        neither = ~given & ~before
-        normals = _unit(np.where(neither[:, None], np.cross(b[..., 1, :], b[..., 4, :]), normals))
-        lengths = np.linalg.norm(b[..., 1:5, :], axis=-1)
-        known = lengths.min(axis=-1) > short * lengths.max(axis=-1)
-        members, factors = [], []
+        neither: BoolArray = ~given & ~before
+        lengths = np.linalg.norm(b[:, 1:5], axis=-1)
+        own = np.cross(b[:, 1], b[:, 4])
+        # Where the edges run on straight, their plane is rounding, and rows tell it.
+        is_straight = neither & (np.linalg.norm(own, axis=1) <= straight * lengths[:, 0] * lengths[:, 3])
+        own[is_straight] = np.cross(b[:, 1] - b[:, 4], b[:, 2] + b[:, 3])[is_straight]
+        planes = [_unit(np.cross(b[:, i], b[:, i + 1])) for i in (1, 3)]
+        normals = _unit(np.where(neither[:, None], own, planes[0] * given[:, None] + planes[1] * before[:, None]))
+        known = lengths.min(axis=1) > short * lengths.max(axis=1)
+        equations = []
         for i, j, k, sums in ((1, 2, 3, (5, 6, 7)), (4, 3, 2, (9, 8, 7))):
-            across = np.cross(normals, b[..., j, :])
-            (x0, y0), (x2, y2) = ((dots(b[..., a, :], b[..., j, :]), dots(b[..., a, :], across)) for a in (i, k))
+            across = np.cross(normals, b[:, j])
+            (x0, y0), (x2, y2) = ((dots(b[:, a], b[:, j]), dots(b[:, a], across)) for a in (i, k))
             size = np.maximum(dots(across, across), 1e-300)
             row = [
                 -y2 * w[:, sums[0]] / (w[:, i] * w[:, j]),
                 2 * (x0 * y2 - x2 * y0) / size * w[:, sums[1]] / w[:, j] ** 2,
                 y0 * w[:, sums[2]] / (w[:, j] * w[:, k]),
             ]
-            members.append(corners[:, list(sums)])
-            factors.append(
-                np.stack(row, axis=-1) / np.maximum(np.abs(row).max(axis=0), 1e-300)[..., None] * known[..., None]
-            )
-        free: tuple[tuple[int, BoolArray], ...] = ((2, ~given), (3, ~before))
-        for column, rows in free:
-            members.append(np.tile(corners[rows, column, None], 3))
-            factors.append(np.broadcast_to([1.0, 0.0, 0.0], (*points.shape[:-2], int(rows.sum()), 3)))
-        kinds = (slice(None), slice(None), ~given, ~before)
-        return cls(
-            np.concatenate(members),
-            np.concatenate([corners[kind, 0] for kind in kinds]),
-            np.concatenate(factors, axis=-2),
-            np.concatenate([normals[..., kind, :] for kind in kinds], axis=-2),
-        )
+            factors = np.stack(row, axis=1) / np.maximum(np.abs(row).max(axis=0), 1e-300)[:, None] * known[:, None]
+            equations.append((corners[:, list(sums)], corners[:, 0], factors, normals, np.zeros(len(corners))))
+        # Rows without planes begin in the corner's, and where edges run on straight on the hole's side of them.
+        places = points[corners[:, 0]]
+        inward = _unit(np.cross(np.cross(places, np.roll(places, -1, axis=0)).sum(axis=0), b[:, 1] - b[:, 4]))
+        for column, free in ((2, ~given), (3, ~before)):
+            least = crossing * lengths[:, column * 3 - 6]
+            near: BoolArray = is_straight & (dots(b[:, column], inward) <= least * (1 + 1e-9))
+            for on, ways, targets in ((free, normals, 0 * least), (near, inward, least)):
+                members, alone = np.tile(corners[on, column, None], 3), np.tile([1.0, 0, 0], (int(on.sum()), 1))
+                equations.append((members, corners[on, 0], alone, ways[on], targets[on]))
+        return cls(*(np.concatenate(parts) for parts in zip(*equations, strict=True)))
 
     def residuals(self, points: FloatArray) -> FloatArray:
-        """Return what is missing: (…, c) sums at (…, n, 3) points."""
-        ways = points[..., self.members, :] - points[..., self.origins[:, None], :]
-        return np.asarray((self.factors * dots(ways, self.normals[..., None, :])).sum(axis=-1))
+        """Return what is missing: (c,) sums at (n, 3) points."""
+        ways = points[self.members] - points[self.origins[:, None]]
+        return np.asarray((self.factors * dots(ways, self.normals[:, None])).sum(axis=1) - self.targets)
 
     def matrix(self, count: int) -> FloatArray:
         """Return the (c, n) factors of n points."""

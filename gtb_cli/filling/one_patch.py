@@ -10,6 +10,7 @@ least variation of curvature: in the metric of the domain, then in that of the s
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -17,10 +18,11 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
-from gtb_cli.fairing.energy import Energy, energy_at, energy_samples
+from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as count_folds, sharp_turns
-from gtb_cli.fairing.variation import bendings, variation_matrices
+from gtb_cli.fairing.metric import forms
+from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
@@ -30,8 +32,7 @@ from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.knots.domain import domain
-from gtb_cli.moment.moment_map import MomentMap
-from gtb_cli.theory.corners import corner_limits
+from gtb_cli.theory.corners import corner_limits, folds_at
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
@@ -94,7 +95,8 @@ def fill_loop(
     for plan in others:
         if not best.faults and not best.after_others:
             break
-        best = min(best, attempt(*plan), key=lambda found: found[:2])
+        # Later patches of a plan are none better than one without faults.
+        best = min(best, attempt(*plan, None if best.faults else 1), key=lambda found: found[:2])
     patch, turns = best.patch, best.sharp_turns
     ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
     points = patch.control_points * size + middle
@@ -187,19 +189,20 @@ def _attempt(
     fullness: float,
     least: int,
     single: bool,
+    most: int | None = None,
 ) -> _Attempt:
     """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
 
-    Folds are also looked for at the sound corners.
+    Folds are also looked for at the sound corners. At most so many patches are tried.
     """
     edges = [edge_rows(side, n, least) for side, n in zip(sides, normals, strict=True)]
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     found: list[_Attempt] = []
-    for patch in _solved(edges, inner, fullness):
+    for patch in islice(_solved(edges, inner, fullness), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
-        folds = count_folds(patch) + sum(corner_limits(patch, k).folds for k in sound)
+        folds = count_folds(patch) + sum(folds_at(patch, k) for k in sound)
         turns = len(sharp_turns(patch))
         found.append(_Attempt(turns + 1000 * (folds + turned), bool(found), folds, turns, raises, patch))
         if not found[-1].faults:
@@ -211,38 +214,36 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
     """Yield patches in units of the loop's size: the fairest, and others if that folds."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
-    samples = max(32**2 * min(len(edges), 8), 4 * len(shape.knots))
-    resolution = math.ceil(math.sqrt(samples / len(edges)))
+    resolution = math.ceil(math.sqrt(max(32**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
     region = domain(shape.knots, "unit")
-    p, areas = energy_samples(region, resolution, NEARER)
+    knots, weights, s, areas = samples(region, shape.log_weights, resolution, NEARER)
     # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
-    depths = np.minimum(_depths(region.vertices, p) / VISIBLE, 1)
+    depths = np.minimum(_depths(region.vertices, energy_samples(region, resolution, NEARER)[0]) / VISIBLE, 1)
     zones = areas * np.stack([depths**16, depths**4])
-    places = MomentMap(shape.knots, shape.log_weights).inverse
-    s = places(p, 1e-6)
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
-    measured = partial(bendings, shape.knots, shape.log_weights, s)
+    measured = partial(bendings, knots, weights, s)
     if inner == "fair":
-        matrices = partial(variation_matrices, shape.knots, shape.log_weights, s)
+        matrices = partial(forms, knots, weights, orders=(2, 3))
         # The search begins in the metric of the domain.
-        second, third = matrices(zones[0], np.column_stack([shape.knots, np.zeros(len(shape.knots))]))
+        second, third = matrices(s, zones[0], np.column_stack([knots, np.zeros(len(knots))]))
         found = [least(third + 30 / areas.sum() * second)]
-        area = measured(zones[0], found)[0].area
+        area = measured(zones[:1], found)[0][0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
         # it varies less at the boundary, and more inside.
-        for second, third in matrices(zones, found[0]):
+        seen = depths == 1  # where both weigh alike
+        inside = matrices(s[:, seen], areas[seen], found[0])
+        for second, third in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
             found += [least(third + factor / area * second) for factor in (0, 100, 400)]
-        bent, below = measured(zones[0], found), measured(areas, found)
+        bent, below = measured(np.stack([zones[0], areas]), found)
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         power = 0 if any(each.second for each in edges) else BENDING_POWER
         scores = [b.energy**power * b.variation * math.sqrt(d.variation) for b, d in zip(bent, below, strict=True)]
-        best = int(np.argmin(scores))
+        flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
+        best = int(np.argmin(scores)) if bent[0].energy > flat else 0
         for k in dict.fromkeys((best, 0)):
             yield Patch(shape.knots, found[k], log_weights=shape.log_weights)
     # A thin plate overshoots least; a membrane is what was asked for.
-    p, all_areas = energy_samples(region, resolution)
-    kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
-    points = least(energy_at(shape.knots, shape.log_weights, places(p, 1e-6, s), all_areas, kind))
+    points = least(energy_at(knots, weights, s, areas, "thin-plate" if inner == "fair" else "dirichlet"))
     yield Patch(shape.knots, points, log_weights=shape.log_weights)
 
 

@@ -100,12 +100,9 @@ class Rows:
 
     def _turning(self, points: FloatArray) -> set[int]:
         """Return the corners at which the ways to first control points do not turn one way, as without a fold."""
-        found = set()
-        for corner in range(len(self._net.corners)):
-            legs, normals = self._legs(points, corner)
-            if (np.cross(legs[:-1], legs[1:]) @ normals.sum(axis=0)).min() <= 0:
-                found.add(corner)
-        return found
+        legs = [self._legs(points, corner) for corner in range(len(self._net.corners))]
+        turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
+        return {corner for corner, turn in enumerate(turns) if turn.min() <= 0}
 
     def _bounds(self, turning: set[int]) -> tuple[FloatArray, FloatArray]:
         """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows at some corners cross their edges, and do not meet.
@@ -144,14 +141,27 @@ def _multipliers(form: FloatArray, missing: FloatArray) -> FloatArray:
 
     If there is no solution, it is the nearest.
     """
-    from scipy.optimize import lsq_linear
-
     size = np.sqrt(np.where(np.diag(form) > 0, np.diag(form), 1.0))
     values, vectors = np.linalg.eigh(form / size / size[:, None])
     good = values > RANK * values[-1]
     roots = np.sqrt(values[good])
     right = vectors[:, good].T @ (missing / size) / roots
-    return np.asarray(lsq_linear(roots[:, None] * vectors[:, good].T, right, (0.0, np.inf), "bvls").x / size)
+    table = roots[:, None] * vectors[:, good].T
+    x, held = np.zeros(len(size)), np.ones(len(size), dtype=np.bool_)
+    for _ in range(3 * len(size)):  # C. L. Lawson, R. J. Hanson, Solving least squares problems (1974), chapter 23
+        pull = np.where(held, table.T @ (right - table @ x), 0.0)
+        if pull.max() <= RANK * np.linalg.norm(right):
+            break
+        held[pull.argmax()] = False
+        while True:
+            found = np.where(held, 0.0, np.linalg.pinv(np.where(held, 0.0, table)) @ right)
+            low = ~held & (found <= 0)
+            if not low.any():
+                break
+            x += (x[low] / (x[low] - found[low])).min() * (found - x)
+            held |= x <= RANK * x.max()
+        x = found
+    return np.asarray(x / size)
 
 
 class _Form:

@@ -12,7 +12,8 @@ from gtb_cli.errors import SpecError
 
 MAX_CHARACTERS = 256  # longest expression, in characters
 MAX_NESTING = 32  # deepest nesting of parentheses, powers and signs
-FUNCTIONS = {function.__name__: function for function in (math.sqrt, math.sin, math.cos, math.tan, math.exp, math.log)}
+_FUNCTION_NAMES = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
+FUNCTIONS = {name: getattr(math, name) for name in _FUNCTION_NAMES}
 COUNTER = "k"  # name of a copy's number, in the expressions of copies
 # Constants known in every expression; ``deg`` is a degree in radians
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
@@ -33,10 +34,10 @@ _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]
 def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> float:
     """Evaluate a number expression of at most `MAX_CHARACTERS` characters, nested at most `MAX_NESTING` deep.
 
-    Digits, ``+ - * / ** ( )``, the functions ``sqrt sin cos tan exp log`` (natural, radians), the constants
-    ``pi e deg`` and further `names`, with Python's precedence: ``-2**2`` is −4, ``2**3**2`` is 512. Every step is a
-    float operation, for integers as well: ``9**9**9**9`` overflows at once. Raises `SpecError` for anything else, and
-    where a final or intermediate result is not a finite real number.
+    Digits, ``+ - * / ** ( )``, the functions ``sqrt sin cos tan asin acos atan exp log`` (natural, radians), the
+    constants ``pi e deg`` and further `names`, with Python's precedence: ``-2**2`` is −4, ``2**3**2`` is 512. Every
+    step is a float operation, for integers as well: ``9**9**9**9`` overflows at once. Raises `SpecError` for anything
+    else, and where a final or intermediate result is not a finite real number.
     """
     if len(text) > MAX_CHARACTERS:
         _refuse(text, f"has {len(text)} characters, at most {MAX_CHARACTERS} are allowed")
@@ -88,8 +89,6 @@ def _unknown(word: str, names: Mapping[str, float]) -> str:
         return f"unknown name {word!r}, lengths are numbers without a unit"
     if word == COUNTER:
         return f"unknown name {word!r}, which is the number of a copy, in copies with `repeat` alone"
-    if word.removeprefix("a").removeprefix("rc") in ("sin", "cos", "tan"):
-        return f"unknown name {word!r}, there is no inverse of {word[-3:]}: write the angle as a number"
     likely = difflib.get_close_matches(word, names, n=1)
     if likely:
         return f"unknown name {word!r}, did you mean {likely[0]}?"

@@ -48,7 +48,7 @@ def schema() -> Schema:
         "positive": _number(exclusiveMinimum=0),
         "scale": _number(minimum=1 / MAX_SIZE, maximum=MAX_SIZE),
         "expression": {
-            "description": "Digits, + - * / ** ( ), sqrt sin cos tan exp log pi e deg, names of let.",
+            "description": "Digits, + - * / ** ( ), sqrt sin cos tan asin acos atan exp log pi e deg, names of let.",
             "type": "string",
             "maxLength": MAX_CHARACTERS,
             "pattern": "[0-9A-Za-z]",

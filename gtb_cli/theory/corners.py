@@ -152,6 +152,12 @@ def normal_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corne
     return _normals(corner_knots(domain, log_weights, points, corner)[0])[0].normal
 
 
+def folds_at(patch: Blend, corner: int) -> bool:
+    """Return what `corner_limits` says of folds, without the curvature."""
+    basis = patch.rational_basis
+    return _normals(corner_knots(basis.domain, basis.log_weights, patch.control_points, corner)[0])[0].folds
+
+
 def _normals(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, list[FloatArray]]:
     """Return the limits of normals, the terms of P_s × P_t, the two knots of each limit, and the rays between."""
     area, pairs = _areas(knots)

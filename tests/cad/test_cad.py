@@ -12,6 +12,7 @@ import pytest
 
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
+from gtb_cli.cad.cad_seams import along_edge
 from gtb_cli.cad.exact_surfaces import exact_surfaces
 from gtb_cli.cad.kernel import KERNEL_UNITS, encode_cad
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
@@ -297,6 +298,16 @@ def bends(shape: Any) -> list[float]:
 
     pairs = [[normals(edge, face) for face in uses] for edge, uses in sides if len(uses) == 2]
     return [float(np.degrees(2 * np.arcsin(np.linalg.norm(a - b, axis=1).max() / 2))) for a, b in pairs]
+
+
+def test_seams_are_measured_to_a_hundred_thousandth_of_an_edge() -> None:
+    box = SPECS / "box.step"
+    shape = cad_files.read_shape(box.read_bytes(), "step", str(box))
+    for (edge, face), *_ in cad_files.uses_of_edges(shape).values():
+        points = along_edge(edge, face)[0]
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        assert max(steps[0], steps[-1]) < 1e-4 * steps.sum()
+        assert distance(edge, points[[0, -1]]) < PLACE
 
 
 @pytest.mark.parametrize("spec", mostly_long([pillow(rectangle(2)), pentagon(), pillow(integer_pentagon())]))

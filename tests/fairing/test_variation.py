@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.fairing.variation import bendings, linearisation, variation_matrices
+from gtb_cli.fairing.energy import energy_samples, samples
+from gtb_cli.fairing.metric import forms
+from gtb_cli.fairing.variation import bendings, linearisation
+from gtb_cli.knots.domain import domain
 from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment.solve import LogSum
 from gtb_cli.theory.patch import Patch
 
 
@@ -33,7 +36,7 @@ def graph(a: float) -> Patch:
 def test_a_cylinder_over_a_parabola():
     """Arc length s has ds = w dx with w² = 1 + 4 x²; κ = 2 / w³ and H = κ / 2."""
     patch = graph(0.0)
-    (found,) = bendings(*sampled(patch, 40), [patch.control_points])
+    ((found,),) = bendings(*sampled(patch, 40), [patch.control_points])
     nodes, weights = np.polynomial.legendre.leggauss(40)
     x, dx = 0.5 + 0.4995 * nodes, 0.4995 * weights
     w = np.sqrt(1 + 4 * x * x)
@@ -47,10 +50,45 @@ def test_a_cylinder_over_a_parabola():
 @pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e3)])
 def test_integrals_have_no_unit(scale, shift):
     patch = graph(0.5)
-    one, other = bendings(*sampled(patch), [patch.control_points, patch.control_points * scale + shift])
+    ((one, other),) = bendings(*sampled(patch), [patch.control_points, patch.control_points * scale + shift])
     assert other.energy == pytest.approx(one.energy, rel=1e-6)
     assert other.variation == pytest.approx(one.variation, rel=1e-6)
     assert other.curvature * scale == pytest.approx(one.curvature, rel=1e-6)
+
+
+def test_several_zones_are_measured_at_once():
+    patch = graph(0.5)
+    *where, areas = sampled(patch, 10)
+    zones = areas * np.stack([np.linspace(0, 1, len(areas)), np.ones(len(areas))])
+    found = bendings(*where, zones, [patch.control_points, -2 * patch.control_points])
+    for zone, expected in zip(zones, found, strict=True):
+        (alone,) = bendings(*where, zone, [patch.control_points])
+        assert alone[0].energy == pytest.approx(expected[0].energy, rel=1e-12)
+        assert alone[0].area == pytest.approx(expected[1].area / 4, rel=1e-12)
+
+
+@pytest.mark.parametrize("p", [[0.5, 1e-5], [1e-5, 0.3], [2e-5, 1e-5], [1 - 1e-5, 1 - 2e-5]])
+def test_digits_are_kept_near_edges_and_corners(p):
+    """Curvature there follows from differences of sums that are 1e10 times larger in coordinates from elsewhere."""
+    bent = bicubic(lambda x, y: np.column_stack([x, y, x * x + np.sin(3 * x * y)]))
+    turn = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    patch = Patch(bent.knots @ turn, bent.control_points, coefficients="binomial")
+    place = np.array([p]) @ turn
+    s = MomentMap(patch.knots, patch.log_products).inverse(place)
+    ((found,),) = bendings(patch.knots, patch.log_products, s, np.ones(1), [patch.control_points])
+    curvature = patch.curvature(place, "linear")
+    mean, gaussian = float(curvature.mean[0]), float(curvature.gaussian[0])
+    assert found.curvature == pytest.approx(abs(mean) + math.sqrt(mean**2 - gaussian), rel=2e-8)
+
+
+def test_samples_start_from_coarser_ones(monkeypatch):
+    """A place takes few evaluations of the moments: 11 from the layers alone, on loops of many knots 25."""
+    columns, moments = [], LogSum.moments
+    monkeypatch.setattr(LogSum, "moments", lambda total, s: (columns.append(s.shape[1]), moments(total, s))[1])
+    lattice = domain(np.stack(np.mgrid[:12, :12], axis=-1).reshape(-1, 2))
+    found = samples(lattice, np.random.default_rng(0).normal(size=144), 32)
+    assert sum(columns) < 8 * len(found.areas)
+    np.testing.assert_allclose(found.areas @ MomentMap(*found[:2])(found.s), 0, atol=1e-9)
 
 
 def test_forms_are_the_integrals_of_the_surface_whose_metric_they_have():
@@ -58,8 +96,8 @@ def test_forms_are_the_integrals_of_the_surface_whose_metric_they_have():
     patch = graph(0.5)
     uneven = Patch(patch.knots, patch.control_points, np.geomspace(1, 3, 16), "binomial")
     where = sampled(uneven)
-    second, third = variation_matrices(*where, uneven.control_points)
-    (found,) = bendings(*where, [uneven.control_points])
+    second, third = forms(*where, uneven.control_points, (2, 3))
+    ((found,),) = bendings(*where, [uneven.control_points])
     points = uneven.control_points
     assert np.einsum("ik,ij,jk->", points, second, points) == pytest.approx(found.energy, rel=1e-9)
     # The part of a symmetric tensor of third order that its trace determines has 3/4 of the square of the trace, 2 ∇H
@@ -75,7 +113,7 @@ def test_the_third_form_vanishes_on_paraboloids_seen_from_afar():
         patch = bicubic(
             lambda x, y, size=size: np.column_stack([x, y, size * (x * (x - 1 / 3) + y * (y - 1 / 3)) * 1.5])
         )
-        _, third = variation_matrices(*sampled(patch), patch.control_points)
+        (third,) = forms(*sampled(patch), patch.control_points, (3,))
         energies.append(np.einsum("ik,ij,jk->", patch.control_points, third, patch.control_points))
     assert math.log2(energies[1] / energies[0]) == pytest.approx(6, abs=0.1)
 
@@ -90,12 +128,12 @@ def test_the_linearisation_is_that_of_differences():
     moved = [uneven.control_points.copy() for _ in range(18)]
     for points, step in zip(moved, (*steps, *-steps), strict=True):
         points[members] += step
-    found = [(b.area, b.energy, b.variation / b.area) for b in bendings(*where, [uneven.control_points, *moved])]
+    found = [(b.area, b.energy, b.variation / b.area) for b in bendings(*where, [uneven.control_points, *moved])[0]]
     np.testing.assert_allclose(values, found[0], rtol=1e-12)
     differences = (np.array(found[1:10]) - found[10:]).T / (2 * h)
     for slope, expected in zip(slopes, differences, strict=True):
         np.testing.assert_allclose(2 * slope, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
     for square in squares:
         assert np.linalg.eigvalsh(square).min() > -1e-9 * np.abs(square).max()
-    for matrix, whole in zip(matrices, variation_matrices(*where, uneven.control_points), strict=True):
+    for matrix, whole in zip(matrices, forms(*where, uneven.control_points, (2, 3)), strict=True):
         np.testing.assert_allclose(matrix, whole[np.ix_(members, members)], rtol=1e-9)

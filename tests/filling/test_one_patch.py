@@ -14,20 +14,21 @@ from scipy.spatial import cKDTree
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy, energy_samples
 from gtb_cli.fairing.folds import folds, sharp_turns
-from gtb_cli.filling import net
+from gtb_cli.filling import net, one_patch
 from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.hole_corners import concave_corners
 from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.loops import loop_from_text, read_loop
 from gtb_cli.filling.one_patch import fill_loop
+from gtb_cli.filling.rows import _multipliers
 from gtb_cli.filling.sides import HoleSide, bezier_form, points_and_tangents, raised, stations
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.strips import curve_side
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
-from gtb_cli.theory.corners import corner_limits
+from gtb_cli.theory.corners import corner_limits, folds_at
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
 from tests.filling.loops import ARC, homogeneous, random_sides
@@ -236,6 +237,47 @@ def test_at_smooth_corners_the_patch_does_not_fold():
     assert filling.fault is None
     assert filling.bending.energy < 14.1  # of Open CASCADE's
     assert max(corner_limits(filling.patch, corner).curvature for corner in range(6)) < 30
+
+
+@pytest.mark.parametrize(("inner", "folded"), [([0.3, 0.3, 0], False), ([-1, 0.5, 0], True), ([0.5, -1, 0], True)])
+def test_corners_with_folds_are_faults(inner, folded, monkeypatch):
+    """The ways from the corner (0, 0) to its three first control points turn one way, or back."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], inner])
+    patch = Patch([[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.3]], points)
+    assert folds_at(patch, 0) == corner_limits(patch, 0).folds == folded
+    monkeypatch.setattr(one_patch, "_solved", lambda *_: iter([patch]))
+    monkeypatch.setattr(one_patch, "count_folds", lambda _: 0)
+    assert bool(fill_loop(plane_sides(points[:4], [1] * 4), raises=0).folds) == folded
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_bounds_are_met_with_the_least_multipliers(seed):
+    """The one solution has a multiplier, or room, for each bound: not both. Some forms do not see all of them."""
+    rng = np.random.default_rng(seed)
+    table = rng.normal(size=(8, 12 if seed % 2 else 5)) * np.geomspace(1, 1e3, 8)[:, None]
+    form, missing = table @ table.T, table @ rng.normal(size=table.shape[1])
+    found = _multipliers(form, missing)
+    room = (form @ found - missing) / np.sqrt(np.diag(form))
+    assert found.min() >= 0
+    assert room.min() > -1e-9
+    assert np.abs(room * found * np.sqrt(np.diag(form))).max() < 1e-9
+
+
+def test_plans_end_where_none_of_their_patches_can_win(monkeypatch):
+    """The first plan has a second patch without faults: of others only a first one would be better."""
+    tried, sides = [], plane_sides(L[[0, 1, 2, 5]], [1] * 4)
+    good = fill_loop(sides, raises=0).patch
+    points = good.control_points.copy()
+    points[4:] += np.random.default_rng(0).normal(size=points[4:].shape)
+
+    def patches(edges, *_):
+        for patch in (good.replace(control_points=points), good):
+            tried.append((len(edges[0].curve) - 2, len(edges[0].fields) == 1))
+            yield patch
+
+    monkeypatch.setattr(one_patch, "_solved", patches)
+    assert fill_loop(sides, raises=1).raises == (1, 1, 1, 1)
+    assert tried == [(1, False), (1, False), (1, True), (2, False), (3, True)]
 
 
 def test_corners_where_ribbons_disagree_are_said():
@@ -645,3 +687,25 @@ def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
     assert filling.model.joints.closed
     assert filling.angle < PLANES
     assert filling.folds == 0
+
+
+def smooth_curves(n: int, height: float) -> list[HoleSide]:
+    """Sides of a closed curve around the z axis that runs on straight from each to the next."""
+    t = 2 * np.pi * np.arange(n + 1) / n
+    places = np.column_stack([np.cos(t), np.sin(t), height * np.sin(2 * t)])
+    legs = np.column_stack([-np.sin(t), np.cos(t), 2 * height * np.cos(2 * t)]) * (2 * np.pi / n / 3)
+    rows = zip(places, places + legs, np.roll(places - legs, -1, axis=0), np.roll(places, -1, axis=0), strict=True)
+    return [HoleSide(f"side {k}", homogeneous(np.array(row))) for k, row in enumerate([*rows][:n])]
+
+
+@pytest.mark.parametrize(("n", "height"), mostly_long([(5, 0.0), (4, 0.2), (6, 0.3)], 2))
+def test_rows_without_planes_begin_inside_smooth_corners(n, height):
+    filling = fill_loop(smooth_curves(n, height))
+    assert max(corner.angle for corner in filling.corners) < 1e-3
+    limits = np.array([corner.normal for corner in filling.corners])
+    vertices = filling.patch.domain.vertices
+    for share in (1e-5, 1e-3, 1e-2):
+        places = vertices + share * (filling.patch.domain.center - vertices)
+        assert (filling.patch.normals(places, "linear") * limits).sum(axis=1).min() > 0.99
+    if height == 0:
+        assert np.abs(filling.patch.control_points[:, 2]).max() < 1e-9
