@@ -66,7 +66,8 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
 
 
 def _is_likely(a: Mesh, b: Mesh, found: Matching, tolerance: float) -> bool:
-    """Tell whether cells used in one order may be the same: equal parts in another order are far, at known places."""
+    """Tell whether cells that are used in the same order may be the same."""
+    # Where equal parts stand in another order, many vertices are far from their own ones, and few places are new.
     count = len(found.vertices)
     _, label = numbered_places(np.concatenate([a.vertices[found.vertices], b.vertices[found.others]]))
     return bool((found.distances > tolerance).sum() <= 2 * (~np.isin(label[:count], label[count:])).sum())

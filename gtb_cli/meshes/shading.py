@@ -21,7 +21,10 @@ class Normals(NamedTuple):
 
 
 def normals_of_corners(cells: IntArray, count: int, vectors: FloatArray, rows: IntArray) -> Normals:
-    """Return the normals of a mesh of `count` vertices from (f, 3) vectors of corners; a vertex has its first one."""
+    """Return the normals of a mesh with `count` vertices from the (f, 3) rows of vectors that the corners have.
+
+    The first one of those that a vertex has is the vertex's.
+    """
     keys, place = np.unique(paired(cells, rows, len(vectors)).ravel(), return_inverse=True)
     vertex, row = np.divmod(keys, len(vectors))
     further = np.diff(vertex, prepend=-1) == 0
