@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gtb_cli.bezier.pieces import bezier_pieces as bezier_pieces, split_curve as split_curve
     from gtb_cli.checks.properties import check as check
     from gtb_cli.checks.report import Finding as Finding, ModelReport as ModelReport, Report as Report
-    from gtb_cli.distances.comparison import diff as diff, distance as distance
+    from gtb_cli.distances.diff_and_distance import diff as diff, distance as distance
     from gtb_cli.errors import (
         DomainError as DomainError,
         ExportError as ExportError,
@@ -127,9 +127,9 @@ Meshes
     formats.export: write_mesh
     formats.meshfiles: read_mesh
 Measurements
-    distances.comparison: distance
+    distances.diff_and_distance: distance
     meshes.hausdorff: Distance
-    distances.comparison: diff
+    distances.diff_and_distance: diff
     meshes.difference: Difference
     language.for_paths: joints
     models.joints: Joints, Joint

@@ -19,7 +19,7 @@ import pytest
 from gtb_cli.vocabulary import FORMATS, suffix_of
 
 if TYPE_CHECKING:
-    from gtb_cli.distances.comparison import Comparable
+    from gtb_cli.distances.diff_and_distance import Comparable
     from gtb_cli.meshes.difference import Aspect, Kind
     from gtb_cli.verdicts.comparing import Comparing
 
@@ -151,7 +151,7 @@ class MeshRegression:
         the test fails at its end.
         """
         __tracebackhide__ = True
-        from gtb_cli.distances.comparison import operand
+        from gtb_cli.distances.diff_and_distance import operand
         from gtb_cli.errors import GtbError
         from gtb_cli.formats.export import encode_mesh
         from gtb_cli.tessellation.recipe import Recipe

@@ -3,7 +3,7 @@
 from typing import Any
 
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
-from gtb_cli.cad.kernel import encode_cad
+from gtb_cli.cad.sewing import encode_cad
 from gtb_cli.errors import RequirementError
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch

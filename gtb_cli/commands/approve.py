@@ -159,7 +159,7 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
     source = verdict.paths[1]
     if suffix_of(source) not in FORMATS:
         return f"{len(content)} bytes"
-    from gtb_cli.distances.comparison import decoded
+    from gtb_cli.distances.diff_and_distance import decoded
     from gtb_cli.review.changes import change
     from gtb_cli.review.table import rows
 

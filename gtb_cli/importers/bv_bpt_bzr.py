@@ -11,7 +11,7 @@ import math
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.importers.classical_nets import MAX_DEGREE, dehomogenized, polygon, rectangle, triangle
 from gtb_cli.importers.words import Words
-from gtb_cli.language.entries import valid_name
+from gtb_cli.language.keys_and_values import valid_name
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
 

@@ -8,8 +8,17 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.language.document import shown
-from gtb_cli.language.entries import COORDINATE, MAX_POINTS, MAX_SIZE, SCALE, Table, Values, name_fault, suggestion
 from gtb_cli.language.expression import COUNTER
+from gtb_cli.language.keys_and_values import (
+    COORDINATE,
+    MAX_POINTS,
+    MAX_SIZE,
+    SCALE,
+    Table,
+    Values,
+    name_fault,
+    suggestion,
+)
 from gtb_cli.language.patch_reader import AT_THE_TOP, COPY_KEYS, PATCH_KEYS
 from gtb_cli.language.scanner import Path
 from gtb_cli.theory.patch import Patch

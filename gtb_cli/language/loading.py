@@ -11,8 +11,8 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import Fault, SpecError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES, Document, Faults, error_about, read, spec_format_of
-from gtb_cli.language.entries import Budget, Values, valid_name
 from gtb_cli.language.includes import Library
+from gtb_cli.language.keys_and_values import Budget, Values, valid_name
 from gtb_cli.language.model_reader import ModelReader
 from gtb_cli.language.reading import NO_LET, Let, Reading
 from gtb_cli.language.scanner import Format

@@ -5,7 +5,7 @@ from typing import Any
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import shown
-from gtb_cli.language.entries import POSITIVE, Table, Values
+from gtb_cli.language.keys_and_values import POSITIVE, Table, Values
 from gtb_cli.language.names import named_numbers
 from gtb_cli.language.patch_reader import INCLUDE_KEYS, MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.reading import NO_LET, Let

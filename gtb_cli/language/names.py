@@ -8,8 +8,8 @@ from typing import Any
 
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import shown
-from gtb_cli.language.entries import FINITE, Values, suggestion
 from gtb_cli.language.expression import CONSTANTS, COUNTER, FUNCTIONS, evaluate_expression, names_in
+from gtb_cli.language.keys_and_values import FINITE, Values, suggestion
 from gtb_cli.language.reading import Let, Number
 
 NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number

@@ -9,7 +9,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.language.document import shown
-from gtb_cli.language.entries import COORDINATE, POSITIVE, SCALE, Check, Table, Values, decimal_commas
+from gtb_cli.language.keys_and_values import COORDINATE, POSITIVE, SCALE, Check, Table, Values, decimal_commas
 from gtb_cli.language.scanner import Path
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.weights import COEFFICIENTS

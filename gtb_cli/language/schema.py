@@ -7,9 +7,9 @@ from typing import Any, TypeAlias, get_args
 
 from gtb_cli.knots.domain import EdgeNormals
 from gtb_cli.language.copies import AXES
-from gtb_cli.language.entries import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
 from gtb_cli.language.expression import CONSTANTS, COUNTER, FUNCTIONS, MAX_CHARACTERS
 from gtb_cli.language.includes import MAX_FILES
+from gtb_cli.language.keys_and_values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
 from gtb_cli.language.names import MAX_NAMES, MAX_NUMBER_NAME, NAME_PATTERN
 from gtb_cli.language.patch_reader import MAX_KNOTS, MAX_PATCHES
 from gtb_cli.theory.weights import COEFFICIENTS

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import read
-from gtb_cli.language.entries import MAX_SIZE
 from gtb_cli.language.expression import FUNCTIONS, evaluate_expression, names_in
+from gtb_cli.language.keys_and_values import MAX_SIZE
 from gtb_cli.language.scanner import Format
 
 _COMMENT = re.compile(r"""(?:[^"'#]|"(?:[^"\\]|\\.)*"|'[^']*')*#\s*(.*)""")

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.errors import SpecError
 from gtb_cli.files import replace_file
-from gtb_cli.language.entries import MAX_SIZE, name_fault
+from gtb_cli.language.keys_and_values import MAX_SIZE, name_fault
 from gtb_cli.language.loading import parse
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch

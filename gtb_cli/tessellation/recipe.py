@@ -215,9 +215,9 @@ class Recipe:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
         if not isinstance(self.tolerance, str):
             return self.tolerance
-        from gtb_cli.tessellation.tessellate import tolerance_for
+        from gtb_cli.tessellation.tessellate import percentage_of_size
 
-        return tolerance_for(spec, self.tolerance)
+        return percentage_of_size(spec, self.tolerance)
 
     def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
         """Say how sure the tolerance is: certified for curves, sampled for surfaces and tubes; None without one."""

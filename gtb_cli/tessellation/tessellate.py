@@ -97,7 +97,7 @@ def tessellate(
     else:
         from gtb_cli.tessellation.refinement import refine
 
-        largest = tolerance_for(shape, tolerance) if isinstance(tolerance, str) else float(tolerance)
+        largest = percentage_of_size(shape, tolerance) if isinstance(tolerance, str) else float(tolerance)
         if weld.farthest > largest:
             far = f"welding moves vertices by up to {weld.farthest:.3g}"
             raise ToleranceError(f"{far}, more than the tolerance {largest:g}")
@@ -109,7 +109,7 @@ def tessellate(
     return finished(shape, joints, mosaic, weld.moved(mosaic, points), sampler, normals)
 
 
-def tolerance_for(shape: Patch | Model, percent: str) -> float:
+def percentage_of_size(shape: Patch | Model, percent: str) -> float:
     """Return a percentage, such as ``"1%"``, of the diagonal of a shape's bounding box in model units."""
     resolution = 16  # of the mesh whose bounding box is meant
     diagonal = math.dist(*tessellate(shape, resolution, normals=False, max_faces=10**12).bounds)

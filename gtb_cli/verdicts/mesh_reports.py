@@ -25,7 +25,7 @@ def spec_or_report(path: str) -> Spec | dict[str, Any]:
     """
     import hashlib
 
-    from gtb_cli.distances.comparison import decoded
+    from gtb_cli.distances.diff_and_distance import decoded
     from gtb_cli.importers.cad_files import cad_kind
 
     data = mesh_or_spec(path)

@@ -98,7 +98,7 @@ def test_numbers_with_a_star_look_different(tmp_path):
 
 
 def test_equal_bytes_are_compared_at_once(tmp_path, monkeypatch):
-    monkeypatch.setattr("gtb_cli.distances.comparison.decoded", None)
+    monkeypatch.setattr("gtb_cli.distances.diff_and_distance.decoded", None)
     for suffix in ("obj", "stl", "ply", "glb"):
         paths = tmp_path / f"one.{suffix}", tmp_path / f"two.{suffix}"
         for path in paths:

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from gtb_cli.errors import SpecError
-from gtb_cli.language.entries import MAX_EXPRESSIONS
+from gtb_cli.language.keys_and_values import MAX_EXPRESSIONS
 from gtb_cli.language.loading import load, parse
 from gtb_cli.language.patch_reader import MAX_KNOTS, MAX_PATCHES, MAX_UNITY
 from tests.specs import BAD_SPECS, SECONDS, Case, bad_specs

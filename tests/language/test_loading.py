@@ -14,7 +14,7 @@ from hypothesis import assume, given, strategies as st
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import MAX_BYTES, Faults
-from gtb_cli.language.entries import MAX_SIZE
+from gtb_cli.language.keys_and_values import MAX_SIZE
 from gtb_cli.language.loading import load, parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
