@@ -8,9 +8,9 @@ from gtb_cli.arrays import FloatArray, cross, dot
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.quadrature import quadrature
+from gtb_cli.theory.rational_basis import RationalBasis
 
 _ORDERS = (8, 12, 16, 24, 32, 48, 64, 96, 128)
 

@@ -11,8 +11,8 @@ from gtb_cli.checks.bounding_boxes import bounds
 from gtb_cli.knots.domain import EdgeNormals, has_integer_corners
 from gtb_cli.knots.lattice import lattice_of, repeated
 from gtb_cli.knots.triangulation import cell_count, triangulation
-from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import RationalBasis
 from gtb_cli.values import frozen
 
 Kind: TypeAlias = Literal[

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import Fault, GtbError
-from gtb_cli.shell.console import Console
 from gtb_cli.shell.folders import files_in
+from gtb_cli.shell.messages import Console
 from gtb_cli.shell.options import INPUT, console_option, difference_option, ignore_option
 from gtb_cli.shell.streams import opened
 from gtb_cli.verdicts.comparing import Comparing

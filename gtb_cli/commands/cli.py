@@ -11,8 +11,8 @@ from importlib import import_module
 import click
 
 from gtb_cli.errors import Fault, RequirementError
-from gtb_cli.shell.console import FORMS, STANDARD, abandon, begin, finish, say, tell
 from gtb_cli.shell.faults import faults_about
+from gtb_cli.shell.messages import FORMS, STANDARD, abandon, begin, finish, say, tell
 from gtb_cli.version import __version__
 from gtb_cli.vocabulary import COMPLETION_VARIABLE, printable
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.shell.console import Console
+from gtb_cli.shell.messages import Console
 from gtb_cli.shell.options import WholeNumber, json_option, lifting_option, spec_argument, streams_options
 from gtb_cli.shell.streams import Streams, about, single, write_json
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, Console, tell
 from gtb_cli.shell.folders import pairs
+from gtb_cli.shell.messages import STANDARD, Console, tell
 from gtb_cli.shell.options import (
     INPUT,
     difference_option,
@@ -32,7 +32,7 @@ from gtb_cli.vocabulary import RESOLUTION, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Aspect, Kind
-    from gtb_cli.theory.parametrization import Parametrization
+    from gtb_cli.theory.rational_basis import Parametrization
 
 
 def _reports(paths: tuple[str, ...]) -> tuple[str, ...]:

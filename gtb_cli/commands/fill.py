@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import RequirementError
-from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, reads, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input, write_blocks, write_json
 from gtb_cli.shell.surface_files import surface_format

@@ -5,7 +5,7 @@ from itertools import islice
 import click
 
 from gtb_cli.errors import SpecError
-from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, numbers_of, reads, streams_options
 from gtb_cli.shell.streams import Streams, about, input_stem, numbered_rows, opened, shown_input
 

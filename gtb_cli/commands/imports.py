@@ -5,7 +5,7 @@ import os
 import click
 
 from gtb_cli.errors import RequirementError
-from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, output_options
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input
 from gtb_cli.vocabulary import IMPORTS

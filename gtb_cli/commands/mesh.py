@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
-from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.meshing import MeshOptions, summary
+from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, OUTPUT, check_outputs, mesh_options, output_option, reading_streams
 from gtb_cli.shell.several import attempted, inputs_of
 from gtb_cli.shell.streams import (

@@ -5,7 +5,7 @@ import re
 
 import click
 
-from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import WholeNumber, output_options
 from gtb_cli.shell.streams import Streams
 from gtb_cli.vocabulary import TEMPLATES

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.limit_options import limit_options
+from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import (
     WholeNumber,
     numbers_of,

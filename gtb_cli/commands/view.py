@@ -10,10 +10,10 @@ import click
 
 from gtb_cli.errors import ToleranceError
 from gtb_cli.language.reading import Numbers, Reading
-from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options
+from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import (
     INPUT,
     WholeNumber,

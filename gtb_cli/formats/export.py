@@ -11,8 +11,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
-from gtb_cli.formats.digits import BLOCK_ROWS, decimals, number_lines, obj_blocks
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, first_beyond, single_half_steps
+from gtb_cli.formats.obj_writing import BLOCK_ROWS, decimals, number_lines, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, UNIT_FORMATS, UNITS, UP, Up, plain_name, suffix_of
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.digits import text_rows
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, triangles, unreserved
+from gtb_cli.formats.obj_writing import text_rows
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
 from gtb_cli.meshes.mesh import ABSENT, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name

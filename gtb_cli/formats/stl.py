@@ -11,8 +11,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError, MeshError
-from gtb_cli.formats.digits import BLOCK_ROWS, text_rows
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, single_half_steps
+from gtb_cli.formats.obj_writing import BLOCK_ROWS, text_rows
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import FACETS, Values

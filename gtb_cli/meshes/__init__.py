@@ -1,1 +1,1 @@
-"""Meshes without a patch: topology, measures, distances, and what differs between two."""
+"""Meshes without a patch: topology, measures, distances; what differs between two, and beyond which tolerance."""

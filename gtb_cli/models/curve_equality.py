@@ -1,4 +1,4 @@
-"""Curves of edges beside each other: proofs that two are equal, and how far apart others are measured to be."""
+"""Curves of edges beside each other: proofs that two are equal, and distances; `joined_edges` decides."""
 
 from collections.abc import Iterator
 

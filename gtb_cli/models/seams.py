@@ -17,8 +17,8 @@ from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.normals import on_edge
-from gtb_cli.theory.parametrization import LinearParametrization, RationalBasis
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import LinearParametrization, RationalBasis
 from gtb_cli.values import frozen
 
 SEAM_PLACES = 49  # along each seam, denser near its ends, which are left out: corners have normals of their own

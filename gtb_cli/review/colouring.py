@@ -1,4 +1,4 @@
-"""What colours show of a mesh: its distances from another one, and its faces that are turned over."""
+"""The numbers that colours show: distances of a mesh, and faces that are turned over; colours are in `page.js`."""
 
 import numpy as np
 

@@ -14,7 +14,7 @@ import click
 
 from gtb_cli.errors import ExportError
 from gtb_cli.process.versions import versions
-from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks
 from gtb_cli.vocabulary import SCHEMA
 

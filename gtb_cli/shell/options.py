@@ -9,10 +9,10 @@ import click
 
 from gtb_cli.errors import DomainError, ExportError, SpecError
 from gtb_cli.language.reading import Reading, assignment
-from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.faults import leads_out
 from gtb_cli.shell.gathering import Function, Option, gathered
 from gtb_cli.shell.meshing import MeshOptions
+from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.streams import Spec, Streams, refuse_overwriting
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import (

@@ -12,9 +12,9 @@ import click
 
 from gtb_cli.errors import ExportError
 from gtb_cli.language.reading import Reading
-from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
+from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import check_outputs, console_option, mesh_options, output_to, reading_option
 from gtb_cli.shell.streams import Streams, about, file_stem, is_device, is_folder, shown_input, versioned, write_text
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of

@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 import click
 
 from gtb_cli.errors import Fault, GtbError
-from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import are_several, specs_among
 from gtb_cli.shell.gathering import Option, gathered
+from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, json_option, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, refuse_overwriting, shown_input, write_json
 from gtb_cli.shell.workers import Workers, jobs_option

@@ -16,7 +16,7 @@ import click
 
 from gtb_cli.errors import ExportError, Fault, GtbError, SpecError
 from gtb_cli.language.reading import AS_SEEN, Reading
-from gtb_cli.shell.console import STANDARD, Console, abandon
+from gtb_cli.shell.messages import STANDARD, Console, abandon
 from gtb_cli.vocabulary import SCHEMA, suffix_of
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from urllib.parse import parse_qs
 
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.language.reading import Numbers, Reading, assignment
-from gtb_cli.shell.console import Console
 from gtb_cli.shell.faults import faults_about
+from gtb_cli.shell.messages import Console
 from gtb_cli.shell.streams import is_device, read_bytes
 from gtb_cli.shell.watching import Files
 

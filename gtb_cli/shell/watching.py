@@ -1,4 +1,4 @@
-"""Files that `--watch` follows: whether they have changed, and `gtb mesh`, which then makes its meshes again."""
+"""Files that `--watch` follows, and `gtb mesh`, which then makes its meshes again; for `gtb view` see `view_server`."""
 
 import functools
 import os
@@ -9,9 +9,9 @@ from typing import Any
 import click
 
 from gtb_cli.errors import ExportError
-from gtb_cli.shell.console import STANDARD, finish, tell
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import specs_among
+from gtb_cli.shell.messages import STANDARD, finish, tell
 from gtb_cli.shell.streams import Streams
 
 

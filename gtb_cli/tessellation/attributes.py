@@ -12,8 +12,8 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.sampler import Sampler, torically_inside
 from gtb_cli.theory.curvature import Curvature, curvature, curvatures_at
-from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import Parametrization
 from gtb_cli.vocabulary import ATTRIBUTES, BASIS
 
 QUALITY_NAME = "quality"  # the scalar that MeshLab colours by; it repeats the first attribute that was asked for

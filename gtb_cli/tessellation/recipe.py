@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.models.model import Model
     from gtb_cli.tessellation.solid_making import Held, TubeMaker, WallMaker
-    from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
+    from gtb_cli.theory.rational_basis import Parametrization
 
 
 @by_value
@@ -212,7 +212,7 @@ class Recipe:
         return tessellate(spec, segments, normals=False)
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:
-        """Return the tolerance in model units; a percentage is of the spec's own size."""
+        """Return the tolerance in model units; a percentage is of the spec's size, as `percentage_of_size` says."""
         if not isinstance(self.tolerance, str):
             return self.tolerance
         from gtb_cli.tessellation.tessellate import percentage_of_size

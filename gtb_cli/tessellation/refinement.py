@@ -1,4 +1,4 @@
-"""Refinement of a complex until the surface is within a tolerance of the mesh.
+"""Refinement of a complex until the surface is within a tolerance; shared vertices are made in `complexes`.
 
 Each edge is sampled when it is made, and split in the middle if the surface is farther from it than the tolerance. Both
 cells beside an edge see the same decision, so there are no hanging vertices. When all edges hold, segments of curves

@@ -9,7 +9,7 @@ from gtb_cli.errors import RequirementError
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, components_of, sides_of
-from gtb_cli.models.joint_search import find_joints
+from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import touching
 from gtb_cli.models.openings import obstacles, unjoined_seams

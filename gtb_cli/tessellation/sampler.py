@@ -13,8 +13,8 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.tessellation.complexes import kinds_of
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.parametrization import LinearParametrization, blend_each, toric_locations
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import LinearParametrization, blend_each, toric_locations
 from gtb_cli.values import frozen
 
 # Locates (m, d) parameters on given faces of Δ, to a fraction `within` of its size; `numbers` has the vector of weights

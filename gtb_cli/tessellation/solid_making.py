@@ -16,8 +16,8 @@ from gtb_cli.tessellation.remarks import offset_folds, thin_wall
 from gtb_cli.tessellation.requirements import require
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_name
-from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import Parametrization
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import Rim
 

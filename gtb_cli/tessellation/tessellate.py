@@ -14,8 +14,8 @@ from gtb_cli.tessellation.complexes import coarse_complexes, joined_complex
 from gtb_cli.tessellation.finished import finished
 from gtb_cli.tessellation.sampler import Sampler, evenly, torically, torically_inside
 from gtb_cli.tessellation.welding import Weld
-from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import Parametrization
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, check_fineness, percentage
 
 Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]

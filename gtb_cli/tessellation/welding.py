@@ -1,4 +1,4 @@
-"""The vertices that a model's weld moves: seams to the mean of their curves, corners to the mean of all that meet."""
+"""The vertices that a model's weld moves, to the means of curves and corners; `models.joined_edges` says which meet."""
 
 from functools import cached_property
 

@@ -1,4 +1,4 @@
-"""The GT-Bernstein basis β, torus coordinates, and the coefficients with which β adds up to 1.
+"""The GT-Bernstein basis β, torus coordinates, and coefficients with which β adds up to 1; T_i: `rational_basis`.
 
 With the torus coordinate ``s(u) = Σ_j s_j ξ_j log h_j(u)``, every exponent is linear:
 ``Σ_j h_j(a_i) log h_j(u) = <a_i, s> + (a term common to all i)``, so that the rational basis is

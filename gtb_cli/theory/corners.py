@@ -46,7 +46,7 @@ from gtb_cli.theory.corner_powers import (
     summed,
     turning_places,
 )
-from gtb_cli.theory.parametrization import Blend
+from gtb_cli.theory.rational_basis import Blend
 from gtb_cli.values import frozen
 
 PLANE_DEGREES = 1e-4

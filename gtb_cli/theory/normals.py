@@ -26,7 +26,7 @@ from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.corners import normal_at
 from gtb_cli.theory.local_coordinates import face_layers
-from gtb_cli.theory.parametrization import Blend
+from gtb_cli.theory.rational_basis import Blend
 
 
 def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> FloatArray:

@@ -16,7 +16,7 @@ from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.basis import Location, gt_bernstein
-from gtb_cli.theory.parametrization import Parametrization, RationalBasis
+from gtb_cli.theory.rational_basis import Parametrization, RationalBasis
 from gtb_cli.theory.weights import CoefficientRule, both_weights, coefficients_of
 from gtb_cli.values import by_value, frozen
 
@@ -188,7 +188,7 @@ class Patch:
         u : (…, d) float, or (…) for a curve
             Parameters in Δ: one, a row of them, or a grid. For a curve, a last axis of length 1 counts as d.
         parametrization : {"toric", "linear"}
-            Parametrisation of u, see `gtb_cli.theory.parametrization`.
+            Parametrisation of u, see `gtb_cli.theory.rational_basis`.
 
         Returns
         -------

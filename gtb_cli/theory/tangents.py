@@ -10,7 +10,7 @@ from gtb_cli.knots.domain import layers
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.parametrization import Blend, Parametrization
+from gtb_cli.theory.rational_basis import Blend, Parametrization
 
 
 def tangents(patch: Blend, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:

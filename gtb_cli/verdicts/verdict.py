@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from gtb_cli.errors import Fault
-from gtb_cli.shell.console import error_record
+from gtb_cli.shell.messages import error_record
 from gtb_cli.verdicts.telling import OTHER_KIND, difference_record, difference_text
 from gtb_cli.vocabulary import printable, without_commands
 

@@ -10,8 +10,8 @@ from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import Complex, joined_complex
 from gtb_cli.tessellation.sampler import Sampler, evenly, torically
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import Parametrization
 from tests.benchmarks import Row, paired, segments, sized
 from tests.benchmarks.bench_evaluate import scattered, spec
 from tests.shell import SPECS

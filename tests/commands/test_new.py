@@ -15,7 +15,7 @@ from gtb_cli.errors import SpecError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
 from gtb_cli.language.starter import template
-from gtb_cli.models.joint_search import find_joints
+from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.vocabulary import SHELLS, TEMPLATES

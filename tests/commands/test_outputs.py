@@ -8,8 +8,8 @@ import jsonschema
 import pytest
 
 from gtb_cli.errors import DomainError, Fault, SpecError
-from gtb_cli.shell.console import annotation
 from gtb_cli.shell.faults import located
+from gtb_cli.shell.messages import annotation
 from tests.marks import long
 from tests.outputs import SCHEMAS, check_json, schema_of, validator
 from tests.shell import SPECS, gtb

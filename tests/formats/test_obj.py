@@ -12,8 +12,8 @@ from trimesh.exchange.obj import export_obj
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import SimpleMaterial
 
-from gtb_cli.formats.digits import BLOCK_ROWS, decimals, obj_blocks
 from gtb_cli.formats.export import encode_mesh
+from gtb_cli.formats.obj_writing import BLOCK_ROWS, decimals, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
 from tests.tiny_meshes import encoded, lines, model, surface
 

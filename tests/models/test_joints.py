@@ -8,7 +8,7 @@ from scipy.special import softmax
 
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.models.curve_equality import equal
-from gtb_cli.models.joint_search import find_joints
+from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.models.near_ends import meeting, touching
 from gtb_cli.tessellation.tessellate import tessellate

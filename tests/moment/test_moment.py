@@ -11,8 +11,8 @@ from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.moment import moment_map
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.solve import LogSum
-from gtb_cli.theory.parametrization import LinearParametrization, RationalBasis
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import LinearParametrization, RationalBasis
 from tests.laws import RESIDUAL, heights, linear_points
 from tests.marks import mostly_long
 from tests.patches import NAMES, SHIFT, SURFACES, bumps, named, pentagon, regular

@@ -7,7 +7,7 @@ import pytest
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.shading import filled_normals
-from gtb_cli.models.joint_search import find_joints
+from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.tessellation.complexes import joined_complex
