@@ -10,7 +10,7 @@ import click
 import pytest
 
 from gtb_cli.commands.cli import COMMANDS, gtb as group
-from gtb_cli.shell import console
+from gtb_cli.shell import messages
 from gtb_cli.version import __version__
 from tests.shell import PENTAGON, gtb
 
@@ -112,10 +112,10 @@ def test_what_takes_long_is_counted_on_a_terminal(quiet, monkeypatch):
         fileno = staticmethod(lambda: 2)
 
     shown, clock = Terminal(), iter([0.0, 1.0, 3.0, 4.0])
-    monkeypatch.setattr(console.sys, "stderr", shown)
-    monkeypatch.setattr(console.time, "monotonic", lambda: next(clock))
-    monkeypatch.setattr(console.os, "get_terminal_size", lambda descriptor: os.terminal_size((12, 24)))
-    with console.Console(quiet).counter(3) as begin:
+    monkeypatch.setattr(messages.sys, "stderr", shown)
+    monkeypatch.setattr(messages.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(messages.os, "get_terminal_size", lambda descriptor: os.terminal_size((12, 24)))
+    with messages.Console(quiet).counter(3) as begin:
         for label in ("a.toml", "b.toml", "c.toml"):
             begin(label)
     counted = "\r\r[2/3] b.tom\r" + " " * 11 + "\r[3/3] c.tom\r" + " " * 11 + "\r"
