@@ -151,8 +151,8 @@ class View:
             cuts = np.flatnonzero(np.diff(shown.astype(np.int8))) + 1
             for start, stop in zip([0, *cuts.tolist()], [*cuts.tolist(), len(points)], strict=True):
                 piece = points[max(start - 1, 0) : stop, :2]
-                # Along an outline, rounding shows specks of a line that is behind it.
-                is_speck = len(cuts) > 1 and np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() < 0.03
+                # Along an outline, rounding shows specks of a line that is behind it, and ends at a surface poke out.
+                is_speck = len(cuts) > 0 and np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() < 0.03
                 (visible if shown[start] and not is_speck else behind).append(piece)
         style: dict[str, Any] = {"colors": [colour], "linewidths": width, "linestyles": dashes}
         style |= {"capstyle": "round", "joinstyle": "round"}

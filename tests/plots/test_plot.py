@@ -7,10 +7,13 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 
 import gtb_cli
+from gtb_cli.plots.look import Camera
 from gtb_cli.plots.palette import OPEN, TWO_SIDED, scale_of
+from gtb_cli.plots.scene import ShadedTriangles, plain, space_views
 from gtb_cli.vocabulary import COLOUR_MAPS
 from tests.marks import long, mostly_long
 from tests.plots.images import near, pixels
@@ -94,6 +97,16 @@ def test_open_edges_of_a_model_are_red_and_those_of_a_patch_are_not():
     box = png(SPECS / "box-corner.toml", "--camera", "40,28", *SMALL)
     assert near(box, OPEN).sum() > 60
     assert not near(png(SPECS / "pentagon.toml", *SMALL), OPEN).any()
+
+
+def test_an_edge_behind_a_surface_does_not_poke_out_where_it_ends():
+    ax = Figure(figsize=(3, 3)).add_axes((0, 0, 1, 1))
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    surface = ShadedTriangles(square, np.array([[0, 1, 2], [0, 2, 3]]), None, plain(2))
+    (view,) = space_views([ax], Camera(-60, 45), [surface])
+    view.lines([np.array([[0.5, 0.5, 0], [0.5, 0.5, -0.5]]), np.array([[0.5, 0.5, 0], [0.5, 0.5, 0.5]])])
+    (above,) = ax.collections[0].get_segments()
+    assert np.ptp(above, axis=0).max() > 0.1
 
 
 def test_an_absent_knot_is_hollow():
