@@ -132,11 +132,15 @@ def seam_remarks(model: Model) -> list[str]:
 
 
 def unjoined_seams(model: Model) -> list[str]:
-    """Name the seams of a model that nearly close, with what joins them."""
-    near, patches = near_misses(model.joints, model.patches), model.patches
-    lines = [
-        f"{edge_name(patches, first)} is not joined: {reason.format(edge_name(patches, second))}"
-        for first, second, reason in near[:MAX_SHOWN]
-    ]
-    more = [f"{len(near) - MAX_SHOWN} more seams nearly close: gtb info lists them"] if len(near) > MAX_SHOWN else []
-    return lines + more
+    """Name the seams of a model that nearly close, with what joins them; those that are alike in one line."""
+    patches, alike = model.patches, dict[str, list[tuple[EdgeRef, EdgeRef]]]()
+    for first, second, reason in near_misses(model.joints, patches):
+        alike.setdefault(reason, []).append((first, second))
+    lines = []
+    for reason, pairs in alike.items():
+        name, other = (edge_name(patches, ref) for ref in pairs[0])
+        rest = f"; {len(pairs) - 1} more likewise" if len(pairs) > 1 else ""
+        lines.append(f"{name} is not joined: {reason.format(other)}{rest}")
+    if len(lines) > MAX_SHOWN:
+        lines[MAX_SHOWN:] = [f"{len(lines) - MAX_SHOWN} more kinds of seams nearly close: gtb info lists them"]
+    return lines

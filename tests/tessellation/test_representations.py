@@ -284,7 +284,7 @@ def test_other_parameters_are_welded_like_equal_ones():
     patches = [p.replace(control_points=p.control_points + rng.uniform(-1e-6, 1e-6, (len(p.knots), 3))) for p in exact]
     model = Model(tuple(patches))
     assert not model.joints.shared
-    assert len(seam_remarks(model)) == 4
+    assert ["; 1 more likewise" in line for line in seam_remarks(model)] == [True, False, False]
     assert all("`weld` 3e-06" in line or "`weld` 2e-06" in line for line in seam_remarks(model))
     welded = model.replace(weld=1e-5)
     assert welded.joints.closed
