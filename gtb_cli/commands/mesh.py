@@ -177,9 +177,10 @@ class Task(NamedTuple):
 
 def _is_for_folder(given: Sequence[str], paths: Sequence[str], output: str) -> bool:
     """Tell whether the output is a folder, or refuse one that cannot hold so many meshes."""
-    if is_folder(output) or (output != STANDARD and any(map(os.path.isdir, given))):
+    is_file = output == STANDARD or suffix_of(output) in FORMATS
+    if is_folder(output) or (not is_file and any(map(os.path.isdir, given))):
         return True
-    if len(paths) > 1 and (output == STANDARD or suffix_of(output) in FORMATS):
+    if len(paths) > 1 and is_file:
         raise click.UsageError(f"{len(paths)} specs need a folder for their meshes: -o FOLDER")
     return len(paths) > 1
 
