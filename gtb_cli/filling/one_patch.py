@@ -73,6 +73,8 @@ def fill_loop(
         raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
     if fullness != 1 and all(side.across is None for side in sides):
         raise DomainError("fullness: continues along tangent planes, and no side has any")
+    if not g2_tolerance > 0:
+        raise DomainError(f"g2_tolerance: must be positive, got {g2_tolerance!r}")
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
@@ -122,9 +124,10 @@ def fill_loop(
     contacts = tuple(contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True)))
     for side, found in zip(ordered, contacts, strict=True):
         if found.bend * size > g2_tolerance * largest + rounding and side.bend is not None:
+            share = found.bend * size / max(largest, rounding)
             raise DomainError(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
-                f"{found.bend * size / largest:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
+                f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
     return Filling(
         patch,

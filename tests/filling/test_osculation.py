@@ -146,6 +146,12 @@ def test_a_row_that_is_nearest_is_measured_and_bounded(bound: float) -> None:
     assert 0.05 < filling.contacts[0].bend < 0.2
 
 
+@pytest.mark.parametrize("bound", [0.0, -1.0, np.nan])
+def test_a_bound_that_bounds_nothing_is_refused(bound: float) -> None:
+    with pytest.raises(DomainError, match=r"^g2_tolerance: must be positive, got "):
+        fill_loop(sides(strips(3, 1, 2)), continuity="g2", g2_tolerance=bound)
+
+
 def test_a_row_is_exact_to_the_rounding_of_its_neighbours_curvature() -> None:
     """Beside a bent patch of a sphere, no row is exact to 1e-11 of its terms: curvatures come from derivatives."""
     h = 0.25
