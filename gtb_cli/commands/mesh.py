@@ -45,7 +45,7 @@ class GroupedOptions(click.Command):
     """A command whose help lists its options in groups."""
 
     GROUPS: ClassVar = {
-        "What is made": "let parametrization radius thickness rim weld normals uv attributes",
+        "What is made": "let fills parametrization radius thickness rim weld normals uv attributes",
         "How fine": "resolution tolerance max_faces",
         "What must hold": "require",
         "Where it goes, and how it is written": "output watch format ascii up unit",
@@ -123,7 +123,8 @@ def mesh(
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest
 
-        read = {"spec_format": reading.spec_format, "set": dict(reading.let)}
+        read: dict[str, object] = {"spec_format": reading.spec_format, "set": dict(reading.let)}
+        read |= {"fill": reading.fills} if reading.fills else {}
         settings = replace(options, format=kind).settings | read
         book = Manifest(manifest, settings, place, resume=resume)
 

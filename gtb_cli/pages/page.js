@@ -287,7 +287,7 @@ function present(data) {
   version += 1;
   made.clear();
   $("title").textContent = scene.name;
-  $("facts").textContent = scene.facts;
+  $("facts").textContent = scene.quick ? "a quick picture, without thickness and fills: more follows" : scene.facts;
   $("measures").replaceChildren(...scene.measures.flatMap(([name, text]) => [["dt", name], ["dd", text]].map(([tag, own]) => Object.assign(document.createElement(tag), { textContent: own }))));
   $("remarks").replaceChildren(...scene.remarks.map(text => Object.assign(document.createElement("li"), { textContent: text })));
   const others = Object.keys(scene.absent).filter(name => !modes().includes(name));

@@ -63,14 +63,17 @@ def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pages") 
 
 
 def page_data(content: Content) -> dict[str, Any]:
-    """Return the data for the script of a page: coordinates between -1/2 and 1/2, in single precision, as base 64.
+    """Return the data for the script of a page: coordinates in single precision, as base 64, but for far nets within 1/2.
 
     Raises a `DomainError` if there is nothing to show, or it is too large.
     """
     vertices = [keyframe.vertices for keyframe in content.keyframes]
-    points = [keyframe.net_points for keyframe in content.keyframes]
-    low, high = bounds_of(np.concatenate([*vertices, *points]))
+    start, end = low, high = bounds_of(np.concatenate(vertices))
     size = float(np.linalg.norm((high - low).astype(np.longdouble)))
+    ends = bounds_of(np.concatenate([*vertices, *(keyframe.net_points for keyframe in content.keyframes)]))
+    whole = float(np.linalg.norm((ends[1] - ends[0]).astype(np.longdouble)))
+    if not 0 < 3 * size < whole:  # a control point of small weight may be very far, and is no reason to look from there
+        (low, high), size = ends, whole
     if not math.isfinite(size):
         raise DomainError("is too large to be shown")
     size = size or 1.0
@@ -97,7 +100,6 @@ def page_data(content: Content) -> dict[str, Any]:
         with np.errstate(over="ignore"):
             shown = values if name == "wall" else values.clip(*ends)
             scalars[name] = {"values": encoded(shown, "<f4"), "low": ends[0], "high": ends[1]}
-    start, end = bounds_of(np.concatenate(vertices))
     lines = {name: encoded(pairs, "<u4") for name, pairs in content.lines.items()}
     measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 else None
     is_wide = len(vertices[0]) >= 1 << 16
