@@ -181,6 +181,9 @@ def _is_for_folder(given: Sequence[str], paths: Sequence[str], output: str) -> b
     is_file = output == STANDARD or suffix_of(output) in FORMATS
     if is_folder(output) or (not is_file and any(map(os.path.isdir, given))):
         return True
+    mesh = next((path for path in given if suffix_of(path) in FORMATS and not os.path.exists(path)), None)
+    if len(paths) > 1 and mesh is not None:
+        raise click.UsageError(f"{mesh} is named like a mesh, and specs are expected: -o {mesh} writes it")
     if len(paths) > 1 and is_file:
         raise click.UsageError(f"{len(paths)} specs need a folder for their meshes: -o FOLDER")
     return len(paths) > 1

@@ -37,7 +37,9 @@ AS_SEEN = Reading()  # by the suffix or the first character, with the spec's own
 
 def assignment(text: str) -> tuple[str, str]:
     """Read ``NAME=EXPRESSION``; a `ValueError` says what is expected."""
+    if text.count("=") > 1:
+        raise ValueError(f"expected one NAME=EXPRESSION, each with an option of its own, got {text[:60]!r}")
     name, sign, value = (part.strip() for part in text.partition("="))
     if not sign or not re.fullmatch(r"\w+", name) or not value:
-        raise ValueError(f"expected NAME=EXPRESSION, such as height=120, got {text[:60]!r}")
+        raise ValueError(f"expected NAME=EXPRESSION, such as height=120, in quotes if it has blanks, got {text[:60]!r}")
     return name, value

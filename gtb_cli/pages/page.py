@@ -63,17 +63,17 @@ def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pages") 
 
 
 def page_data(content: Content) -> dict[str, Any]:
-    """Return the data for the script of a page: coordinates in single precision, as base 64, but for far nets within 1/2.
+    """Return the data for the script of a page: coordinates within 1/2, far nets aside, in floats of 32 bits, as base 64.
 
     Raises a `DomainError` if there is nothing to show, or it is too large.
     """
     vertices = [keyframe.vertices for keyframe in content.keyframes]
-    start, end = low, high = bounds_of(np.concatenate(vertices))
+    points = [keyframe.net_points for keyframe in content.keyframes]
+    start, end = bounds_of(np.concatenate(vertices))
+    low, high = bounds_of(np.concatenate([*vertices, *points]))
+    if 0 < 3 * np.hypot.reduce(end / 3 - start / 3) < np.hypot.reduce(high / 3 - low / 3):
+        low, high = start, end  # a control point of small weight may be very far, and is no reason to look from there
     size = float(np.linalg.norm((high - low).astype(np.longdouble)))
-    ends = bounds_of(np.concatenate([*vertices, *(keyframe.net_points for keyframe in content.keyframes)]))
-    whole = float(np.linalg.norm((ends[1] - ends[0]).astype(np.longdouble)))
-    if not 0 < 3 * size < whole:  # a control point of small weight may be very far, and is no reason to look from there
-        (low, high), size = ends, whole
     if not math.isfinite(size):
         raise DomainError("is too large to be shown")
     size = size or 1.0
