@@ -63,7 +63,7 @@ def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pages") 
 
 
 def page_data(content: Content) -> dict[str, Any]:
-    """Return the data for the script of a page: coordinates within 1/2, far nets aside, in floats of 32 bits, as base 64.
+    """Return the data for the script of a page: coordinates within 1/2, far nets aside, in 32-bit floats, as base 64.
 
     Raises a `DomainError` if there is nothing to show, or it is too large.
     """
