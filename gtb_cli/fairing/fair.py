@@ -1,4 +1,4 @@
-"""Patches with the same knots, weights and boundary, and with inner control points that make them fair."""
+"""Which inner control points are free, and the patch in which they are fair; `descent` finds it by its energies."""
 
 import math
 from collections.abc import Sequence

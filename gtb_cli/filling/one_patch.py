@@ -27,10 +27,10 @@ from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bend
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
-from gtb_cli.filling.planes import EdgeRows, edge_rows
 from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
+from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
 from gtb_cli.theory.corners import corner_limits, folds_at
 from gtb_cli.theory.patch import Patch
