@@ -151,7 +151,7 @@ def mesh(
         if not written:  # then a folder made for them is also removed
             raise _joined(errors)
     for target, file in written:
-        console.report(target, f"{file.size}, with {reading}" if reading.let else file.size, file.warnings)
+        console.report(target, f"{file.size}, with {reading}" if str(reading) else file.size, file.warnings)
     if errors:
         raise _joined(errors)
 
@@ -182,7 +182,7 @@ def _is_for_folder(given: Sequence[str], paths: Sequence[str], output: str) -> b
     if is_folder(output) or (not is_file and any(map(os.path.isdir, given))):
         return True
     mesh = next((path for path in given if suffix_of(path) in FORMATS and not os.path.exists(path)), None)
-    if len(paths) > 1 and mesh is not None:
+    if len(paths) > 1 and mesh:
         raise click.UsageError(f"{mesh} is named like a mesh, and specs are expected: -o {mesh} writes it")
     if len(paths) > 1 and is_file:
         raise click.UsageError(f"{len(paths)} specs need a folder for their meshes: -o FOLDER")

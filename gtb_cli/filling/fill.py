@@ -136,7 +136,7 @@ def filled(found: Sequence[HoleSide] | Model | Part, hole: str | None, name: str
     return replace(_beside(beside, filling), remarks=remarks, model=whole)
 
 
-def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Callable[[str], object]) -> Model:
+def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Callable[[str], object]) -> Patch | Model:
     """Fill holes of a model, one after the other, each named by an edge and with the continuity of its patch.
 
     Raises `RequirementError` where a patch folds.
@@ -153,9 +153,7 @@ def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Call
             raise RequirementError(f"`fills` {hole}: {fault}")
         if filling.sharp_turns or filling.sharpness > SPIKE:
             warn(f"`fills` {hole}: the patch turns sharply; `fill` says where")
-        assert filling.model is not None
-        spec = filling.model
-    assert isinstance(spec, Model)
+        spec = filling.model or spec
     return spec
 
 

@@ -23,9 +23,8 @@ _WORDS = re.compile(
     r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|(?P<name>[A-Za-z][A-Za-z0-9_]*)|[-+*/() \t]|(?P<other>.|\n)"
 )
 # Signs of other programs, and of web pages
-_HINTS = {"^": "powers are written **", "×": "a product is written *", "·": "a product is written *"}
-_HINTS |= {"−": "a minus sign is -", "–": "a minus sign is -", "÷": "a quotient is written /"}
-_HINTS |= {"\xa0": "a blank from a web page: type a plain one", "°": "degrees are written *deg"}
+_HINTS = {"^": "powers are written **", "°": "degrees are written *deg", "\xa0": "type a plain blank"}
+_HINTS |= dict.fromkeys("×·", "a product is written *") | dict.fromkeys("−–", "a minus sign is -")
 _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]] = {
     ast.Add: ("+", operator.add),
     ast.Sub: ("-", operator.sub),

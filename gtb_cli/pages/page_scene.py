@@ -187,18 +187,14 @@ def content_of_frames(frames: Frames, name: str) -> Content:
     first = frames.meshes[0]
     if not all(np.array_equal(mesh.cells, first.cells) for mesh in frames.meshes):
         raise DomainError("the meshes of a sequence have the same faces, and these do not: it cannot be played")
-    lines = sides(first, ((name, 0, len(first.cells)),))
+    groups = ((name, 0, len(first.cells)),)
+    lines, none = sides(first, groups), np.empty((0, 4), dtype=np.int64)
     return Content(
         name,
         tuple(_keyframe(with_normals(mesh, smooth=True), frames.net_points) for mesh in frames.meshes),
         first.cells,
-        ((name, 0, len(first.cells)),),
-        {
-            "border": lines["open"],
-            "open": lines["open"][:0],
-            "folds": lines["folds"][:0],
-            "net": np.array(frames.net, dtype=np.int64).reshape(-1, 2),
-        },
+        groups,
+        {"border": lines["open"], "open": none, "folds": none, "net": np.array(frames.net, dtype=int).reshape(-1, 2)},
         labels=tuple(frames.titles),
         net_names=tuple(subscript("b", i) for i in range(len(frames.net_points))),
         vertices=len(first.vertices),
@@ -269,11 +265,8 @@ def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]], chord_error: float
     for end in ends.T:
         rows = [mesh.normal_of[pair, (mesh.faces[pair] == end[:, None]).argmax(axis=1)] for pair in (first, second)]
         smooth &= rows[0] == rows[1]
-    back = (
-        ~between
-        & ~flat[pairs].any(axis=1)
-        & (dot(facing[first], facing[second]) < np.where(smooth, 0.0, math.cos(math.radians(150))))
-    )
+    least = np.where(smooth, 0.0, math.cos(math.radians(150)))
+    back = ~between & ~flat[pairs].any(axis=1) & (dot(facing[first], facing[second]) < least)
     lines = np.concatenate([ends, group[pairs]], axis=1)
     found = sides_of(mesh.faces)
     owner = group[found.open // 3]
