@@ -181,9 +181,8 @@ def _decode(data: bytes | str, source: str) -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = error.object[error.start]
-        raise SpecError(
-            Fault(f"is not UTF-8 text, byte 0x{byte:02x} ({error.reason}): save it as UTF-8", source, line)
-        ) from None
+        reason = f"is not UTF-8 text, byte 0x{byte:02x} ({error.reason}): save it as UTF-8"
+        raise SpecError(Fault(reason, source, line)) from None
 
 
 def _measure(text: str, source: str, format: Format) -> tuple[tuple[Path, int, str], ...]:

@@ -53,8 +53,7 @@ class Content:
     where the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150 at
     an edge; and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface at the knots, and
     `scalars` its "mean" and "gaussian" curvature, or the "wall" of a solid, None if there are too many triangles. A
-    vertex with several normals is several rows of a keyframe: `vertices` is how many there are. `normals` is a word
-    about the normals, and `remarks` say what is unusual about the shape.
+    vertex with several normals is several rows of a keyframe: `vertices` is how many there are.
     """
 
     name: str
@@ -68,8 +67,8 @@ class Content:
     knot_names: tuple[str, ...] = ()
     scalars: Mapping[str, FloatArray | None] = field(default_factory=dict)
     vertices: int = 0
-    normals: str = ""
-    remarks: tuple[str, ...] = ()
+    normals: str = ""  # a word about them
+    remarks: tuple[str, ...] = ()  # what is unusual about the shape
     thickness: float | None = None  # for which a solid was made
     unit: str | None = None  # of its lengths
 
