@@ -52,8 +52,12 @@ def _pieces_of(patch: Patch, max_degree: int) -> tuple[Patch, ...]:
     if patch.dimension == 1:
         return _halves(patch, 0.0, max_degree)
     powers = _powers(patch, max_degree)
-    parts = (_bernstein(patch, powers[:, [i - 1, i]]) for i in range(len(patch.domain.vertices)))
-    return tuple(_rectangle(patch, i, logs, points) for i, (logs, points) in enumerate(parts))
+    pieces = []
+    for i in range(len(patch.domain.vertices)):
+        logs, points = _bernstein(patch, powers[:, [i - 1, i]])
+        knots = np.array([*np.ndindex(logs.shape[::-1])], dtype=float)[:, ::-1]  # by rows
+        pieces.append(_bezier(patch, knots, logs.T.ravel(), points.transpose(1, 0, 2).reshape(-1, 3), f"piece{i}"))
+    return tuple(pieces)
 
 
 @of_patch
@@ -143,13 +147,6 @@ def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Patch, ...]:
         order = slice(None) if end == 0 else slice(None, None, -1)
         halves.append(_bezier(curve, np.arange(degree + 1.0)[:, None], logs[order], points[:, 0][order], f"piece{end}"))
     return tuple(halves)
-
-
-def _rectangle(patch: Patch, corner: int, logs: FloatArray, points: FloatArray) -> Patch:
-    """Return the rectangle with (D_1 + 1, D_2 + 1) log weights and control points."""
-    along, across = (np.arange(count, dtype=np.float64) for count in logs.shape)
-    knots = np.column_stack([np.tile(along, len(across)), np.repeat(across, len(along))])
-    return _bezier(patch, knots, logs.T.ravel(), points.transpose(1, 0, 2).reshape(-1, 3), f"piece{corner}")
 
 
 def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArray, suffix: str) -> Patch:

@@ -33,7 +33,6 @@ class Moves:
 
     moves: tuple[Callable[[FloatArray], FloatArray], ...]
     is_mirrored: bool
-    is_repeated: bool
 
     def made(self, patch: Patch, names: Sequence[str | None], values: Values, path: Path) -> list[Patch]:
         """Make the copies of a patch, with these names; none, and a fault, if they are too many or too large."""
@@ -111,9 +110,9 @@ def included_copies(patches: Sequence[Patch], table: Table, allowed: int) -> lis
     moves = read_moves(table, count)
     made: list[list[Patch]] = []
     for patch in patches:
-        endings = [f"-{k + 1}" if moves.is_repeated else "" for k in range(len(moves.moves))]
+        endings = [f"-{k + 1}" if "repeat" in table.entries else "" for k in range(len(moves.moves))]
         names = [None if patch.name is None else f"{prefix}{patch.name}{ending}" for ending in endings]
-        if fault := next(filter(None, (name_fault(name) for name in names[-1:] if name)), None):
+        if fault := next((name_fault(name) for name in names[-1:] if name), None):
             table.fault("name", fault)
             break
         copies = moves.made(patch, names, table.values, table.path)
@@ -135,7 +134,7 @@ def read_moves(table: Table, count: int) -> Moves:
         if values.faults.count > before:  # the others have them, too
             moves = []
             break
-    return Moves(tuple(moves), mirror is not None, "repeat" in entries)
+    return Moves(tuple(moves), mirror is not None)
 
 
 def _move(table: Table, mirror: str | None) -> Callable[[FloatArray], FloatArray]:

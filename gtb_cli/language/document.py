@@ -167,7 +167,6 @@ def kind_of(data: bytes) -> str | None:
 
 
 def _decode(data: bytes | str, source: str) -> str:
-    byte_order_mark = b"\xef\xbb\xbf"
     if len(data) > MAX_BYTES:
         raise SpecError(Fault(f"is too large, a spec has at most {MAX_BYTES // 10**6} MB", source))
     if isinstance(data, str):
@@ -177,7 +176,7 @@ def _decode(data: bytes | str, source: str) -> str:
     if b"\0" in data:
         raise SpecError(Fault("is not text, and a spec in TOML or JSON is expected", source))
     try:
-        return data.removeprefix(byte_order_mark).decode()
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = error.object[error.start]

@@ -12,12 +12,10 @@ from gtb_cli.errors import SpecError
 
 MAX_CHARACTERS = 256  # longest expression, in characters
 MAX_NESTING = 32  # deepest nesting of parentheses, powers and signs
-_FUNCTION_NAMES = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
-FUNCTIONS = {name: getattr(math, name) for name in _FUNCTION_NAMES}
+FUNCTIONS = {name: getattr(math, name) for name in ["sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log"]}
 COUNTER = "k"  # name of a copy's number, in the expressions of copies
 # Constants known in every expression; ``deg`` is a degree in radians
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
-NO_NAMES: Mapping[str, float] = {}
 # Words are checked before Python's parser sees the text, as it would also accept 0x1f, 1_000, 2j, keywords and strings.
 _WORDS = re.compile(
     r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|(?P<name>[A-Za-z][A-Za-z0-9_]*)|[-+*/() \t]|(?P<other>.|\n)"
@@ -34,7 +32,7 @@ _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]
 }
 
 
-def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> float:
+def evaluate_expression(text: str, names: Mapping[str, float] = {}) -> float:
     """Evaluate a number expression of at most `MAX_CHARACTERS` characters, nested at most `MAX_NESTING` deep.
 
     Digits, ``+ - * / ** ( )``, the functions ``sqrt sin cos tan asin acos atan exp log`` (natural, radians), the
@@ -95,8 +93,7 @@ def _unknown(word: str, names: Mapping[str, float]) -> str:
         return f"unknown name {word!r}, lengths are numbers without a unit"
     if word == COUNTER:
         return f"unknown name {word!r}, which is the number of a copy, in copies with `repeat` alone"
-    likely = difflib.get_close_matches(word, names, n=1)
-    if likely:
+    if likely := difflib.get_close_matches(word, names, n=1):
         return f"unknown name {word!r}, did you mean {likely[0]}?"
     known = (*FUNCTIONS, *CONSTANTS, *names)
     return f"unknown name {word!r}, known are {', '.join(known[:30])}" + ", ..." * (len(known) > 30)

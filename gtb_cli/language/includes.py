@@ -4,6 +4,7 @@ import os
 import stat
 
 from gtb_cli.errors import SpecError
+from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES, read, spec_format_of
 from gtb_cli.language.scanner import Format
 
@@ -83,11 +84,10 @@ def _included(path: str, format: Format | None) -> list[str]:
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be emptied, or waited for
             return []
-        with open(path, "rb") as file:
-            text = file.read(MAX_BYTES + 1)
+        text = read_file(path, MAX_BYTES + 1)
         # Most specs include nothing, and need not be parsed to show that.
         data = read(text, path, format or spec_format_of(path)).data if b"include" in text else None
-    except (OSError, ValueError, SpecError):
+    except (OSError, ValueError):
         return []
     names = data.get("include") if isinstance(data, dict) else None
     entries = names if isinstance(names, list) else []

@@ -30,7 +30,6 @@ OTHER_WORDS = {"angle": "degrees", "points": "control_points", "move": "translat
 
 Check: TypeAlias = tuple[str, Callable[[float], bool]]
 
-NO_KEYS: Mapping[str, str] = {}
 FINITE: Check = ("must be finite", math.isfinite)
 COORDINATE: Check = (f"must be at most {MAX_SIZE:g} in size", lambda x: abs(x) <= MAX_SIZE)
 POSITIVE: Check = ("must be positive", lambda x: x > 0)
@@ -75,8 +74,7 @@ class Values:
         else:
             sizes = (size,)
         rows = [self.coordinates(entry, (*path, i), sizes, COORDINATE) for i, entry in enumerate(entries)]
-        good = [row for row in rows if row is not None]
-        return np.array(good) if good and len(good) == len(rows) else None
+        return None if not rows or any(row is None for row in rows) else np.array(rows)
 
     def coordinates(self, entry: object, path: Path, sizes: tuple[int, ...], check: Check) -> FloatArray | None:
         """Read a list of one of the given sizes."""
@@ -91,8 +89,7 @@ class Values:
     def numbers(self, entries: list[object], path: Path, check: Check) -> FloatArray | None:
         """Read a list of numbers."""
         values = [self.number(entry, (*path, i), check) for i, entry in enumerate(entries)]
-        good = [value for value in values if value is not None]
-        return np.array(good) if len(good) == len(values) else None
+        return None if None in values else np.array(values)
 
     def number(self, value: object, path: Path, check: Check) -> float | None:
         """Read a number or an expression."""
@@ -134,7 +131,7 @@ class Table:
         """Note a fault of the value under a key."""
         self.values.faults.add((*self.path, key), message)
 
-    def unknown_keys(self, known: frozenset[str], elsewhere: Mapping[str, str] = NO_KEYS) -> set[str]:
+    def unknown_keys(self, known: frozenset[str], elsewhere: Mapping[str, str] = {}) -> set[str]:
         """Note keys that are not known, with what is said of some; return the known ones that were probably meant."""
         meant, faults, left = set(), self.values.faults, known - self.entries.keys()
         for key in [key for key in self.entries if key not in known]:

@@ -56,7 +56,7 @@ class Reader:
         for ribbon_key, fault in zip(RIBBONS[: self._row or 0], faults, strict=False):
             ribbon = _points(table, ribbon_key, n)
             if ribbon is not None:
-                if points is not None and not np.any(_in_space(ribbon) - _in_space(points)):
+                if points is not None and not np.any(ribbon - points):
                     table.fault(ribbon_key, fault)
                 points = ribbon
         weights = _row(table, "weights", n, POSITIVE)
@@ -144,11 +144,10 @@ def _knots(table: Table) -> tuple[FloatArray | None, int | None]:
 
 
 def _points(table: Table, key: str, n: int | None) -> FloatArray | None:
-    """Read the control points, or another row of points as long."""
-    if not _is_list(table, key, n):
-        return None
-    points = table.values.tuples(table.entries[key], (*table.path, key), (2, 3))
-    return points if points is not None and len(points) == n else None
+    """Read (n, 3) control points, or another row of points as long; z is 0 where it is not given."""
+    is_list = _is_list(table, key, n)
+    points = table.values.tuples(table.entries[key], (*table.path, key), (2, 3)) if is_list else None
+    return np.pad(points, [(0, 0), (0, 3 - points.shape[1])]) if points is not None and len(points) == n else None
 
 
 def _row(table: Table, key: str, n: int | None, check: Check) -> FloatArray | None:
@@ -186,8 +185,3 @@ def _coefficients(domain: Domain, name: str) -> FloatArray:
         return COEFFICIENTS[name](domain)
     except DomainError as error:
         raise DomainError(f"{error}; without coefficients they are 1, or give a list") from None
-
-
-def _in_space(points: FloatArray) -> FloatArray:
-    """Return (n, 3) points, with z = 0 where it is not given."""
-    return np.pad(points, [(0, 0), (0, 3 - points.shape[1])])

@@ -27,9 +27,8 @@ class Reading(NamedTuple):
 
     def __str__(self) -> str:
         """Return the numbers and the holes as a message shows them, or nothing."""
-        return ", ".join(
-            [f"{name} = {value}" for name, value in self.let] + [f"{hole} filled" for hole, _ in self.fills]
-        )
+        numbers = [f"{name} = {value}" for name, value in self.let]
+        return ", ".join(numbers + [f"{hole} filled" for hole, _ in self.fills])
 
 
 AS_SEEN = Reading()  # by the suffix or the first character, with the spec's own numbers

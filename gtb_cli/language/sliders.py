@@ -44,13 +44,12 @@ def sliders(data: bytes | str, source: str, format: Format | None = None) -> tup
         return ()
     free = {name: value for name, entry in let.items() if (value := plain_value(entry)) is not None}
     lines = document.lines({("let", name) for name in free})
-    shared = [*lines.values()]
     texts, whole = document.text.split("\n"), _counts(spec, let)
     found = []
     for name, value in free.items():
         line = lines[("let", name)]
         text = texts[line - 1].strip()
-        comment = _COMMENT.match(text) if document.format == "toml" and shared.count(line) == 1 else None
+        comment = _COMMENT.match(text) if document.format == "toml" and [*lines.values()].count(line) == 1 else None
         label = comment[1] if comment else ""
         found.append(_slider(name, value, name in whole, label, line, text))
     return tuple(found)
@@ -72,8 +71,8 @@ def plain_value(entry: object) -> float | None:
 
 def _counts(spec: dict[str, Any], let: dict[str, Any]) -> set[str]:
     """Return the names on which the count of a ``repeat`` depends."""
-    tables = [*_tables(spec.get("patches")), *_tables(spec.get("include"))]
-    waiting = [table.get("repeat") for table in tables]
+    lists = [entries for key in ("patches", "include") if isinstance(entries := spec.get(key), list)]
+    waiting = [table.get("repeat") for entries in lists for table in entries if isinstance(table, dict)]
     found: set[str] = set()
     while waiting:
         entry = waiting.pop()
@@ -81,10 +80,6 @@ def _counts(spec: dict[str, Any], let: dict[str, Any]) -> set[str]:
         found |= new
         waiting += [let.get(name) for name in new]
     return found
-
-
-def _tables(entries: object) -> list[dict[str, Any]]:
-    return [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
 
 
 def _slider(name: str, value: float, is_count: bool, label: str, line: int, text: str) -> Slider:

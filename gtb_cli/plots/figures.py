@@ -158,7 +158,7 @@ def makes_figure(thing: Patch | Model | Mesh, picture: Picture) -> bool:
     if picture.what in ("decompositions", "sequence", "distance"):
         return True
     several = picture.what == "basis" and len(picture.look.index) != 1
-    return _is_surface(thing) and (several or picture.vary is not None)
+    return default_picture(thing) == "surface" and (several or picture.vary is not None)
 
 
 def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
@@ -178,7 +178,8 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
                 draw_surfaces(panels(figure, names), variants, look, stripes=what == "stripes")
         else:
             in_space = isinstance(thing, Mesh) or what in ("surface", "stripes")
-            in_space |= _is_surface(thing) and (what == "basis" or (what == "decomposition" and look.lifted))
+            is_graph = what == "basis" or (what == "decomposition" and look.lifted)
+            in_space |= default_picture(thing) == "surface" and is_graph
             if what == "curve" and not isinstance(thing, Mesh):
                 in_space = not is_flat([patch.control_points for patch in thing.patches])
             _draw_on(figure.add_axes((0.0, 0.0, 1.0, 1.0)) if in_space else with_numbers(figure), thing, picture)
@@ -241,7 +242,3 @@ def _with_index(look: Look, vary: Variation | None) -> Look:
 def default_picture(thing: Patch | Model | Mesh) -> str:
     """Return what is drawn by default: a curve, a surface or a mesh."""
     return "mesh" if isinstance(thing, Mesh) else "curve" if thing.dimension == 1 else "surface"
-
-
-def _is_surface(thing: Patch | Model | Mesh) -> bool:
-    return not isinstance(thing, Mesh) and thing.dimension == 2

@@ -9,7 +9,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
-from gtb_cli.meshes.topology import sides_of
+from gtb_cli.meshes.topology import are_used, sides_of
 
 STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not along the normals; flat from 3 times it
 
@@ -34,8 +34,7 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
     sides = sides_of(cells)
     edges = sides.edges
     label = merged(count, sides.directed[sides.alone])
-    is_rim = np.zeros(count, dtype=bool)
-    is_rim[sides.directed[sides.alone]] = True
+    is_rim = are_used(sides.directed[sides.alone], count)
     kept: list[str] = []
     is_mitred = np.linalg.norm(offset - surface, axis=1) > (1 + 1e-6) * abs(thickness)
     for number in distinct(label[is_rim]).tolist():
@@ -134,9 +133,7 @@ def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray) -> tuple[Floa
 def _reached(rim: BoolArray, beyond: BoolArray, edges: IntArray) -> BoolArray:
     """(m,) vertices beyond the plane that such vertices connect to those of the rim."""
     label = merged(len(rim), edges[beyond[edges].all(axis=1)])
-    starts = np.zeros(len(rim), dtype=bool)
-    starts[label[rim & beyond]] = True
-    return np.asarray(beyond & starts[label])
+    return np.asarray(beyond & are_used(label[rim & beyond, None], len(rim))[label])
 
 
 def _landings(

@@ -9,7 +9,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
-from gtb_cli.meshes.topology import are_proper, compacted, sides_of
+from gtb_cli.meshes.topology import are_proper, are_used, compacted, sides_of
 
 # Roundings of the largest coordinate: a smaller thickness is refused, and a shorter boundary edge is a point
 MIN_THICKNESS_ROUNDINGS = 64
@@ -181,8 +181,7 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     if not len(folded) or not is_mitred.any():
         return moved
     sides = sides_of(mesh.cells)
-    rim = np.zeros(len(moved), dtype=bool)
-    rim[sides.directed[sides.alone]] = True
+    rim = are_used(sides.directed[sides.alone], len(moved))
     # The neighbours of a vertex of the rim are those along the rim.
     ends = np.concatenate([sides.edges[(sides.uses == 1) | ~rim[sides.edges[:, k]]][:, [k, 1 - k]] for k in (0, 1)])
     part = _cell_groups(mesh)
@@ -231,8 +230,7 @@ def _displacements(mesh: Mesh) -> FloatArray:
         sums = np.zeros_like(own)
         np.add.at(sums, pair, mesh.normals[normal])
         own = np.where((np.linalg.norm(sums, axis=1) > SMOOTH_COSINE)[:, None], unit(sums), own)
-    is_open = np.zeros(count, dtype=bool)
-    is_open[_boundary(mesh)[0]] = True
+    is_open = are_used(_boundary(mesh)[0], count)
     # Tiny facets, as at a pole, may stand upright because of rounding: they have angles, but no area.
     agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH_COSINE
     agree |= (mesh.exact_normals & ~is_open[vertex]) | ~facets.any(axis=1)
