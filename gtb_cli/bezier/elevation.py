@@ -12,7 +12,6 @@ from gtb_cli.theory.corner_powers import alike, summed
 from gtb_cli.theory.patch import Patch
 
 MAX_ELEVATED_KNOTS = 10_000
-
 MAX_PLAIN_WEIGHT = 1e150  # and inverse of the smallest; other weights are handled as logarithms
 
 
@@ -99,9 +98,8 @@ def product(patch: Patch, knots: FloatArray) -> Patch:
     group = alike(sums.T[::-1], [knot_tolerance(sums)] * patch.dimension)
     _, first, counts = np.unique(group, return_index=True, return_counts=True)
     if len(first) > MAX_ELEVATED_KNOTS:
-        raise DomainError(
-            f"knots: the elevated patch would have {len(first)}, at most {MAX_ELEVATED_KNOTS} are allowed"
-        )
+        found = f"the elevated patch would have {len(first)}"
+        raise DomainError(f"knots: {found}, at most {MAX_ELEVATED_KNOTS} are allowed")
     points = np.repeat(patch.control_points, len(knots), axis=0)
     logs, factors = np.repeat(patch.log_products, len(knots)), np.column_stack([np.ones(len(points)), points])
     with np.errstate(over="ignore", under="ignore"):

@@ -24,14 +24,12 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
         raise DomainError("is a curve, and has no isoparametric curves")
     shape = patch.domain
     if len(shape.vertices) != 4 or ((shape.normals != 0).sum(axis=1) != 1).any():
-        raise DomainError(
-            "the domain is not a rectangle along the axes: isoparametric curves are not GT-Bézier curves there"
-        )
+        fault = "the domain is not a rectangle along the axes"
+        raise DomainError(f"{fault}: isoparametric curves are not GT-Bézier curves there")
     low, high = shape.vertices[[0, 2], axis].tolist()
     if not low <= value <= high:
         raise DomainError(f"{AXES[axis]}: expected {low:g} to {high:g}, got {value:g}")
     name = f"{patch.name or 'patch'}-{AXES[axis]}{value:g}"
-    other = 1 - axis
     # Edges 0 … 3 are bottom, right, top, left.
     beside = [3, 1] if axis == 0 else [0, 2]
     place = np.where(np.arange(2) == axis, value, shape.vertices.mean(axis=0))
@@ -45,8 +43,7 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
         logs = logs + (patch.knots[members, axis] - shape.center[axis]) * theta
     ends = shape.normal_lengths[[0, 2] if axis == 0 else [3, 1]]
     scale = ends if ends[0] != ends[1] else float(ends[0])
-    curve = Patch(
-        patch.knots[members, other], patch.control_points[members], log_weights=logs, edge_scale=scale, name=name
-    )
+    knots, points = patch.knots[members, 1 - axis], patch.control_points[members]
+    curve = Patch(knots, points, log_weights=logs, edge_scale=scale, name=name)
     merged = product(curve, np.zeros((1, 1)))
     return merged if len(merged.knots) < len(curve.knots) else curve

@@ -125,9 +125,8 @@ def _powers(patch: Patch, max_degree: int) -> IntArray:
     if patch.dimension == 2:
         most = max((degrees[j - 1] + 1) * (degrees[j] + 1) for j in range(len(degrees)))
         if most > MAX_ELEVATED_KNOTS:
-            raise DomainError(
-                f"has Bézier pieces of {most} control points each, at most {MAX_ELEVATED_KNOTS} are allowed"
-            )
+            found = f"has Bézier pieces of {most} control points each"
+            raise DomainError(f"{found}, at most {MAX_ELEVATED_KNOTS} are allowed")
     steps = shape.heights.max(axis=0) / degrees
     return np.asarray(np.rint(shape.heights / steps), dtype=np.int64)
 

@@ -19,9 +19,8 @@ def projected(
     distances, found = np.empty(len(points)), np.empty_like(s)
     for start in range(0, len(points), block):
         rows = slice(start, start + block)
-        squares, found[rows] = _least_squares(
-            strata.chosen(stratum[rows]), points[rows].T, s[rows].T, 0.2 * accuracy, enough[rows] ** 2
-        )
+        there, least = strata.chosen(stratum[rows]), enough[rows] ** 2
+        squares, found[rows] = _least_squares(there, points[rows].T, s[rows].T, 0.2 * accuracy, least)
         distances[rows] = np.sqrt(squares)
     return distances, found
 

@@ -72,9 +72,8 @@ class FarthestSearch:
         """
         peaks = self.peaks(self.verified(self.bounded(self.candidates())))
         climbed = self.climbed(peaks)
-        checked, _ = self.distances(
-            self.positions(StratumPlaces(peaks.stratum, peaks.s)), peaks.way, 0 * peaks.distance, MOST_STARTS
-        )
+        tops = self.positions(StratumPlaces(peaks.stratum, peaks.s))
+        checked, _ = self.distances(tops, peaks.way, 0 * peaks.distance, MOST_STARTS)
         top = joined([peaks._replace(distance=np.minimum(peaks.distance, checked)), climbed])
         found, at = np.zeros(self.count), np.zeros((self.count, 3))
         order = np.argsort(top.distance, kind="stable")
@@ -184,9 +183,8 @@ class FarthestSearch:
             best, height = heights.argmax(axis=1), heights.max(axis=1)
             likely = np.flatnonzero(height > distance[going])
             chosen = rows_of(places, trials * likely + best[likely])
-            height[likely], there = self.distances(
-                self.positions(chosen), way[going[likely]], distance[going[likely]], MANY_STARTS
-            )
+            at, enough = going[likely], distance[going[likely]]
+            height[likely], there = self.distances(self.positions(chosen), way[at], enough, MANY_STARTS)
             better = height > (1 + worthy_gain) * distance[going]
             kept = better[likely]
             up = going[likely[kept]]

@@ -46,11 +46,8 @@ class Strata:
             widths = [(0, 0)] * (table.ndim - 2) + [(0, count - table.shape[-2]), (0, 0)]
             return np.pad(table, widths, constant_values=value)
 
-        return Strata(
-            np.concatenate([filled(part.knots, 0.0) for part in parts], axis=-1),
-            np.concatenate([filled(part.log_weights, absent) for part in parts], axis=-1),
-            np.concatenate([filled(part.control_points, 0.0) for part in parts], axis=-1),
-        )
+        tables = [(filled(p.knots, 0.0), filled(p.log_weights, absent), filled(p.control_points, 0.0)) for p in parts]
+        return Strata(*(np.concatenate(column, axis=-1) for column in zip(*tables, strict=True)))
 
     def chosen(self, stratum: IntArray) -> Strata:
         """Return strata with a column for each of (m,) points."""

@@ -28,9 +28,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, printable, suffix_of
 
 MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
-
 SHAPELESS = 3  # exit status of a process that finds no shape in a file
-
 SEWN = 1e-6  # of the size: distance within which edges of neighbouring faces are one
 
 
@@ -114,9 +112,7 @@ def probe(kind: str, path: str) -> int:
 def parts(shape: Any, kind: str, avoid: str = "SHAPE") -> Iterator[Any]:
     """Yield the FACE, EDGE or other parts of a shape that are not in parts to avoid."""
     kinds = kernel("TopAbs").TopAbs_ShapeEnum
-    explorer = kernel("TopExp").TopExp_Explorer(
-        shape, getattr(kinds, f"TopAbs_{kind}"), getattr(kinds, f"TopAbs_{avoid}")
-    )
+    explorer = kernel("TopExp").TopExp_Explorer(shape, *(getattr(kinds, f"TopAbs_{name}") for name in (kind, avoid)))
     cast = getattr(kernel("TopoDS").TopoDS, kind.capitalize())
     while explorer.More():
         yield cast(explorer.Current())
@@ -198,11 +194,8 @@ def face_pieces(face: Any) -> list[FloatArray] | None:
     area, untrimmed = (abs(extent_of(one, "Surface")) for one in (face, whole.Face()))
     if abs(area - untrimmed) > 1e-7 * untrimmed:  # the kernel's precision
         return None
-    convert = kernel("GeomConvert")
-    spline = convert.GeomConvert.SurfaceToBSplineSurface_s(
-        kernel("Geom").Geom_RectangularTrimmedSurface(surface, *bounds)
-    )
-    pieces = convert.GeomConvert_BSplineSurfaceToBezierSurface(spline)
+    convert, part = kernel("GeomConvert"), kernel("Geom").Geom_RectangularTrimmedSurface(surface, *bounds)
+    pieces = convert.GeomConvert_BSplineSurfaceToBezierSurface(convert.GeomConvert.SurfaceToBSplineSurface_s(part))
     places = [(i, j) for i in range(1, pieces.NbUPatches() + 1) for j in range(1, pieces.NbVPatches() + 1)]
     patches = [pieces.Patch(*place) for place in places]
     nets = [_net(patch.Pole, patch.Weight, (patch.NbUPoles(), patch.NbVPoles())) for patch in patches]
@@ -211,9 +204,9 @@ def face_pieces(face: Any) -> list[FloatArray] | None:
 
 
 def _net(pole: Callable[..., Any], weight: Callable[..., float], shape: tuple[int, ...]) -> FloatArray:
-    places = [(index, tuple(k + 1 for k in index)) for index in np.ndindex(shape)]
     net = np.ones((*shape, 4))
-    for index, place in places:
+    for index in np.ndindex(shape):
+        place = [k + 1 for k in index]
         point, w = pole(*place), weight(*place)
         net[index] = point.X() * w, point.Y() * w, point.Z() * w, w
     return net

@@ -33,13 +33,9 @@ def polygon(corners: FloatArray) -> Patch:
 
     Its edges are straight, and it is planar if the corners are.
     """
-    r = len(corners)
-    angles = 2 * np.pi * np.arange(r) / r
-    knots = {
-        3: np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
-        4: np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
-    }.get(r, np.column_stack([np.cos(angles), np.sin(angles)]))
-    return Patch(knots, corners)
+    angles = 2 * np.pi * np.arange(len(corners)) / len(corners)
+    simple = {3: [[0, 0], [1, 0], [0, 1]], 4: [[0, 0], [1, 0], [1, 1], [0, 1]]}
+    return Patch(simple.get(len(corners), np.column_stack([np.cos(angles), np.sin(angles)])), corners)
 
 
 def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,6 @@ from gtb_cli.arrays import FloatArray, read_only
 from gtb_cli.errors import Fault, SpecError
 
 MAX_MAGNITUDE = 1e100  # largest coordinate or weight: the product of three of them does not overflow
-
 SHOWN_CHARACTERS = 60  # characters of a word that a message shows at most
 
 

@@ -1,6 +1,6 @@
 """The keys that a spec may have, and the reader of a patch, which turns plain data to a `Patch` and notes faults."""
 
-from typing import cast, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -82,16 +82,9 @@ class Reader:
             if key in self._bases:  # patches with the same Δ and basis share them
                 return self._bases[key].replace(control_points=points, lifting=lifting, name=title)
             _check_size(knots)
+            edges: dict[str, Any] = {"edge_normals": normals or "auto", "edge_scale": 1.0 if scale is None else scale}
             patch = Patch(
-                knots,
-                points,
-                weights,
-                np.ones(len(knots)) if coefficients is None else coefficients,
-                edge_normals=cast(EdgeNormals, normals or "auto"),
-                edge_scale=1.0 if scale is None else scale,
-                lifting=lifting,
-                name=title,
-                log_weights=logarithms,
+                knots, points, weights, coefficients, lifting=lifting, name=title, log_weights=logarithms, **edges
             )
             if named is not None:
                 patch = patch.replace(coefficients=_coefficients(patch.domain, named))

@@ -38,11 +38,6 @@ class Variation(NamedTuple):
     values: tuple[float, ...]
     texts: tuple[str, ...]
 
-    @property
-    def name(self) -> str:
-        """The number, as in a spec."""
-        return f"{self.key}[{self.knot}]"
-
 
 class Picture(NamedTuple):
     """A request for a picture of a patch, a model or a mesh."""
@@ -220,10 +215,11 @@ def _draw_on(ax: Axes, thing: Patch | Model | Mesh, picture: Picture) -> None:
 
 def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
     """Return a patch with each value of a number, and names."""
+    option = f"`vary` {vary.key}[{vary.knot}]"
     if vary.key == "knots" and patch.dimension == 2:
-        raise DomainError(f"`vary` {vary.name}: a knot of a surface is a point, and `merge` moves it")
+        raise DomainError(f"{option}: a knot of a surface is a point, and `merge` moves it")
     if vary.knot >= len(patch.knots):
-        raise DomainError(f"`vary` {vary.name}: expected an index below {len(patch.knots)}")
+        raise DomainError(f"{option}: expected an index below {len(patch.knots)}")
     variants = []
     for value in vary.values:
         numbers = getattr(patch, vary.key).copy()

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CurvatureKind: TypeAlias = Literal["gaussian", "mean"]
-
-
 MAX_PIXELS = 60_000_000
 
 

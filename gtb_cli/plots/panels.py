@@ -56,16 +56,9 @@ def frames_of(sequence: MeshSequence, patch: Patch, net: Sequence[tuple[int, int
     """Return the meshes of a sequence, with a net: pairs of indices of a patch's control points."""
     used = sorted({i for pair in net for i in pair})
     place = {i: k for k, i in enumerate(used)}
-    return Frames(
-        sequence.key,
-        sequence.values,
-        sequence.meshes,
-        sequence.distances,
-        sequence.film_distances,
-        patch.control_points[used],
-        tuple((place[a], place[b]) for a, b in net),
-        sequence.film,
-    )
+    points, pairs = patch.control_points[used], tuple((place[a], place[b]) for a, b in net)
+    distances = sequence.distances, sequence.film_distances
+    return Frames(sequence.key, sequence.values, sequence.meshes, *distances, points, pairs, sequence.film)
 
 
 def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:

@@ -135,9 +135,8 @@ def _check_workers(client: Any, address: str, warn: Callable[[str], None]) -> No
     _wait_for_workers(client, address, warn)
     for worker, threads in client.run(os.getenv, threads_variable).items():
         if threads != "1":
-            raise GtbError(
-                f"--cluster {address}: {worker} was started without {threads_variable}=1, and digits depend on it"
-            )
+            fault = f"was started without {threads_variable}=1, and digits depend on it"
+            raise GtbError(f"--cluster {address}: {worker} {fault}")
     unlike: dict[str, list[str]] = {}
     for worker, found in client.run(versions, on_error="return").items():
         if isinstance(found, BaseException):

@@ -82,20 +82,13 @@ class MeshSequence:
                 yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, error, doubt)
 
     def _mesh(self, sampler: Sampler) -> Mesh:
-        normals, cells, are_exact = None, self._mosaic.cells, False
-        where = self._mosaic.patch, self._mosaic.parameters, self._mosaic.face
+        mosaic, normals, are_exact = self._mosaic, None, False
+        where, cells = (mosaic.patch, mosaic.parameters, mosaic.face), mosaic.cells
         vertices = sampler.points(*where)
         if self._normals and cells.shape[1] == 3:
             found = sampler.normals(*where)
             normals, are_exact = filled_normals(found, vertices, cells), not np.isnan(found).any()
-        return Mesh(
-            vertices,
-            cells,
-            parameters=self._mosaic.parameters,
-            normals=normals,
-            name=self.name,
-            exact_normals=are_exact,
-        )
+        return Mesh(vertices, cells, parameters=where[1], normals=normals, name=self.name, exact_normals=are_exact)
 
     @cached_property
     def members(self) -> tuple[Member, ...]:
@@ -259,9 +252,8 @@ def knot_sequence(
 
 def _refuse_too_many(cells: int, meshes: int, max_faces: int) -> None:
     if cells * meshes > max_faces:
-        raise ToleranceError(
-            f"{meshes} meshes of {cells} faces have more than {max_faces}: lower `resolution` or raise `max_faces`"
-        )
+        size = f"{meshes} meshes of {cells} faces have more than {max_faces}"
+        raise ToleranceError(f"{size}: lower `resolution` or raise `max_faces`")
 
 
 def _is_upward(values: Sequence[float]) -> bool:

@@ -220,20 +220,18 @@ def _rings(sections: _Sections, radius: float, sides: int) -> tuple[FloatArray, 
     """(m, sides, 3) vertices of the rings, and their normals; and by how many sides the last one is ahead."""
     angle, shift = _frame(sections, sides)
     turn = angle[:, None] + 2 * np.pi / sides * np.arange(sides)
-    start = _perpendicular(sections.before)
-    other = cross(sections.before, start)
+    centers, before, after = sections.centers, sections.before, sections.after
+    start = _perpendicular(before)
+    other = cross(before, start)
     radial = np.cos(turn)[:, :, None] * start[:, None] + np.sin(turn)[:, :, None] * other[:, None]
     # Slide each ring along the tube before it into the mitre plane, where the tube after it has the same vertices.
-    rings, normals, _ = _mitred(sections.centers, radius, radial, sections.before, sections.after)
+    rings, normals, _ = _mitred(centers, radius, radial, before, after)
     # Inside a bend, all rings of a fan have the vertices of one mitre.
     first, last = np.repeat(sections.fans, np.diff(sections.fans)[:, 0] + 1, axis=0).T
     fan = np.arange(len(first)) - np.searchsorted(first, first) + first
-    *mitre, ahead = _mitred(
-        sections.centers[first], radius, radial[first], sections.before[first], sections.after[last]
-    )
-    rings[fan], normals[fan] = (
-        np.where(ahead > 0, new, old[fan]) for new, old in zip(mitre, (rings, normals), strict=True)
-    )
+    *mitre, ahead = _mitred(centers[first], radius, radial[first], before[first], after[last])
+    for old, new in zip((rings, normals), mitre, strict=True):
+        old[fan] = np.where(ahead > 0, new, old[fan])
     return rings, normals / np.linalg.norm(normals, axis=2, keepdims=True), shift
 
 
