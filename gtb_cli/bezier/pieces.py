@@ -81,10 +81,9 @@ def split_curve(patch: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
     s = float(patch.domain.normals[:, 0] @ logs)
     terms = float(np.abs(patch.domain.normals[:, 0]) @ (np.abs(logs) + 1))
     if 2 * EPS * terms * float(np.ptp(patch.knots)) > max_shift:
-        raise DomainError(
-            f"split: rounding may move the point at {at:g} by more than {max_shift:g} of the curve's size, "
-            f"as knots {high - low:g} apart are exponents; divide all knots by the same number"
-        )
+        shift = f"rounding may move the point at {at:g} by more than {max_shift:g} of the curve's size"
+        reason = f"as knots {high - low:g} apart are exponents; divide all knots by the same number"
+        raise DomainError(f"split: {shift}, {reason}")
     return Model(_halves(patch, s, max_degree), patch.name)
 
 
@@ -111,10 +110,9 @@ def _powers(patch: Patch, max_degree: int) -> IntArray:
         degree = bezier_degree(heights, rounding * length)
         where = "" if patch.dimension == 1 else f" from edge {j}"
         if degree is None:
-            raise DomainError(
-                f"has no Bézier pieces: the distances of the knots{where} have no common step, or one that makes "
-                f"degrees above {MAX_SEARCHED_DEGREE}. A mesh within `tolerance` is possible"
-            )
+            step = f"no common step, or one that makes degrees above {MAX_SEARCHED_DEGREE}"
+            fault = f"has no Bézier pieces: the distances of the knots{where} have {step}"
+            raise DomainError(f"{fault}. A mesh within `tolerance` is possible")
         if degree > max_degree:
             raise DomainError(
                 f"has Bézier pieces of degree {degree} only: the distances of the knots{where}, as fractions of the "

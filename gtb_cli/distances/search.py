@@ -212,9 +212,8 @@ class FarthestSearch:
         def search(rows: IntArray, stratum: IntArray, s: FloatArray) -> None:
             """Search from (r, w) places for each of r points."""
             again = np.repeat(rows, stratum.shape[1])
-            distance, s = projected(
-                self.strata, points[again], stratum.ravel(), s.reshape(-1, 2), self.accuracy, enough[again]
-            )
+            places = stratum.ravel(), s.reshape(-1, 2)
+            distance, s = projected(self.strata, points[again], *places, self.accuracy, enough[again])
             best = np.arange(len(rows)) * stratum.shape[1] + distance.reshape(stratum.shape).argmin(axis=1)
             better = distance[best] < found[rows]
             rows, best = rows[better], best[better]

@@ -57,9 +57,8 @@ def evaluate_expression(text: str, names: Mapping[str, float] = {}) -> float:
         tree = ast.parse(words, mode="eval").body if parentheses <= MAX_NESTING else None
     except SyntaxError:
         missing = f": {'()'[words.count('(') > words.count(')')]} is missing" * (words.count("(") != words.count(")"))
-        missing = missing or ": a product needs *" * (
-            re.search(r"(?:\b[\d.]+|\))[ \t]*[A-Za-z(]|\)[ \t]*\d", words) is not None
-        )
+        factors = re.search(r"(?:\b[\d.]+|\))[ \t]*[A-Za-z(]|\)[ \t]*\d", words)
+        missing = missing or ": a product needs *" * bool(factors)
         _refuse(words, f"is not a complete expression{missing}")
     if tree is None or parentheses + _nesting(tree) > MAX_NESTING:
         _refuse(words, f"is nested more than {MAX_NESTING} deep")

@@ -49,10 +49,8 @@ class Reader:
         title = table.name(name)
         knots, n = _knots(table)
         points = _points(table, "control_points", n)
-        faults = (
-            "is the curve itself, and leads nowhere",
-            "is the ribbon itself; of a strip straight across, it is 2 ribbon - curve",
-        )
+        straight = "is the ribbon itself; of a strip straight across, it is 2 ribbon - curve"
+        faults = "is the curve itself, and leads nowhere", straight
         for ribbon_key, fault in zip(RIBBONS[: self._row or 0], faults, strict=False):
             ribbon = _points(table, ribbon_key, n)
             if ribbon is not None:
@@ -60,10 +58,10 @@ class Reader:
                     table.fault(ribbon_key, fault)
                 points = ribbon
         weights = _row(table, "weights", n, POSITIVE)
-        logarithms = _row(table, "log_weights", n, COORDINATE)
+        logs = _row(table, "log_weights", n, COORDINATE)
         if "weights" in entries and "log_weights" in entries:
             table.fault("log_weights", "stands in place of weights, leave out one of them")
-            logarithms = None
+            logs = None
         lifting = _row(table, "lifting", n, COORDINATE)
         coefficients, named = None, None
         if isinstance(entries.get("coefficients"), str):
@@ -77,15 +75,13 @@ class Reader:
             return None
         try:
             points = np.zeros((len(knots), 3)) if points is None else points
-            arrays = (knots, weights, logarithms, coefficients, None if scale is None else np.asarray(scale))
+            arrays = (knots, weights, logs, coefficients, None if scale is None else np.asarray(scale))
             key = (named, normals, *(None if array is None else (array.shape, array.tobytes()) for array in arrays))
             if key in self._bases:  # patches with the same Δ and basis share them
                 return self._bases[key].replace(control_points=points, lifting=lifting, name=title)
             _check_size(knots)
             edges: dict[str, Any] = {"edge_normals": normals or "auto", "edge_scale": 1.0 if scale is None else scale}
-            patch = Patch(
-                knots, points, weights, coefficients, lifting=lifting, name=title, log_weights=logarithms, **edges
-            )
+            patch = Patch(knots, points, weights, coefficients, lifting=lifting, name=title, log_weights=logs, **edges)
             if named is not None:
                 patch = patch.replace(coefficients=_coefficients(patch.domain, named))
             self._bases[key] = patch

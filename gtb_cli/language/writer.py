@@ -111,28 +111,26 @@ def _toml(data: dict[str, Any]) -> str:
         elif isinstance(value, list):
             text += _row_text(key, value)
         else:
-            text += f'{key} = "{value}"\n' if isinstance(value, str) else f"{key} = {_number_text(value)}\n"
+            text += f'{key} = "{value}"\n' if isinstance(value, str) else f"{key} = {_value_text(value)}\n"
     return text
 
 
 def _row_text(key: str, values: list[Any]) -> str:
     """Write an array on one line if it fits, otherwise on lines of up to 100 characters."""
-    entries = [
-        f"[{', '.join(map(_number_text, entry))}]" if isinstance(entry, list) else _number_text(entry)
-        for entry in values
-    ]
-    line = f"{key} = [{', '.join(entries)}]\n"
+    line = f"{key} = {_value_text(values)}\n"
     if len(line) <= 100:
         return line
     lines = [""]
-    for entry in entries:
+    for entry in map(_value_text, values):
         if len(lines[-1]) + len(entry) > 94:
             lines.append("")
         lines[-1] += f" {entry},"
     return f"{key} = [\n" + "".join(f"   {line}\n" for line in lines) + "]\n"
 
 
-def _number_text(x: float) -> str:
+def _value_text(x: float | list[Any]) -> str:
+    if isinstance(x, list):
+        return f"[{', '.join(map(_value_text, x))}]"
     if x.is_integer() and abs(x) < 1e15 and (x or math.copysign(1, x) > 0):
         return str(int(x))
     return repr(x)

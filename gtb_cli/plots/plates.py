@@ -33,12 +33,9 @@ def draw_all_decompositions(figure: Figure, patch: Patch) -> None:
     figure.text(0.5, 1 - head / 2, title, ha="center", va="center", fontsize=9.5)
     span = np.ptp(bounds_of(patch.knots), axis=0)
     shape = span[0] / span[1] if patch.dimension == 2 else 1.5
-    columns = max(
-        range(1, len(shown) + 1),
-        key=lambda columns: min(width / columns / shape, height * (1 - head) / -(-len(shown) // columns)),
-    )
-    rows = -(-len(shown) // columns)
-    across, down = 1 / columns, (1 - head) / rows
+    free, n = height * (1 - head), len(shown)
+    columns = max(range(1, n + 1), key=lambda columns: min(width / columns / shape, free / -(-n // columns)))
+    across, down = 1 / columns, (1 - head) / -(-n // columns)
     font = min(8.0, 72 * 0.16 * min(width * across, height * down))
     for number, cone in enumerate(shown):
         row, column = divmod(number, columns)

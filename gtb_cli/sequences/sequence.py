@@ -261,8 +261,6 @@ def _is_upward(values: Sequence[float]) -> bool:
         if not value >= 0:
             raise DomainError(f"x: must be positive, got {value!r}")
     if values and values[0] < 1 < values[-1]:
-        raise DomainError(
-            f"x: {values[0]:g} goes towards 0 and {values[-1]:g} towards infinity, where the limits differ: "
-            "expected all at least 1, or all at most 1"
-        )
+        both = f"{values[0]:g} goes towards 0 and {values[-1]:g} towards infinity, where the limits differ"
+        raise DomainError(f"x: {both}: expected all at least 1, or all at most 1")
     return not values or values[0] >= 1

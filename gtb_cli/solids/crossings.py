@@ -111,11 +111,8 @@ def _cross(corners: FloatArray, normals: FloatArray, across: IntArray, pairs: In
     longer = np.stack([dot(direction, direction) for direction in along]).argmax(axis=0)
     direction = unit(along[longer, np.arange(len(longer))])
     origin = segments[0][:, :1]
-    low, high = (
-        np.stack([bound(np.einsum("pij,pj->pi", segment - origin, direction), axis=1) for segment in segments])
-        for bound in (np.min, np.max)
-    )
-    result[rows[near]] = high.min(axis=0) - low.max(axis=0) > depth
+    places = np.stack([np.einsum("pij,pj->pi", segment - origin, direction) for segment in segments])
+    result[rows[near]] = places.max(axis=2).min(axis=0) - places.min(axis=2).max(axis=0) > depth
     result[rows[flat]] = _overlap(corners[one[flat]], corners[other[flat]], normals[one[flat]], depth)
     for base, upon, over, is_upon in ((one, other, heights, standing), (other, one, back, back_standing)):
         k = np.flatnonzero(is_upon)

@@ -79,9 +79,8 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         return normals_of_corners(solid.cells, len(vertices), np.concatenate([own, around.vectors]), rows)
 
     flat = replace(solid, vertices=vertices, normals=normals, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
-    return flat, [
-        f"the surface lies in the plane of a rim, which is along the normals {' and '.join(kept)}"
-    ] if kept else []
+    what = "the surface lies in the plane of a rim, which is along the normals"
+    return flat, [f"{what} {' and '.join(kept)}"] if kept else []
 
 
 def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[FloatArray, FloatArray, float]:

@@ -94,12 +94,10 @@ def inward_faces(mesh: Mesh) -> IntArray:
     for index, rows in enumerate(members):
         volume = float(dot(corners[rows, 0], normals[rows]).sum())
         point = corners[rows[areas[rows].argmax()]].mean(axis=0)
-        around = [
-            others
-            for other, (others, (below, above)) in enumerate(zip(members, boxes, strict=True))
-            if other != index and ((below <= point) & (point <= above)).all()
-        ]
-        winding = sum(round(_winding(corners[others] - point)) for others in around)
+        winding = 0
+        for other, (others, (below, above)) in enumerate(zip(members, boxes, strict=True)):
+            if other != index and ((below <= point) & (point <= above)).all():
+                winding += round(_winding(corners[others] - point))
         found[rows] = winding != (volume < 0)
     return np.flatnonzero(found)
 

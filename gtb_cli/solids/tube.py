@@ -65,9 +65,8 @@ def tube(
     sweeps = [_sweep(path, sections, radius, count) for path, sections in planned]
     vertices, vectors, owner = (np.concatenate(parts) for parts in list(zip(*sweeps, strict=True))[:3])
     first = np.cumsum([0, *(len(sweep[0]) for sweep in sweeps)]).tolist()
-    cells, rows = (
-        np.concatenate([sweep[k] + start for sweep, start in zip(sweeps, first, strict=False)]) for k in (3, 4)
-    )
+    numbered = [*zip(sweeps, first, strict=False)]
+    cells, rows = (np.concatenate([sweep[k] + start for sweep, start in numbered]) for k in (3, 4))
     breaks = np.cumsum([0, *(len(sweep[3]) for sweep in sweeps)]).tolist()
     starts = [int(path.segments[0]) for path, _ in planned]
     names = [next((name for name, low, high in mesh.groups if low <= k < high), mesh.name) for k in starts]
