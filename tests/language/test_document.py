@@ -237,29 +237,6 @@ def test_bytes_that_are_not_text() -> None:
 # --- what is something else
 
 
-@pytest.mark.parametrize(
-    ("data", "kind"),
-    [
-        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "a pointer of Git LFS in place"),
-        (b"ply\nformat ascii 1.0\n", "a PLY mesh, and a spec is expected"),
-        (b"glTF\x02\0\0\0", "a GLB mesh"),
-        (b"ISO-10303-21;\nHEADER;\n", "a STEP file, and a spec is expected: gtb import makes one"),
-        (b"x" * 72 + b"S0000001\r\n", "an IGES file"),
-        (b"solid x = y\n facet normal 0 0 1\n", "not valid TOML"),
-        (b"solid part\n facet normal 0 0 1\n", "an STL mesh, and a spec is expected; gtb view shows meshes"),
-        (bytes(80) + (1).to_bytes(4, "little") + bytes(50), "an STL mesh"),
-        (b"# a comment\n\nv 0 0 0\nv 1 0 0\n", "an OBJ mesh"),
-        (b"o pentagon\nv 0 0 0\n", "an OBJ mesh"),
-        (b"vn 0 0 1\n", "an OBJ mesh"),
-        (b"\n<!DOCTYPE html>\n<p>", "HTML, SVG or XML, and a spec is expected"),
-        (b'<?xml version="1.0"?>\n<svg>', "HTML, SVG or XML"),
-    ],
-)
-def test_a_file_that_is_not_a_spec_is_named(data, kind):
-    with pytest.raises(SpecError, match=kind):
-        read(data, "x.toml")
-
-
 @pytest.mark.parametrize("text", ["v = 1", "o = 2", "# v 1 2 3\nname = 'v 1 2 3'", "solid = 1", "ply = 3"])
 def test_keys_like_the_beginnings_of_meshes_are_keys(text):
     assert read(text.encode(), "x.toml").data

@@ -123,31 +123,6 @@ def test_partition_of_unity_coefficients() -> None:
 # How they are refused
 
 
-@pytest.mark.parametrize(
-    ("text", "source", "beginnings"),
-    [
-        (
-            "name = 'pentagon'\nknots = [0, 1]\nweights = [1, -2]\ncontrol_points = [[0, 0], [1, 1]]\n",
-            "pentagon.toml",
-            ["pentagon.toml:3: weights[1]: must be positive, got -2"],
-        ),
-        (
-            f"edge_scale = -1\nfoo = 1\nlifting = [nan, 0, 0]\n{ARC}name = 1\nweights = [0]\n",
-            "x.toml",
-            ["x.toml:1: ", "x.toml:2: ", "x.toml:3: ", "x.toml:6: ", "x.toml:7: ", "x.toml:7: "],
-        ),
-        (
-            '{"weights": 1, "lifting": 1, "knots": 1, "edge_scale": 1, "foo": 1, "patches": [1], "bar": 1}',
-            "x.json",
-            [f"x.json:1: {key}: " for key in ("weights", "lifting", "knots", "edge_scale", "foo", "bar", "patches[0]")],
-        ),
-    ],
-)
-def test_errors_are_in_the_order_of_the_file_and_of_its_keys(text: str, source: str, beginnings: list[str]) -> None:
-    lines = refusal(text, source)
-    assert [line[: len(start)] for line, start in zip(lines, beginnings, strict=True)] == beginnings
-
-
 def test_many_errors_are_counted() -> None:
     lines = refusal(ARC + "weights = [" + "0, " * 1000 + "]\n")
     assert len(lines) == Faults.SHOWN + 1
