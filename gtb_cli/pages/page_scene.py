@@ -127,10 +127,7 @@ def content_of(
 
 
 def _made(shape: Patch | Model, recipe: Recipe | None, quick: bool) -> tuple[Mesh, list[str], float]:
-    """Return a mesh, what is unusual about it, and its tolerance, if it has one: without a recipe, that of a screen.
-
-    A quick one is a coarse mesh of a surface, with the normals of its triangles.
-    """
+    """Return a mesh, what is unusual about it, and its tolerance, if it has one: without a recipe, that of a screen."""
     if quick:
         mesh, remarks = Recipe(16, weld=None if recipe is None else recipe.weld).mesh(shape)
         return with_normals(mesh), remarks, 0.0

@@ -59,10 +59,8 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
             place = t[top], values[top, index]
             note(ax, text, place, (offset, 3), ha=edge, va="bottom", color=colour, fontsize=9, bbox=HALO)
     low, high = (float(x) for x in curves[0].domain.vertices[:, 0])
-    ax.set_xlim(low, high)
-    ax.set_ylim(bottom=0)
-    ax.set_xlabel("t")
-    ax.set_ylabel(f"{symbol}(t)" if len(indices) != 1 else f"{subscript(symbol, indices[0])}(t)")
+    function = symbol if len(indices) != 1 else subscript(symbol, indices[0])
+    ax.set(xlim=(low, high), ylim=(0, None), xlabel="t", ylabel=f"{function}(t)")
     ax.grid(True, color="#EEEEEE", lw=0.6)
     shown = np.concatenate([curve.knots for curve in curves])
     View(ax).points(np.column_stack([shown, np.zeros(len(shown))]), size=5)

@@ -35,10 +35,8 @@ def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
     texts = [f"{subscript('a', i)}\nω={weight:.4g}" for i, weight in enumerate(patch.weights)] if numbered else []
     if patch.dimension == 1:
         ax.plot(corners[:, 0], [0, 0], "-", color=LINE_COLOURS[0], lw=2, zorder=2, solid_capstyle="butt")
-        ax.set_yticks([])
+        ax.set(yticks=[], xlabel="t", ylim=(-1, 1))
         ax.spines["left"].set_visible(False)
-        ax.set_xlabel("t")
-        ax.set_ylim(-1, 1)
         _draw_knots(View(ax), np.column_stack([knots, np.zeros(len(knots))]))
         _label_line(ax, knots[:, 0], texts)
         return
@@ -67,8 +65,7 @@ def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> Non
 def _draw_plane(ax: Axes, shape: Domain, texts: Sequence[str], absent: Sequence[int] = ()) -> None:
     """Draw knots over Δ with texts on the inside, as edges have their numbers outside."""
     view = plane_view(ax, shape.vertices)
-    ax.set_xlabel("u")
-    ax.set_ylabel("v")
+    ax.set(xlabel="u", ylabel="v")
     _draw_knots(view, shape.knots, absent)
     for place, text in _gathered(shape.knots, texts):
         x, y = _inward(np.array(place), shape)
@@ -132,10 +129,9 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
             note(ax, f"{height:.4g}", (x, height), (-5 if rising else 5, 4), ha="right" if rising else "left")
             note(ax, subscript("a", i), (x, floor), (0, -15), annotation_clip=False)
     ax.margins(x=0.07)
-    ax.set_ylim(floor, float(heights.max()) + 0.14 * (float(np.ptp(heights)) or 1.0))
-    ax.set_xticks([])
+    ceiling = float(heights.max()) + 0.14 * (float(np.ptp(heights)) or 1.0)
+    ax.set(ylim=(floor, ceiling), xticks=[], ylabel="λ")
     ax.spines["bottom"].set_visible(False)
-    ax.set_ylabel("λ")
 
 
 def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:

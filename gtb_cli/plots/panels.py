@@ -227,12 +227,9 @@ def _figure_of_distances(frames: Frames, look: Look) -> Figure:
             ax.plot(across[shown], up[shown], dashes, color=colour, lw=1.5, ms=4.5, mec="white", mew=0.6, label=label)
         if not drawn:
             raise DomainError("no distance is other than 0: a figure needs some x, or steps, before the limit")
-        ax.set_xscale("log")
-        ax.set_yscale("log")
+        ax.set(xscale="log", yscale="log", xlabel="1 − step" if steps else "x", ylabel="distance, in model units")
         if steps:
             ax.invert_xaxis()
-        ax.set_xlabel("1 − step" if steps else "x")
-        ax.set_ylabel("distance, in model units")
         ax.grid(True, which="major", color="#DDDDDD", lw=0.6)
         ax.grid(True, which="minor", color="#F0F0F0", lw=0.4)
         if frames.film_distances:

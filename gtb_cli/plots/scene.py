@@ -67,9 +67,7 @@ def space_views(
     (left, bottom), (right, top) = window.tolist()
     views = []
     for ax, surface in zip(axes, surfaces, strict=True):
-        ax.set_xlim(left, right)
-        ax.set_ylim(bottom, top)
-        ax.set_aspect("equal")
+        ax.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
         ax.set_axis_off()
         views.append(View(ax, projection, None if surface is None else _drawn(ax, projection, surface)))
     return views

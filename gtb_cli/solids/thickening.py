@@ -52,7 +52,6 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     parts = np.concatenate([part, part, np.repeat(part[rim_cell], 2)])
     order = np.argsort(parts, kind="stable")
     breaks = np.searchsorted(parts[order], np.arange(len(mesh.groups) + 1)).tolist()
-
     own = mesh.normals
 
     def normals() -> Normals:
