@@ -77,10 +77,9 @@ def multiplier(patch: Patch) -> FloatArray:
 
 def _common_steps(shape: Domain) -> int:
     """Return into how many equal steps knots divide each edge of a surface's Δ; 1 if the steps are not equal."""
-    counts = set()
-    for edge in range(len(shape.vertices)):
-        on_edge = lattice_of(domain(shape.along(edge, shape.knots[shape.edge_knots(edge)])))
-        counts.add(on_edge[0].degree if on_edge else 1)
+    edges = range(len(shape.vertices))
+    found = [lattice_of(domain(shape.along(edge, shape.knots[shape.edge_knots(edge)]))) for edge in edges]
+    counts = {on_edge[0].degree if on_edge else 1 for on_edge in found}
     return counts.pop() if len(counts) == 1 else 1
 
 

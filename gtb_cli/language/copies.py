@@ -238,7 +238,6 @@ def carried_out(
         if original is None or not copy.moves.moves:
             continue
         made[number] = copy.moves.made(original, copy.names, values, copy.path)
-        if not made[number]:
-            continue
-        found |= zip(copy.names, made[number], strict=True)
+        if made[number]:
+            found |= zip(copy.names, made[number], strict=True)
     return made

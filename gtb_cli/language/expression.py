@@ -133,12 +133,9 @@ def _step(text: str, word: str, function: Callable[..., float], *operands: float
         result = function(*operands)
         if math.isfinite(result):
             return result
-    except ZeroDivisionError:
-        reason = "divides by zero"
-    except OverflowError:
-        pass
-    except ValueError:
-        reason = "is not a finite real number"
+    except (ArithmeticError, ValueError) as error:
+        reasons = {ZeroDivisionError: "divides by zero", ValueError: "is not a finite real number"}
+        reason = reasons.get(type(error), reason)
     *before, last = [f"({x:g})" if x < 0 or word in FUNCTIONS else f"{x:g}" for x in operands]
     _refuse(text, f"{''.join(before)}{word}{last} {reason}")
 

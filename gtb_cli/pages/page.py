@@ -100,7 +100,6 @@ def page_data(content: Content) -> dict[str, Any]:
         with np.errstate(over="ignore"):
             shown = values if name == "wall" else values.clip(*ends)
             scalars[name] = {"values": encoded(shown, "<f4"), "low": ends[0], "high": ends[1]}
-    lines = {name: encoded(pairs, "<u4") for name, pairs in content.lines.items()}
     measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 else None
     is_wide = len(vertices[0]) >= 1 << 16
     return {
@@ -124,7 +123,7 @@ def page_data(content: Content) -> dict[str, Any]:
         "cells": encoded(content.cells, "<u4" if is_wide else "<u2"),
         "wide": is_wide,
         "groups": [list(group) for group in content.groups],
-        "lines": lines,
+        "lines": {name: encoded(pairs, "<u4") for name, pairs in content.lines.items()},
         "netNames": list(content.net_names),
         "knots": {"points": placed(content.knots), "names": list(content.knot_names)},
         "scalars": scalars,

@@ -83,11 +83,9 @@ class Look:
             object.__setattr__(self, "camera", Camera(*_numbers("camera", self.camera, CAMERA_LIMITS)))
         object.__setattr__(self, "size", _numbers("size", self.size, SIZE_LIMITS))
         object.__setattr__(self, "index", tuple(np.atleast_1d(np.asarray(self.index, dtype=object)).tolist()))
-        numbers: list[tuple[str, Any, int, int]] = [
-            ("resolution", self.resolution, 1, 1000),
-            ("dpi", self.dpi, 20, 1200),
-        ]
-        for name, value, least, most in [*numbers, *(("index", value, 0, 10**6) for value in self.index)]:
+        given = [(name, getattr(self, name)) for name in ("resolution", "dpi")] + [("index", k) for k in self.index]
+        for name, value in given:
+            least, most = {"resolution": (1, 1000), "dpi": (20, 1200), "index": (0, 10**6)}[name]
             whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
             if not (whole and least <= value <= most) and not (value is None and name == "resolution"):
                 raise DomainError(f"{name}: expected a whole number from {least} to {most}, got {value!r}")

@@ -58,5 +58,4 @@ def curve_path(curve: Patch) -> FloatArray:
 
 def is_flat(clouds: Sequence[FloatArray]) -> bool:
     """Tell whether all points have the same height, so that they are drawn from above."""
-    heights = np.concatenate([cloud[:, 2] for cloud in clouds])
-    return bool(np.ptp(heights) == 0)
+    return bool(np.ptp(np.concatenate([cloud[:, 2] for cloud in clouds])) == 0)

@@ -108,8 +108,7 @@ class MeshSequence:
     @property
     def film_distances(self) -> tuple[float, ...] | None:
         """Distances from the limit with its film; None if there is no film, or they are not measured."""
-        found = tuple(member.film_distance for member in self.members if member.film_distance is not None)
-        return found or None
+        return tuple(member.film_distance for member in self.members if member.film_distance is not None) or None
 
     @cached_property
     def predicted_rate(self) -> float | None:

@@ -215,6 +215,4 @@ def _overlap(one: FloatArray, other: FloatArray, normal: FloatArray, depth: floa
             low, high = np.minimum(low, x), np.maximum(high, x)
         reach = np.minimum(np.maximum(inside, 0), high) - np.maximum(np.minimum(inside, 0), low)
         left = left[reach > depth]
-    result = np.zeros(len(one), dtype=bool)
-    result[left] = True
-    return result
+    return np.isin(np.arange(len(one)), left)

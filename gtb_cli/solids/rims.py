@@ -51,7 +51,7 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
             what = f"almost in its rim's plane near {point_text(surface[rim][share.argmin()], surface)}"
             other = f'beyond which the wall would go: `thickness` {-thickness:g} does not, or take `rim="normal"`'
             raise DomainError(f"rim: the surface lies {what}, as a patch does at a corner between two edges, {other}")
-        short = np.flatnonzero(rim & (height < 0))
+        short = rim & (height < 0)
         offset[rim] += (share * np.minimum(height[rim], 0.0))[:, None] * way
         height[rim] = np.where(height[rim] < 0, (1 - share) * height[rim], height[rim])
         beyond = _reached(rim, height > nearly, edges)
@@ -64,9 +64,7 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         offset[beyond] -= height[beyond, None] * normal
         height[beyond] = 0.0
         in_plane = np.concatenate([rim, height == 0])[solid.cells].all(axis=1)
-        along = np.zeros(count, dtype=bool)
-        along[short] = ~is_mitred[short]
-        vertices[:] = _evened(vertices, beyond, along, rim, solid.cells[in_plane], normal)
+        vertices[:] = _evened(vertices, beyond, short & ~is_mitred, rim, solid.cells[in_plane], normal)
         is_side |= in_plane
     own, rows = solid.normals, solid.normal_of.astype(np.int64)
     around = facet_normals(vertices, solid.cells[is_side])
