@@ -196,6 +196,7 @@ class _Reader:
         elif name in ("basematerials", "colorgroup"):
             self.material = given["id"]
             self.materials[self.material] = []
+            self.note(name, given, *_KNOWN)
         elif name in ("base", "color"):
             said = given.get("displaycolor" if name == "base" else "color", "#ffffff")
             if re.fullmatch("#([0-9a-fA-F]{2}){3,4}", said) is None:

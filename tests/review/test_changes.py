@@ -196,6 +196,8 @@ def test_a_mesh_that_would_be_a_dot_is_drawn_at_its_own_scale():
         for side, frame in zip((made.old, made.new), made.frames, strict=True):
             assert np.abs(frame.inside(side.mesh.vertices)).max() >= 0.5 or reason.startswith("new is a dot")
         assert '"alone":true' in page(review(("a", "b"), iter([made])))
+    dots = [Mesh(0 * old.vertices + place, old.cells) for place in (0, 1)]
+    assert change("x", "different", *dots, diff(*dots)).reasons[-1] == "old and new are far apart"
     made = change("x", "extra", old, Mesh(5 * old.vertices, old.cells))
     assert made.reasons == ()
     assert made.frames[0] is made.frames[1]
