@@ -180,19 +180,15 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
 
 def _what_has_to_stay(golden: str, gone: Sequence[Verdict], rest: Iterable[Verdict]) -> list[Fault]:
     """Say why files are not removed: they are in folders that are links, or what stays is a link to them."""
-    kept = {_place(os.stat(path)): path for path in (each.paths[0] for each in rest) if os.path.exists(path)}
+    kept = {os.stat(path).st_ino: path for path in (each.paths[0] for each in rest) if os.path.exists(path)}
     faults = []
     for path, name in ((each.paths[0], each.name) for each in gone):
         folder = os.path.dirname(os.path.join(os.path.realpath(golden), name))
         if os.path.realpath(os.path.dirname(path)) != folder:
             faults.append(Fault("is in a folder that is linked, where --prune removes nothing", path))
-        elif other := kept.get(_place(os.lstat(path))):  # also where A.obj and a.obj are one file
+        elif other := kept.get(os.lstat(path).st_ino):  # also where A.obj and a.obj are one file
             faults.append(Fault(f"is what {other} leads to, which stays", path))
     return faults
-
-
-def _place(status: os.stat_result) -> tuple[int, int]:
-    return status.st_dev, status.st_ino
 
 
 def _remove(golden: str, path: str) -> None:

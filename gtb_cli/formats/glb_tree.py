@@ -124,16 +124,15 @@ class Scene:
         has_several, path = sum("mesh" not in nodes[number] for number in self.labels) > 1, list[Any]()
         shown, of_nodes = set[int](), []
         for number, depth, place in self.placed:
-            node = nodes[number]
-            said, is_pointed = without(node, {"mesh"} if are_posed else placing), False
+            node, rest = nodes[number], list[dict[str, Any]]()
+            said = without(node, {"mesh"} if are_posed else placing)
             if "mesh" in node:
-                shown.add(index := _index(node["mesh"]))
-                rest = [
-                    each if each.get("mode") == 0 else without(each, drawing) for each in meshes[index]["primitives"]
-                ]
-                said["mesh"] = without(meshes[index], {"name"}) | {"primitives": rest}
-                is_pointed = any(each.get("mode") == 0 for each in rest)
-            if is_pointed or ("mesh" not in node and (said or not node.get("children"))):  # as a camera is
+                shown.add(_index(node["mesh"]))
+                mesh = meshes[_index(node["mesh"])]
+                rest = [each if each.get("mode") == 0 else without(each, drawing) for each in mesh["primitives"]]
+                said["mesh"] = without(mesh, {"name"}) | {"primitives": rest}
+            is_lone = "mesh" not in node and (said or not node.get("children"))  # as a camera is
+            if is_lone or any("attributes" in each for each in rest):  # of points
                 size = np.abs(place).max() or 1.0
                 said["place"] = [*(np.round(place / size, 6) + 0.0).ravel().tolist(), float(f"{size:.6g}")]
             path[depth:] = [node.get("name")]
@@ -161,6 +160,7 @@ class Scene:
             return {name: inner for name, inner in told.items() if key == "extensions" or inner not in _NOTHING}
         if isinstance(value, list):
             each = [self._told(inner, key, above) for inner in value]
+            each = sorted(each, key=str) if key == "children" else each
             return each if any(inner not in _NOTHING for inner in each) else []
         table = _TABLES.get(key, "")
         if {key, above} & {"targets", "attributes"}:

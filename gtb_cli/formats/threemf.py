@@ -149,7 +149,6 @@ class _Reader:
         self.items: list[tuple[str, FloatArray, str]] = []
         self.id = self.material = ""
         self.order: dict[str, str] = {}  # of what has a number in the file
-        self.kinds: set[str] = set()  # of objects that are no solids
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         others = ((each.filename, each.CRC) for each in archive.infolist() if each.filename != name)
@@ -205,7 +204,6 @@ class _Reader:
             self.materials[self.material].append((given["name"] if name == "base" else "", colour))
         elif name == "object":
             self.id = given["id"]
-            self.kinds |= {given.get("type", "model")} - {"model"}
             part = given.get("pid"), given.get("pindex"), ""
             kind = given.get("type", "model").removeprefix("model")
             self.meshes[self.id] = _Mesh(array("f"), array("q"), [], part, given.get("name", ""), kind)
@@ -282,7 +280,7 @@ class _Reader:
         for label, told in (("extensions", extensions), ("further parts", self.others), ("material", material)):
             ranges[f"{OTHER}{label}"] = [([mark_of(told)], 0, rows)] if told else []
         points, corners = np.concatenate(vertices), np.concatenate(cells)
-        space = ", ".join([self.unit, *sorted(self.kinds)])
+        space = ", ".join([self.unit, *sorted({mesh.kind for mesh in self.meshes.values()} - {""})])
         return FileArrays(points, corners, single_half_steps, tuple(groups), space, ranges=ranges)
 
     def look(self, part: _Part) -> tuple[str, list[float]]:
