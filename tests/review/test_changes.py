@@ -220,3 +220,10 @@ def test_the_page_quotes_names_for_a_shell():
     words = shlex.split(" ".join(quoted))
     assert [os.path.normpath(word) for word in words] == names
     assert not [word for word in words if word.startswith("-")]
+    approval = script[script.index("const approval") : script.index("\n\nfunction choose")]
+    changes = [{"name": "a.obj", "verdict": "different", "approvable": is_mesh} for is_mesh in (True, False)]
+    code = (
+        f"const data = {{names: ['golden', 'out']}};{line}{approval}\nconsole.log({json.dumps(changes)}.map(approval))"
+    )
+    told = subprocess.run(["node", "-e", code], capture_output=True, check=True, text=True).stdout
+    assert told.split("'")[1::2] == ["gtb approve golden out a.obj", ""]
