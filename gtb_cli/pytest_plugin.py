@@ -48,10 +48,12 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     return result
 
 
-def pytest_deselected(items: Sequence[pytest.Item]) -> None:
-    """Note that not all tests run."""
-    for item in items:
-        item.config.stash[_PARTLY] = True
+@pytest.hookimpl(wrapper=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: Sequence[pytest.Item]) -> Generator[None]:
+    """Note whether any plugin leaves tests out, as not all of them tell others so."""
+    count = len(items)
+    yield
+    config.stash[_PARTLY] = len(items) < count
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
