@@ -119,8 +119,7 @@ class Scene:
         names = [nodes[number].get("name", "") for number, *_ in self.placed]
         once = {name for name, count in Counter(names).items() if count == 1}
         self.labels = {number: names[k] if names[k] in once else k for k, (number, *_) in enumerate(self.placed)}
-        # Whether nodes have places beside those of their meshes
-        are_posed = len(scenes) > 1 or self.tree.get("skins") or self.tree.get("animations")
+        are_posed = len(scenes) > 1 or self.tree.get("skins") or self.tree.get("animations")  # their places count
         has_several, path = sum("mesh" not in nodes[number] for number in self.labels) > 1, list[Any]()
         shown, of_nodes = set[int](), []
         for number, depth, place in self.placed:
