@@ -1,7 +1,6 @@
 """Settings for every test: hypothesis gives the same examples on every machine and has no clock."""
 
 import gc
-import os
 import subprocess
 from collections.abc import Iterator
 from functools import partial
@@ -10,12 +9,8 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import settings
 
-from gtb_cli.__main__ import THREADS
 from gtb_cli.importers import cad_files
 from tests.shell import unseen
-
-# Every process of gtb does so; two threads, which wait for each other, take three times as long for a fill as one.
-os.environ.update(dict.fromkeys(THREADS, "1"))
 
 gc.set_threshold(100_000)  # as every process of gtb: to look for cycles while tests are collected takes a second
 
