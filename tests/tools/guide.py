@@ -56,7 +56,7 @@ def one_of_each_kind() -> list[Step]:
     """The first command of each name and formats of files that needs no extra; fills of specs take seconds."""
     found: dict[object, Step] = {}
     for step in steps():
-        kind = (step.command.split()[1], *re.findall(r"\w(\.\w+)\b", step.command))
+        kind = (step.command.split()[1], *re.findall(r"\w(\.[a-z]\w*)", step.command))
         if not step.extras and kind != ("fill", ".toml", ".toml"):
             found.setdefault(kind if step.command.startswith("gtb") else step.command, step)
     return list(found.values())
