@@ -1,4 +1,4 @@
-"""Reads the plain data of a patch as a `Patch`, and notes every fault."""
+"""The keys that a spec may have, and the reader of a patch, which turns plain data to a `Patch` and notes faults."""
 
 from typing import cast, get_args
 

@@ -24,7 +24,7 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 
 COMMON = "common.js"  # the script that pages of all packages share
-NEEDED = {"numbers.js": {"watch"}}  # scripts for pages whose data have such a key
+NEEDED = {"watch.js": {"watch"}}  # scripts for pages whose data have such a key
 
 
 def page(thing: Patch | Model | Mesh | SpecPath, recipe: Recipe | None = None) -> str:
