@@ -4,5 +4,5 @@ import os
 
 from gtb_cli.__main__ import THREADS
 
-# Every process of gtb does so, before it loads numpy; two threads, which wait for each other, take several times as long.
+# As every process of gtb, before numpy is loaded: two threads, which wait for each other, take several times as long.
 os.environ.update(dict.fromkeys(THREADS, "1"))

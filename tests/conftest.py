@@ -1,9 +1,12 @@
 """Settings for every test: hypothesis gives the same examples on every machine and has no clock."""
 
+import faulthandler
 import gc
 import subprocess
+import sys
 from collections.abc import Iterator
 from functools import partial
+from multiprocessing import get_context
 from types import SimpleNamespace
 
 import pytest
@@ -40,10 +43,14 @@ def _failures_are_looked_at() -> Iterator[None]:
 
 @pytest.fixture
 def probed_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Good CAD files, which break no kernel, are not read by another process first, that starts in a second."""
+    """CAD files are read by a fork first, which has the kernel; where that fails, by a process that loads it, too."""
 
     def run(words: list[str], **options: bool) -> object:
-        return SimpleNamespace(returncode=0) if cad_files.probe(*words[-2:]) == 0 else subprocess.run(words, **options)
+        probe = partial(cad_files.probe, *words[-2:])
+        fork = get_context("fork").Process(target=lambda: faulthandler.disable() or sys.exit(probe()))
+        fork.start()
+        fork.join()
+        return subprocess.run(words, **options) if fork.exitcode else SimpleNamespace(returncode=0)
 
     monkeypatch.setattr(cad_files, "subprocess", SimpleNamespace(run=run))
 

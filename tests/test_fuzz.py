@@ -1,14 +1,7 @@
 """A little of what `make fuzz` does at length; and what was found earlier is found no more."""
 
-import faulthandler
-import subprocess
-import sys
-from multiprocessing import get_context
-from types import SimpleNamespace
-
 import pytest
 
-from gtb_cli.importers import cad_files
 from tests.marks import long, mostly_long
 from tests.tools.fuzz import foreign_files, imports, kill, models, mutate, overwriting
 from tests.tools.judge import CORPUS, READERS, judge, seeds
@@ -24,18 +17,6 @@ def test_what_is_made_by_rules_gives_what_it_should(judged, count):
     assert judged(count, seed=1) is None
 
 
-def probed_by_a_fork(words, **options):
-    """Read a file in a fork of this process, which has the kernel; where that breaks, in one that loads it, too."""
-    child = get_context("fork").Process(target=lambda: faulthandler.disable() or sys.exit(cad_files.probe(*words[-2:])))
-    child.start()
-    child.join()
-    return (
-        SimpleNamespace(returncode=child.exitcode, stdout=b"")
-        if child.exitcode >= 0
-        else subprocess.run(words, **options)
-    )
-
-
 @pytest.mark.parametrize(
     ("name", "count"),
     [
@@ -43,11 +24,8 @@ def probed_by_a_fork(words, **options):
         *mostly_long([("part.igs", 20), *((name, 400) for name in sorted(foreign_files()) if name != "part.igs")], 0),
     ],
 )
-@pytest.mark.filterwarnings(
-    "ignore:.*fork:DeprecationWarning"
-)  # a thread of xdist waits for messages, and holds nothing
-def test_mutated_files_of_other_programs_are_read_or_refused(name, count, monkeypatch):
-    monkeypatch.setattr(cad_files, "subprocess", SimpleNamespace(run=probed_by_a_fork))
+@pytest.mark.usefixtures("probed_here")
+def test_mutated_files_of_other_programs_are_read_or_refused(name, count):
     assert imports(count, seed=1, names=[name]) is None
 
 
