@@ -47,7 +47,7 @@ def probed_here(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def run(words: list[str], **options: bool) -> object:
         probe = partial(cad_files.probe, *words[-2:])
-        fork = get_context("fork").Process(target=lambda: faulthandler.disable() or sys.exit(probe()))
+        fork = get_context("fork").Process(target=lambda: (faulthandler.disable(), sys.exit(probe())))
         fork.start()
         fork.join()
         return subprocess.run(words, **options) if fork.exitcode else SimpleNamespace(returncode=0)
