@@ -188,16 +188,10 @@ def paired(first: IntArray, second: IntArray, count: int) -> IntArray:
 
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
     """Yield each number that occurs among small numbers from 0, (m,), ascending, with its places."""
-    # Largest number of groups for which an array is searched once for each, which is faster than sorting it
-    max_passes = 8
     counts = np.bincount(numbers)
     present = np.flatnonzero(counts)
-    if len(present) <= max_passes:
-        for number in present.tolist():
-            yield number, np.flatnonzero(numbers == number)
-        return
-    places = np.split(np.argsort(numbers, kind="stable"), np.cumsum(counts[present])[:-1])
-    yield from zip(present.tolist(), places, strict=True)
+    places = np.split(np.argsort(numbers, kind="stable"), np.cumsum(counts[present]))
+    yield from zip(present.tolist(), places[:-1], strict=True)
 
 
 def ascending(costs: FloatArray) -> IntArray:

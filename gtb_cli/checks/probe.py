@@ -1,14 +1,11 @@
 """Sample parameters of a patch at which checks measure, and bounds for its rounding."""
 
 import math
-from collections.abc import Callable
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
-from gtb_cli.checks.report import Finding
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import KNOT_ULPS
 from gtb_cli.knots.lattice import repeated
@@ -127,9 +124,6 @@ class Probe:
         """The patch with its repeated knots merged; the patch itself if no knot is repeated."""
         moves = {knot: first for first, *others in repeated(self.patch.knots) for knot in others}
         return merge_knots(self.patch, moves) if moves else self.patch
-
-
-Measure: TypeAlias = Callable[[Probe], Finding]
 
 
 def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from gtb_cli.language.spec_paths import of_patch
 from gtb_cli.limits.degeneration import lifting_of
 from gtb_cli.limits.knot_limit import knot_limit
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.shading import filled_normals
+from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complexes import Complex
@@ -82,20 +82,15 @@ class MeshSequence:
                 yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, error, doubt)
 
     def _mesh(self, sampler: Sampler) -> Mesh:
-        normals, cells, are_exact = None, self._mosaic.cells, False
-        where = self._mosaic.patch, self._mosaic.parameters, self._mosaic.face
+        cells, where = self._mosaic.cells, (self._mosaic.patch, self._mosaic.parameters, self._mosaic.face)
         vertices = sampler.points(*where)
-        if self._normals and cells.shape[1] == 3:
+
+        def normals() -> Normals:
             found = sampler.normals(*where)
-            normals, are_exact = filled_normals(found, vertices, cells), not np.isnan(found).any()
-        return Mesh(
-            vertices,
-            cells,
-            parameters=self._mosaic.parameters,
-            normals=normals,
-            name=self.name,
-            exact_normals=are_exact,
-        )
+            return Normals(filled_normals(found, vertices, cells), None, not np.isnan(found).any())
+
+        has_normals = self._normals and cells.shape[1] == 3
+        return Mesh(vertices, cells, parameters=where[1], normals=normals if has_normals else None, name=self.name)
 
     @cached_property
     def members(self) -> tuple[Member, ...]:

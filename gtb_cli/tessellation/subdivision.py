@@ -67,13 +67,6 @@ class _SplitPattern(NamedTuple):
     lines: tuple[tuple[int, int], ...]
 
 
-_SEGMENT = _SplitPattern(((0, 2), (2, 1)), ())
-_SIDE_0 = _SplitPattern(((0, 3, 2), (3, 1, 2)), ((3, 2),))
-_SIDES_0_1 = _SplitPattern(((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4)))
-_SIDES_0_1_OTHER_DIAGONAL = _SplitPattern(((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
-_ALL_SIDES = _SplitPattern(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5)))
-
-
 class Subdivision:
     """The vertices, edges and cells of a simplicial complex that grows, with the points of a sampler."""
 
@@ -209,20 +202,21 @@ class Subdivision:
     def _patterns(self, whole: Cells, vertex: IntArray) -> Iterator[tuple[Cells, _SplitPattern]]:
         """Yield triangles turned so that split sides come first, with their patterns: the shorter diagonal is taken."""
         if not self.is_surface:
-            yield whole, _SEGMENT
+            yield whole, _SplitPattern(((0, 2), (2, 1)), ())
             return
         marks = vertex.take(whole.sides) >= 0
         count = marks.sum(axis=1)
         one, two, three = (np.flatnonzero(count == number) for number in (1, 2, 3))
-        yield _turned(whole, one, marks[one].argmax(axis=1)), _SIDE_0
+        yield _turned(whole, one, marks[one].argmax(axis=1)), _SplitPattern(((0, 3, 2), (3, 1, 2)), ((3, 2),))
         pair = _turned(whole, two, marks[two].argmin(axis=1) + 1)
         corner, middle = (self.points.take(each, axis=0) for each in (pair.cells, vertex.take(pair.sides[:, :2])))
         usual, other = middle[:, 1] - corner[:, 0], middle[:, 0] - corner[:, 2]
         tie_ratio = 1 + 1e-9  # of squares: rounding, which depends on the processor, must not choose the diagonal
         is_longer = dot(usual, usual) > tie_ratio * dot(other, other)
-        yield rows_of(pair, ~is_longer), _SIDES_0_1
-        yield rows_of(pair, is_longer), _SIDES_0_1_OTHER_DIAGONAL
-        yield rows_of(whole, three), _ALL_SIDES
+        yield rows_of(pair, ~is_longer), _SplitPattern(((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4)))
+        yield rows_of(pair, is_longer), _SplitPattern(((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
+        pieces = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+        yield rows_of(whole, three), _SplitPattern(pieces, ((3, 5), (3, 4), (4, 5)))
 
     def _sides(
         self, piece: tuple[int, ...], inner: dict[frozenset[int], IntArray], cells: Cells, child: IntArray

@@ -97,7 +97,7 @@ class Patch:
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
-        shape = self._domain()
+        shape = domain(self.knots, self.edge_normals, self.edge_scale)
         set_field(self, "knots", shape.knots)
         set_field(self, "edge_scale", shape.edge_scale)
         n = len(shape.knots)
@@ -121,21 +121,12 @@ class Patch:
             raise DomainError(f"name: expected a string, got {self.name!r}")
         products = read_only(self.log_weights + np.log(self.coefficients))
         basis: RationalBasis | None = self.rational_basis
-        if basis is None or basis.domain is not shape or not np.array_equal(basis.log_weights, products):
+        if basis is None or basis.domain != shape or not np.array_equal(basis.log_weights, products):
             set_field(self, "rational_basis", RationalBasis(shape, products))
 
     def __repr__(self) -> str:
         kind = "curve" if self.dimension == 1 else f"{len(self.domain.vertices)}-sided surface"
         return f"<Patch {self.name or 'without a name'}: {kind}, {len(self.knots)} knots>"
-
-    def _domain(self) -> Domain:
-        """Return Δ, taken from the given rational basis if knots and edge functions are the same."""
-        if self.rational_basis is not None:
-            shape = self.rational_basis.domain
-            same = (np.array_equal(getattr(shape, name), getattr(self, name)) for name in ("knots", "edge_scale"))
-            if shape.edge_normals == self.edge_normals and all(same):
-                return shape
-        return domain(self.knots, self.edge_normals, self.edge_scale)
 
     def replace(self, **changes: Any) -> Patch:
         """Return a copy with other values in some fields.
