@@ -101,7 +101,7 @@ def planar_cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def angles_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the angles in degrees between vectors, (…, 3) → (…); NaN with those that are NaN."""
+    """Return the angles in degrees between vectors, (…, 3) → (…); NaN where a vector is NaN."""
     return np.asarray(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))))
 
 
@@ -126,7 +126,7 @@ def bounds_of(points: NDArray[Any]) -> NDArray[Any]:
 
 
 def point_text(point: FloatArray, around: FloatArray) -> str:
-    """Return a point for messages, with four digits of the size of the (m, d) points around it, more if these are far.
+    """Return a point for messages, with four digits of the size of the (m, d) points around it, more if they are far.
 
     What is rounding of this size is written as 0.
     """

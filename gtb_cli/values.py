@@ -14,13 +14,14 @@ def frozen(kind: T) -> T:
     return kind
 
 
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
 def by_value(kind: T) -> T:
-    """Give a frozen dataclass equality, a hash and pickling by its fields.
+    """Make a frozen dataclass whose objects have equality, a hash and pickling by their fields.
 
     All three leave out fields with ``compare=False`` and cached values. A copy is made by the constructor, so that its
     arrays are read-only again, which pickle alone would not do. NaN equals NaN, and -0 equals 0.
     """
-    names = tuple(field.name for field in fields(kind) if field.compare)
+    names = tuple(field.name for field in fields(frozen(kind)) if field.compare)
 
     def key(self: Any) -> Hashable:
         return _hashable(tuple(getattr(self, name) for name in names))

@@ -15,7 +15,7 @@ from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-# In units of `EPS`, of a value of the basis beside those of its exponent: logarithms, a sum, an exponential, a quotient
+# Roundings of a value of the basis, beside its exponent's: logarithms, a sum, an exponential, a quotient
 VALUE_ROUNDINGS = 64
 
 

@@ -1,8 +1,8 @@
 """The search for the points of surfaces that are farthest from other surfaces.
 
 It starts from the points that each surface comes with: the corners of cells, where the farthest one mostly is, and
-enough others. The points nearest to them are found by Newton's method; then the farthest ones move over their own
-surface as long as their distances grow.
+enough others. Newton's method finds the nearest points of the other surface; then the farthest points move over
+their own surface as long as their distances grow.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ class Candidates(NamedTuple):
 
 
 class LocalMaxima(NamedTuple):
-    """Points that are farther from the other surface than those around them: (m,) ways, places and distances."""
+    """Local maxima of the distance from the other surface: (m,) ways, places and distances."""
 
     way: IntArray
     stratum: IntArray

@@ -24,7 +24,7 @@ class Direction:
 
     degree: int
     shares: FloatArray  # (n, e) barycentric coordinates of the knots in a segment (e = 2) or triangle (e = 3)
-    steps: FloatArray  # (e − 1, d) from a knot to the next ones, towards the other corners
+    steps: FloatArray  # (e − 1, d) from a knot to its neighbours towards the other corners
 
     @property
     def places(self) -> IntArray:

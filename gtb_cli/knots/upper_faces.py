@@ -40,7 +40,7 @@ class Lifted:
 def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
     """Lift knots; see `gtb_cli.knots.decomposition.regular_decomposition` for arguments and errors."""
     # Knots lie on a face within this fraction of the lifting's range, a thousand times above the rounding of ordinary
-    # input. Affine parts do not count: the range is that of the lifting without its best affine fit.
+    # input. Affine parts do not count: the lifting is taken without its best affine fit.
     gap_tolerance = 1e-12
     rounding_ulps = 2  # by which a coordinate or lifting may be off, too: two operations of the caller
     largest = 1e100  # so that gradients are floats, however near to each other knots are
@@ -96,7 +96,7 @@ def _places(points: FloatArray, heights: FloatArray, tolerance: float) -> list[i
 
 
 def _upper_chain(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex, Plane]:
-    """Return the segments of the upper hull of points at distinct places on a line; those inside them are left out."""
+    """Return the segments of the upper hull of points at distinct places on a line, each as long as possible."""
 
     def line(i: int, j: int) -> Plane:
         run, rise = at[j][0] - at[i][0], at[j][1] - at[i][1]

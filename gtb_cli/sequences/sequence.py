@@ -29,8 +29,6 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import MAX_FACES
 
-INF = math.inf
-
 
 @frozen
 class Member:
@@ -126,14 +124,14 @@ class MeshSequence:
             found = convergence_rate(self._decomposition)
         except ToleranceError:
             return None
-        return found if 0 < found < INF else None
+        return found if 0 < found < math.inf else None
 
     def entry(self, member: Member, name: str, kind: str = "file") -> dict[str, Any]:
         """Return the entry of a mesh in `sequence.json`, by the name of its file, or of what `kind` says."""
         entry: dict[str, Any] = {
             kind: name,
             # A whole number below 2⁵³ as an int, which JSON writes without a point
-            self.key: "inf" if (x := member.value) == INF else int(x) if x.is_integer() and abs(x) < 2**53 else x,
+            self.key: "inf" if (x := member.value) == math.inf else int(x) if x.is_integer() and abs(x) < 2**53 else x,
             "vertices": len(member.mesh.vertices),
             "faces": len(member.mesh.cells),
             "distance_to_limit": member.distance,
@@ -206,7 +204,7 @@ def degeneration(
     """
     values = sorted({float(value) for value in xs})
     upward = _is_upward(values)
-    values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, INF)]
+    values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, math.inf)]
     exponents = lifting_of(patch, lifting)
     decomposition = regular_decomposition(patch.knots, exponents if upward else -exponents)
     # Checked before there is a patch for each value and cell: there may be thousands of both.
@@ -216,7 +214,7 @@ def degeneration(
     family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
     mosaic = family.uniform(resolution) if tolerance is None else family.refined(tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
-    xs = (*values, INF if upward else 0.0)
+    xs = (*values, math.inf if upward else 0.0)
     return MeshSequence(patch.name or "patch", "x", xs, family, mosaic, fineness, normals, decomposition)
 
 

@@ -141,7 +141,7 @@ class Subdivision:
     def split(self, chosen: IntArray, rows: IntArray) -> IntArray:
         """Split edges at the middles of their curves, and the given cells beside them; return all cells that changed.
 
-        New edges come after all others: first the halves of split edges, then those inside cells.
+        New edges come after all others: first the halves of split edges, then edges inside cells.
         """
         count, before = len(self.edges.ends), len(self)
         old = rows_of(self.edges, chosen)
@@ -221,7 +221,7 @@ class Subdivision:
     def _sides(
         self, piece: tuple[int, ...], inner: dict[frozenset[int], IntArray], cells: Cells, child: IntArray
     ) -> IntArray:
-        """Return the edges around a piece of each cell: new edges inside the cell, its sides, and halves of these."""
+        """Return the edges around a piece of each cell: new edges inside the cell, its sides, and halves of sides."""
         columns = []
         for i in range(cells.sides.shape[1]):
             start, end = piece[i], piece[(i + 1) % len(piece)]

@@ -57,7 +57,7 @@ def curvatures_at(patches: Sequence[Blend], where: Iterable[Location], count: in
     for location in where:
         rows = np.arange(count)[location.rows]
         if location.face.is_corner and face_layers(domain, location.face).slow.any():
-            # Other knots than the next ones on the edges count.
+            # More knots count than the corner's neighbours on the edges.
             for k, net in enumerate(points):
                 limits = limits_at(domain, log_weights, net, location.face.index)
                 gaussian[k, rows], mean[k, rows] = limits.gaussian, limits.mean

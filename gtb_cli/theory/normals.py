@@ -61,7 +61,7 @@ def _inside(patch: Blend, location: Location) -> FloatArray:
 
 
 def _about_corners(patch: Blend, t: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return normals at (n, m) values of the rational basis, (m, 3), and mark those that may have lost digits."""
+    """Return normals at (n, m) values of the rational basis, (m, 3), and mark normals that may have lost digits."""
     cancelled = 1e-3  # three digits are lost in a derivative so much smaller than its summands, or in such an angle
     cut_off_sum = 1e-280  # smaller sums may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`
     shape = patch.rational_basis.domain

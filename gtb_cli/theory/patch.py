@@ -18,7 +18,7 @@ from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.basis import Location, gt_bernstein
 from gtb_cli.theory.rational_basis import Parametrization, RationalBasis
 from gtb_cli.theory.weights import CoefficientRule, both_weights, coefficients_of
-from gtb_cli.values import by_value, frozen
+from gtb_cli.values import by_value
 
 if TYPE_CHECKING:
     from gtb_cli.theory.curvature import Curvature
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 
 @by_value
-@frozen
 class Patch:
     """A GT-Bézier curve (d = 1) or surface (d = 2): ``P(u) = Σ_i b_i T_i(u)``, u in Δ = conv{a_i}.
 
