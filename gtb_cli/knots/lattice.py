@@ -154,8 +154,5 @@ def _repeat(rows: NDArray[Any]) -> str:
 
 def _points(degree: int, width: int) -> Iterator[tuple[int, ...]]:
     """Yield all rows of whole numbers from 0 that add up to the degree."""
-    if width == 1:
-        yield (degree,)
-        return
-    for first in range(degree, -1, -1):
-        yield from ((first, *rest) for rest in _points(degree - first, width - 1))
+    starts = product(range(degree, -1, -1), repeat=width - 1)
+    return ((*start, degree - sum(start)) for start in starts if sum(start) <= degree)

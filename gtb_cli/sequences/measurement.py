@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import shifted
-from gtb_cli.distances.between_shapes import RELATIVE_ERROR, cells_along_edges, farthest, layered
+from gtb_cli.distances.between_shapes import cells_along_edges, farthest, layered
 from gtb_cli.distances.strata import Surface, surface_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.hausdorff import mesh_distance
@@ -56,7 +56,7 @@ class Measurement:
         ways = [(row, 0) for row in range(1, len(surfaces))] + [(0, row) for row in range(1, len(surfaces))]
         known: dict[int, tuple[float, float]] = {}
         if near:
-            found, _, errors = farthest(surfaces, ways, len(near), RELATIVE_ERROR)
+            found, _, errors = farthest(surfaces, ways, len(near))
             known = dict(zip(near, zip(found.tolist(), errors.tolist(), strict=True), strict=True))
         for member in members:
             distance, error = known.get(member, (0.0, 0.0))

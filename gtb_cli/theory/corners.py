@@ -147,15 +147,10 @@ def limits_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corne
     return _with_curvature(found, knots, area, sectors, extent) if sectors else found
 
 
-def normal_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> FloatArray:
-    """Return the limit of normals that `limits_at` finds, (3,), without the curvature, which takes longer."""
-    return _normals(corner_knots(domain, log_weights, points, corner)[0])[0].normal
-
-
-def folds_at(patch: Blend, corner: int) -> bool:
-    """Return what `corner_limits` says of folds, without the curvature."""
+def limits_of_normals(patch: Blend, corner: int) -> CornerLimits:
+    """Return what `corner_limits` finds, but for the curvature, which takes longer."""
     basis = patch.rational_basis
-    return _normals(corner_knots(basis.domain, basis.log_weights, patch.control_points, corner)[0])[0].folds
+    return _normals(corner_knots(basis.domain, basis.log_weights, patch.control_points, corner)[0])[0]
 
 
 def _normals(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, list[FloatArray]]:

@@ -24,7 +24,7 @@ from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.corners import normal_at
+from gtb_cli.theory.corners import limits_of_normals
 from gtb_cli.theory.local_coordinates import face_layers
 from gtb_cli.theory.rational_basis import Blend
 
@@ -160,7 +160,7 @@ def _at_corner(patch: Blend, face: Face) -> FloatArray:
         normal = _unit_cross(*(cleared(way - middle, rounding) for way in ways))[0][0]
         if np.isfinite(normal[0]):
             return np.asarray(normal)
-    return normal_at(shape, log_weights, patch.control_points, face.index)
+    return limits_of_normals(patch, face.index).normal
 
 
 def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
