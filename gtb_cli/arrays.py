@@ -79,19 +79,13 @@ def column_dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(reduce(np.add, map(np.multiply, a, b)))
 
 
-def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the vector products of rows: (m, 3)."""
+def cross(a: FloatArray, b: FloatArray, axis: int = -1) -> FloatArray:
+    """Return the vector products of vectors along an axis; `numpy.cross` takes three times as long."""
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    cross_of_columns(a.T, b.T, result.T)
-    return result
-
-
-def cross_of_columns(a: FloatArray, b: FloatArray, out: FloatArray | None = None) -> FloatArray:
-    """Return the vector products of columns: (3, m)."""
-    result = np.empty_like(a) if out is None else out
+    x, y, z = (each.swapaxes(axis, 0) for each in (a, b, result))
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
-        np.subtract(a[i] * b[j], a[j] * b[i], out=result[k])
+        np.subtract(x[i] * y[j], x[j] * y[i], out=z[k])
     return result
 
 

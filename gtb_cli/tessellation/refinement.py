@@ -9,7 +9,7 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, groups, rows_of
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross, dot, groups, rows_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
@@ -145,7 +145,7 @@ class _Refinement:
     def heights(self, rows: IntArray) -> FloatArray:
         """Return the heights of the middles of the sides' curves over some triangles, (3, k)."""
         corners, sides = self.mesh.corner_columns(rows), self.mesh.cells.sides.take(rows, axis=0)
-        normal = cross_of_columns(corners[1] - corners[0], corners[2] - corners[0])
+        normal = cross(corners[1] - corners[0], corners[2] - corners[0], 0)
         length = np.sqrt(column_dot(normal, normal))
         scale = 1 / np.where(length > 0, length, np.inf)
         middles = [np.ascontiguousarray(self.mesh.edges.middle.take(side, axis=0).T) for side in sides.T]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, groups, joined, rows_of
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, column_dot, cross, dot, groups, joined, rows_of
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
@@ -130,7 +130,7 @@ class Subdivision:
         max_aspect_ratio = 12.0  # of length to height: slivers then hardly get thinner, and refinement ends
         rows = np.flatnonzero(self.has_mark(marked))
         a, b, c = self.corner_columns(rows)
-        normal = cross_of_columns(b - a, c - a)
+        normal = cross(b - a, c - a, 0)
         squares = [column_dot(side, side) for side in (b - a, c - b, a - c)]
         is_thin = max_aspect_ratio**2 * column_dot(normal, normal) < reduce(np.maximum, squares) ** 2
         share, longest = _slimness(self.cells.corners.take(rows, axis=0))

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, cross_of_columns, groups
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import (
     PARALLEL_SINE,
@@ -215,8 +215,7 @@ def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, Floa
     """Return unit cross products of (…, 3, m) vectors, (…, m, 3), NaN if parallel or zero; and sines of angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (unit_columns(v) for v in (first, second))
-        normal = np.empty_like(first)
-        cross_of_columns(*(v.swapaxes(0, -2) for v in (first, second, normal)))
+        normal = cross(first, second, -2)
         sine = np.sqrt((normal**2).sum(axis=-2))
         across = sine[..., None, :]
         return np.where(across > PARALLEL_SINE, normal / across, np.nan).swapaxes(-1, -2), sine
