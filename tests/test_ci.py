@@ -143,6 +143,15 @@ def test_the_action_names_a_missing_folder_in_one_line_whatever_its_name(tmp_pat
     assert "--no-such" in result.err  # lines of options count, too
 
 
+def test_the_action_names_an_unreadable_golden_mesh_where_it_is(tmp_path):
+    shutil.copy(CURVE, tmp_path / "x.toml")
+    (tmp_path / "a,b").mkdir()
+    (tmp_path / "a,b" / "x.obj").write_text("v 1\n", encoding="utf-8")
+    result = action(tmp_path, SPECS="x.toml", GOLDEN="a,b/", OPTIONS="-n 8")
+    assert result.status == 2
+    assert "::error file=a%2Cb/x.obj," in result.err
+
+
 @long
 def test_a_broken_spec_and_one_without_a_golden_mesh_hide_no_other(checkout):
     nudge(checkout)
