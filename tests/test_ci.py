@@ -135,11 +135,12 @@ def test_the_action_tells_what_changed_in_a_summary_and_beside_files(checkout):
 
 
 def test_the_action_names_a_missing_folder_in_one_line_whatever_its_name(tmp_path):
-    result = action(tmp_path, SPECS="a.toml\n::warning::b.toml", GOLDEN="a,b:c%")
+    result = action(tmp_path, SPECS="a.toml\n::warning::b.toml", GOLDEN="a,b:c%", OPTIONS="-n 8\n--no-such")
     assert result.status == 2
     (said,) = [line for line in result.text.splitlines() if line.startswith("::")]
     assert said.startswith("::error file=a%2Cb%3Ac%25,title=gtb diff::a,b:c%25 is not a folder: gtb mesh ")
     assert "a.toml ::warning::b.toml" in said
+    assert "--no-such" in result.err  # lines of options count, too
 
 
 @long
@@ -149,12 +150,8 @@ def test_a_broken_spec_and_one_without_a_golden_mesh_hide_no_other(checkout):
     (checkout / "specs" / "box-corner.toml").write_text("knots = [", encoding="utf-8")
     result = action(checkout)
     assert (result.status, outputs(checkout)["status"]) == (2, "error")
-    said = [
-        line.split(",title")[0].split(",line")[0]
-        for line in (result.text + result.err).splitlines()
-        if line[:2] == "::"
-    ]
-    assert sorted(said) == [
+    lines = [line for line in (result.text + result.err).splitlines() if line[:2] == "::"]
+    assert sorted(line.split(",title")[0].split(",line")[0] for line in lines) == [
         *("::error file=specs/box-corner.toml", "::warning file=specs/bicubic.toml"),
         *("::warning file=specs/box-corner.toml", "::warning file=specs/pentagon.toml"),
     ]
