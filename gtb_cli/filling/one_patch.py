@@ -8,7 +8,7 @@ least variation of curvature: in the metric of the domain, then in that of the s
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import islice
 from typing import NamedTuple
@@ -38,6 +38,9 @@ from gtb_cli.vocabulary import CONTINUITIES
 
 VISIBLE, NEARER = LEFT_OUT
 """Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
+
+FINE, ROUGH = 32, 16
+"""Roots of the numbers of samples for each side: variation is right to some hundredths with 32."""
 
 
 class _Attempt(NamedTuple):
@@ -92,13 +95,7 @@ def fill_loop(
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
     attempt = partial(_attempt, unit, normals, np.flatnonzero(sound).tolist(), inner, fullness)
-    first, *others = _plans(unit, raises)
-    best = attempt(*first)
-    for plan in others:
-        if not best.faults and not best.after_others:
-            break
-        # Later patches of a plan are none better than one without faults.
-        best = min(best, attempt(*plan, None if best.faults else 1), key=lambda found: found[:2])
+    best = _best(attempt, _plans(unit, raises))
     patch, turns = best.patch, best.sharp_turns
     ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
     points = patch.control_points * size + middle
@@ -184,6 +181,26 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
     return plans
 
 
+def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -> _Attempt:
+    """Carry out the first plan and, where its first patch has faults, those of the others that a rough patch speaks for.
+
+    Rough patches, with a quarter of the samples, nearly always have faults where fine ones have some.
+    """
+    best, clean, left = attempt(*plans[0]), (0, False), []
+    for plan in plans[1:]:
+        if best[:2] == clean:
+            break
+        # Later patches of a plan are none better than one without faults.
+        most = None if best.faults else 1
+        left.append((attempt(*plan, most, ROUGH)[:2], plan))
+        if left[-1][0] == clean:
+            best = min(best, attempt(*left.pop()[1], most), key=lambda found: found[:2])
+    for rank, plan in sorted(left, key=lambda found: found[0]):
+        if rank < best[:2]:
+            best = min(best, attempt(*plan), key=lambda found: found[:2])
+    return best
+
+
 def _attempt(
     sides: Sequence[HoleSide],
     normals: Sequence[FloatArray | None],
@@ -193,17 +210,18 @@ def _attempt(
     least: int,
     single: bool,
     most: int | None = None,
+    fineness: int = FINE,
 ) -> _Attempt:
     """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
 
-    Folds are also looked for at the sound corners. At most so many patches are tried.
+    Folds are also looked for at the sound corners. At most so many patches are tried; for `fineness` see `_solved`.
     """
     edges = [edge_rows(side, n, least) for side, n in zip(sides, normals, strict=True)]
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     found: list[_Attempt] = []
-    for patch in islice(_solved(edges, inner, fullness), most):
+    for patch in islice(_solved(edges, inner, fullness, fineness), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = count_folds(patch) + sum(folds_at(patch, k) for k in sound)
         turns = len(sharp_turns(patch))
@@ -213,11 +231,14 @@ def _attempt(
     return min(found, key=lambda each: each[:2])
 
 
-def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[Patch]:
-    """Yield patches in units of the loop's size: the fairest, and others if that folds."""
+def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, fineness: int) -> Iterator[Patch]:
+    """Yield patches in units of the loop's size, the fairest, and others if that folds: with `fineness`² samples a side.
+
+    Of more than 8 sides each has fewer.
+    """
     shape = net(edges)
-    # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
-    resolution = math.ceil(math.sqrt(max(32**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
+    # With 4 samples for each knot, no control point is left free.
+    resolution = math.ceil(math.sqrt(max(fineness**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
     region = domain(shape.knots, "unit")
     knots, weights, s, areas = samples(region, shape.log_weights, resolution, NEARER)
     # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary

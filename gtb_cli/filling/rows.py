@@ -180,18 +180,20 @@ class _Form:
         points, own = points.copy(), moves[:, self._outer]
         factors = np.zeros(len(own))
         if len(own):
-            images = np.einsum("ij,fjk->fik", self._form, own).reshape(len(own), -1)
-            sums = -images @ points[self._outer].ravel()
-            factors = np.linalg.lstsq(images @ own.reshape(len(own), -1).T, sums, rcond=RIDGE_FRACTION)[0]
+            images, form = self._seen(own)
+            factors = np.linalg.lstsq(form, -images @ points[self._outer].ravel(), rcond=RIDGE_FRACTION)[0]
             points[self._outer] += np.einsum("f,fik->ik", factors, own)
         points[self._free] = -self._weights @ points[self._outer]
         return points, factors
 
     def soft(self, moves: FloatArray) -> FloatArray:
         """Return the (f, f) inverse of the form of factors of moves, without those that it does not see."""
-        own = moves[:, self._outer]
-        images = np.einsum("ij,fjk->fik", self._form, own)
-        return np.asarray(np.linalg.pinv(np.einsum("fik,gik->fg", images, own), rcond=1e-9, hermitian=True))
+        return np.asarray(np.linalg.pinv(self._seen(moves[:, self._outer])[1], rcond=1e-9, hermitian=True))
+
+    def _seen(self, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the images of (f, m, 3) moves under the form of determining points, (f, 3 m), and the (f, f) form."""
+        images = np.tensordot(moves, self._form, (1, 0)).swapaxes(1, 2).reshape(len(moves), -1)
+        return images, images @ moves.reshape(len(moves), -1).T
 
     def moved(self, points: FloatArray, equations: CornerForms) -> FloatArray:
         """Return the points after the least moves of the free ones with which equations hold."""
