@@ -191,7 +191,7 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
         if best[:2] == clean:
             break
         # Later patches of a plan are none better than one without faults.
-        most = None if best.faults else 1
+        most = 2 if best.faults else 1
         left.append((attempt(*plan, most, ROUGH)[:2], plan))
         if left[-1][0] == clean:
             best = min(best, attempt(*left.pop()[1], most), key=lambda found: found[:2])

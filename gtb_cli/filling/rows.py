@@ -74,14 +74,15 @@ class Rows:
         factors = np.zeros(self._count)
         for form in forms:
             factors = factors + form.least(*self._at(factors))[1][: self._count]
-        turning: set[int] = set()
+        turning, soft = set[int](), None
         for _ in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             turning |= self._turning(points)
             table, least = self._bounds(turning)
             if not len(table):
                 break
-            soft = final.soft(moves[: self._count])
+            if soft is None or self._seconds:  # moves depend on factors where there are second rows
+                soft = final.soft(moves[: self._count])
             factors = factors + soft @ table.T @ _multipliers(table @ soft @ table.T, least - table @ factors)
         points, moves = self._at(fullness * factors)
         points = final.least(points, moves[self._count :])[0]
@@ -168,7 +169,7 @@ class _Form:
     """A quadratic form of (n, 3) points of which some are determined by the others, so that it is least."""
 
     def __init__(self, matrix: FloatArray, free: IntArray) -> None:
-        self._free, self._outer = free, np.setdiff1d(np.arange(len(matrix)), free)
+        self._free, self._outer = free, np.delete(np.arange(len(matrix)), free)
         others = matrix[np.ix_(free, self._outer)]
         self._own = matrix[np.ix_(free, free)]
         self._weights = np.linalg.solve(self._own, others)
