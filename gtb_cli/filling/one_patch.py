@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import islice
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -182,22 +183,24 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
 
 
 def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -> _Attempt:
-    """Carry out the first plan and, where its first patch has faults, those of the others that a rough patch speaks for.
+    """Carry out the first plan and, if its first patch has faults, others whose rough patches have fewer.
 
-    Rough patches, with a quarter of the samples, nearly always have faults where fine ones have some.
+    Rough patches are made with a quarter of the samples, and mostly have faults where fine ones have some.
     """
-    best, clean, left = attempt(*plans[0]), (0, False), []
+    rank, clean = itemgetter(slice(2)), (0, False)
+    best, left = attempt(*plans[0]), []
     for plan in plans[1:]:
-        if best[:2] == clean:
+        if rank(best) == clean:
             break
         # Later patches of a plan are none better than one without faults.
-        most = 2 if best.faults else 1
-        left.append((attempt(*plan, most, ROUGH)[:2], plan))
-        if left[-1][0] == clean:
-            best = min(best, attempt(*left.pop()[1], most), key=lambda found: found[:2])
-    for rank, plan in sorted(left, key=lambda found: found[0]):
-        if rank < best[:2]:
-            best = min(best, attempt(*plan), key=lambda found: found[:2])
+        found = rank(attempt(*plan, 2 if best.faults else 1, ROUGH))
+        if found == clean:
+            best = min(best, attempt(*plan, None if best.faults else 1), key=rank)
+        else:
+            left.append((found, plan))
+    for found, plan in sorted(left, key=itemgetter(0)):
+        if found < rank(best):
+            best = min(best, attempt(*plan), key=rank)
     return best
 
 
