@@ -40,9 +40,6 @@ from gtb_cli.vocabulary import CONTINUITIES
 VISIBLE, NEARER = LEFT_OUT
 """Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
 
-FINE, ROUGH = 32, 16
-"""Roots of the numbers of samples for each side: variation is right to some hundredths with 32."""
-
 
 class _Attempt(NamedTuple):
     """A patch in units of the loop's size; how many faults it has, and whether fairer ones have some."""
@@ -187,13 +184,13 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
 
     Rough patches are made with a quarter of the samples, and mostly have faults where fine ones have some.
     """
-    rank, clean = itemgetter(slice(2)), (0, False)
+    rank, clean, rough = itemgetter(slice(2)), (0, False), 16
     best, left = attempt(*plans[0]), []
     for plan in plans[1:]:
         if rank(best) == clean:
             break
         # Later patches of a plan are none better than one without faults.
-        found = rank(attempt(*plan, 2 if best.faults else 1, ROUGH))
+        found = rank(attempt(*plan, 2 if best.faults else 1, rough))
         if found == clean:
             best = min(best, attempt(*plan, None if best.faults else 1), key=rank)
         else:
@@ -213,18 +210,18 @@ def _attempt(
     least: int,
     single: bool,
     most: int | None = None,
-    fineness: int = FINE,
+    samples_along: int = 32,
 ) -> _Attempt:
     """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
 
-    Folds are also looked for at the sound corners. At most so many patches are tried; for `fineness` see `_solved`.
+    Folds are also looked for at the sound corners. At most so many patches are tried.
     """
     edges = [edge_rows(side, n, least) for side, n in zip(sides, normals, strict=True)]
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     found: list[_Attempt] = []
-    for patch in islice(_solved(edges, inner, fullness, fineness), most):
+    for patch in islice(_solved(edges, inner, fullness, samples_along), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(folds_at(patch, k) for k in sound)
         turns = len(sharp_turns(patch))
@@ -234,14 +231,11 @@ def _attempt(
     return min(found, key=lambda each: each[:2])
 
 
-def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, fineness: int) -> Iterator[Patch]:
-    """Yield patches in units of the loop's size, the fairest, and others if that folds: with `fineness`² samples a side.
-
-    Of more than 8 sides each has fewer.
-    """
+def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, samples_along: int) -> Iterator[Patch]:
+    """Yield patches in units of the loop's size: the fairest, and others if that folds."""
     shape = net(edges)
-    # With 4 samples for each knot, no control point is left free.
-    resolution = math.ceil(math.sqrt(max(fineness**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
+    # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
+    resolution = math.ceil(math.sqrt(max(samples_along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
     region = domain(shape.knots, "unit")
     knots, weights, s, areas = samples(region, shape.log_weights, resolution, NEARER)
     # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary

@@ -179,13 +179,11 @@ class _Form:
     def least(self, points: FloatArray, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the points with the least value, to which multiples of (f, n, 3) moves are added, and the factors."""
         points, own = points.copy(), moves[:, self._outer]
-        factors = np.zeros(len(own))
-        if len(own):
-            images, form = self._seen(own)
-            factors = np.linalg.lstsq(form, -images @ points[self._outer].ravel(), rcond=RIDGE_FRACTION)[0]
-            points[self._outer] += np.einsum("f,fik->ik", factors, own)
+        images, form = self._seen(own)
+        factors = np.linalg.lstsq(form, -images @ points[self._outer].ravel(), rcond=RIDGE_FRACTION)[0]
+        points[self._outer] += np.einsum("f,fik->ik", factors, own)
         points[self._free] = -self._weights @ points[self._outer]
-        return points, factors
+        return points, np.asarray(factors)
 
     def soft(self, moves: FloatArray) -> FloatArray:
         """Return the (f, f) inverse of the form of factors of moves, without those that it does not see."""
@@ -193,8 +191,8 @@ class _Form:
 
     def _seen(self, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the images of (f, m, 3) moves under the form of determining points, (f, 3 m), and the (f, f) form."""
-        images = np.tensordot(moves, self._form, (1, 0)).swapaxes(1, 2).reshape(len(moves), -1)
-        return images, images @ moves.reshape(len(moves), -1).T
+        images = np.tensordot(moves, self._form, (1, 0)).swapaxes(1, 2).reshape(-1, 3 * len(self._outer))
+        return images, images @ moves.reshape(images.shape).T
 
     def moved(self, points: FloatArray, equations: CornerForms) -> FloatArray:
         """Return the points after the least moves of the free ones with which equations hold."""
