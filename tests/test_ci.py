@@ -149,12 +149,8 @@ def test_a_broken_spec_and_one_without_a_golden_mesh_hide_no_other(checkout):
     (checkout / "specs" / "box-corner.toml").write_text("knots = [", encoding="utf-8")
     result = action(checkout)
     assert (result.status, outputs(checkout)["status"]) == (2, "error")
-    said = [
-        line.split(",title")[0].split(",line")[0]
-        for line in (result.text + result.err).splitlines()
-        if line[:2] == "::"
-    ]
-    assert sorted(said) == [
+    lines = [line for line in (result.text + result.err).splitlines() if line[:2] == "::"]
+    assert sorted(line.split(",title")[0].split(",line")[0] for line in lines) == [
         *("::error file=specs/box-corner.toml", "::warning file=specs/bicubic.toml"),
         *("::warning file=specs/box-corner.toml", "::warning file=specs/pentagon.toml"),
     ]
