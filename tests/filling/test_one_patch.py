@@ -296,6 +296,30 @@ def test_plans_end_where_none_of_their_patches_can_win(monkeypatch):
     assert tried == [(1, False), (1, False), (1, True), (2, False), (3, True)]
 
 
+@pytest.mark.parametrize(
+    ("rough", "fine", "made"),
+    [
+        ([0, 0, 0], [0, 0, 0], [0]),
+        ([9, 2, 0, 0], [9, 0, 0, 0], [0, 2]),
+        ([9, 5, 3, 20], [9, 0, 4, 0], [0, 2]),
+        ([9, 5, 3, 20], [9, 4, 6, 0], [0, 2, 1]),
+    ],
+)
+def test_plans_whose_rough_patch_has_more_faults_are_not_carried_out(rough, fine, made):
+    """If all rough patches have faults, the plans of those with the fewest are carried out first."""
+    carried_out = []
+
+    def attempt(plan, single, most=None, samples_along=32):
+        if samples_along == 32:
+            carried_out.append(plan)
+        faults = (fine if samples_along == 32 else rough)[plan]
+        return one_patch._Attempt(faults, single, 0, faults, (plan,), None)
+
+    best = one_patch._best(attempt, [(plan, False) for plan in range(len(fine))])
+    assert carried_out == made
+    assert best.faults == min(fine[plan] for plan in made)
+
+
 def test_corners_where_ribbons_disagree_are_said():
     sides = random_sides(4, 4, (2, 3))
     turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
