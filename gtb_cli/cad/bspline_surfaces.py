@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.cad.exact_surfaces import SplineSurface, balanced, exact_surfaces, name_of
-from gtb_cli.cad.fitted_pieces import FittedPieces, fitted_pieces
+from gtb_cli.cad.fitted_pieces import fitted_pieces
 from gtb_cli.cad.half_edges import half_edges
+from gtb_cli.cad.pieces import FittedPieces
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
