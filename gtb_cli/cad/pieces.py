@@ -137,11 +137,17 @@ def normals_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> l
 
 
 def fit_inside(
-    net: FloatArray, splines: tuple[Splines, Splines], points: FloatArray, planes: list[FloatArray], share: float
+    net: FloatArray,
+    splines: tuple[Splines, Splines],
+    points: FloatArray,
+    planes: list[FloatArray],
+    share: float,
+    stress: FloatArray | float = 1.0,
 ) -> None:
     """Fit the inner poles of a piece to (m n, 3) points, and to the normals on its four sides that are not NaN.
 
-    The share is the weight of planes, conditions of derivatives by parameters in [0, 1], beside positions.
+    The share is the weight of planes, conditions of derivatives by parameters in [0, 1], beside positions; the stress
+    is that of positions by their first parameter.
 
     With G = BᵀB of the inner B-splines, least squares of positions alone is G⁻¹Bᵀ along both axes, and conditions C
     move it by (G⊗G)⁻¹Cᵀλ, where (I + C (G⊗G)⁻¹Cᵀ) λ is what they lack: as many equations as there are conditions.
@@ -150,8 +156,9 @@ def fit_inside(
     weights = first @ net[..., 3] @ second.T
     frame = np.einsum("si,tj,ijx->stx", first, second, net[..., :3], optimize=True)
     left = points.reshape(frame.shape) * weights[..., None] - frame
-    inverses = [np.linalg.pinv(values[:, 1:-1]) for values in (first, second)]
-    free = np.einsum("is,jt,stx->ijx", *inverses, left, optimize=True)
+    stressed = (first.T * stress).T
+    inverses = [np.linalg.pinv(values[:, 1:-1]) for values in (stressed, second)]
+    free = np.einsum("is,jt,stx->ijx", *inverses, (left.T * stress).T, optimize=True)
     conditions, lacking = [], []
     for (axis, last), normals in zip(EDGES, planes, strict=True):
         kept = np.isfinite(normals).all(axis=1)
@@ -165,7 +172,7 @@ def fit_inside(
         rows.swapaxes(1, 1 + axis)[:, last] = inner[kept][..., None] * towards[:, None]
         conditions.append(rows)
         lacking.append((towards * lacks).sum(axis=1))
-    roots = [np.linalg.inv(np.linalg.qr(values[:, 1:-1])[1]) for values in (first, second)]
+    roots = [np.linalg.inv(np.linalg.qr(values[:, 1:-1])[1]) for values in (stressed, second)]
     half = np.einsum("ik,jl,aijx->aklx", *roots, np.concatenate(conditions), optimize=True)
     flat = half.reshape(len(half), -1)
     multipliers = np.linalg.solve(np.eye(len(flat)) + flat @ flat.T, np.concatenate(lacking))
