@@ -1,7 +1,7 @@
 """Patches as rational B-spline surfaces for CAD: exact Bézier rectangles if possible, otherwise fitted pieces."""
 
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from gtb_cli.arrays import angles_between
 from gtb_cli.cad.exact_surfaces import SplineSurface, balanced, exact_surfaces, name_of
 from gtb_cli.cad.fitted_pieces import fitted_pieces
 from gtb_cli.cad.half_edges import half_edges
+from gtb_cli.cad.part_borders import part_borders
 from gtb_cli.cad.pieces import FittedPieces
 from gtb_cli.cad.polar_pieces import polar_pieces
 from gtb_cli.errors import DomainError, ToleranceError
@@ -16,7 +17,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
 SPANS = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted piece, tried in turn
-POLAR_SPANS = (4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
+POLAR_SPANS = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
 
 
 class SplineSurfaces(NamedTuple):
@@ -35,7 +36,9 @@ class SplineSurfaces(NamedTuple):
     reasons: tuple[tuple[str, str], ...]
 
 
-def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: float | None = None) -> SplineSurfaces:
+def spline_surfaces(
+    spec: Patch | Model, tolerance: float | None = None, angle: float | None = None, part: Any = None
+) -> SplineSurfaces:
     """Return the surfaces of a patch or model as rational B-splines.
 
     A patch with Bézier pieces becomes these: one for a tensor product patch, r for a patch with r corners. Any other
@@ -70,11 +73,12 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
     gap_allowed = 1e-8 * size  # between edges that should be exact
     best: dict[int, FittedPieces] = {}
     ways = [(polar_pieces, POLAR_SPANS)] * any(_has_smooth_corner(patches[index]) for index in reasons)
+    borders = {index: part_borders(patches[index], part) if ways else [] for index in reasons}
     for fit, counts in [*ways, (fitted_pieces, SPANS)]:
         reached, history = (np.inf, np.inf, np.inf), [(np.inf, np.inf)] * 2
         for spans in counts:
             try:
-                found = {index: fit(patches[index], names[index], spans, halves[index]) for index in reasons}
+                found = {i: fit(patches[i], names[i], spans, halves[i], borders[i]) for i in reasons}
             except DomainError:
                 break
             error, gap, bend, least, lost = (

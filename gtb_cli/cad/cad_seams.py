@@ -25,11 +25,13 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
     """Measure the edges of new faces that two faces of a shape share."""
     new = {hash(face) for face in fresh}
     worst = {False: [0.0, 0.0], True: [0.0, 0.0]}
+    places = 256  # closer together towards the ends, where smooth corners leave the largest angles: down to 1e-5
+    shares = (1 - np.cos(np.pi * (np.arange(places) + 0.5) / places)) / 2
     for pair in uses_of_edges(shape).values():
         olds = [hash(face) not in new for _, face in pair]
         if len(pair) != 2 or all(olds):
             continue
-        (points, normals, ways), (others, other_normals, _) = (along_edge(edge, face) for edge, face in pair)
+        (points, normals, ways), (others, other_normals, _) = (along_edge(edge, face, shares) for edge, face in pair)
         gaps = np.linalg.norm(np.cross(points - others, ways), axis=1)
         angles = angles_between(normals, other_normals)  # 180 where the faces turn back
         found = worst[any(olds)]
@@ -37,13 +39,12 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
     return Seams(*worst[True], *worst[False])
 
 
-def along_edge(edge: Any, face: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n, 3) points and unit normals of a face, on its outer side, and unit tangents, along an edge of it."""
+def along_edge(edge: Any, face: Any, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (n, 3) points and unit normals of a face, on its outer side, and unit tangents, at shares of its edge."""
     curve, gp = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face), kernel("gp")
     first, last = curve.FirstParameter(), curve.LastParameter()
     rows = []
-    places = 256  # closer together towards the ends, where smooth corners leave the largest angles: down to 1e-5
-    for share in (1 - np.cos(np.pi * (np.arange(places) + 0.5) / places)) / 2:
+    for share in shares.tolist():
         place, way = gp.gp_Pnt2d(), gp.gp_Vec2d()
         curve.D1(first + share * (last - first), place, way)
         rows.append((place.X(), place.Y(), way.X(), way.Y()))

@@ -22,7 +22,7 @@ from gtb_cli.theory.patch import Patch
 DEGREE = 6
 
 
-def fitted_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None]) -> FittedPieces:
+def fitted_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders) -> FittedPieces:
     """Fit a patch by as many pieces as it has corners, in the linear parametrisation.
 
     Edges interpolate the patch's, or are their exact halves; seams are shared. The rest is least squares of positions,

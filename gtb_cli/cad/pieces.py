@@ -1,12 +1,14 @@
 """B-spline pieces of patches: where they are fitted, with which conditions, and what is measured of them."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, angles_between
+from gtb_cli.arrays import BoolArray, FloatArray, angles_between, unit
 from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.cad.half_edges import HalfEdge
+from gtb_cli.cad.part_borders import Border
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch
 
@@ -65,13 +67,14 @@ class Piece(NamedTuple):
     """A part of a patch between four corners, with parameters (s, t).
 
     `edges` are the patch's edges, if any, along t = 0, s = 0 and t = 1, and `halves` their exact halves, which start at
-    the patch's `corner`: it is at s = t = 0, or all of s = 0.
+    the patch's `corner`: it is at s = t = 0, or all of s = 0. `borders` are those of a part along them.
     """
 
     corners: FloatArray
     corner: int | None = None
     edges: tuple[int | None, int | None, int | None] = (None, None, None)
     halves: tuple[HalfEdge | None, HalfEdge | None, HalfEdge | None] = (None, None, None)
+    borders: tuple[Border | None, Border | None, Border | None] = (None, None, None)
 
     def weights(self, places: FloatArray) -> FloatArray:
         """Return (n,) weights at (n, 2) places: those of the halves on edges, and 1 on seams."""
@@ -119,20 +122,35 @@ def _located(patch: Patch, pieces: list[Piece], places: FloatArray) -> tuple[lis
     return list(patch.rational_basis.locations(knots, "linear", faces.ravel())), faces.size
 
 
+def _moves(patch: Patch, piece: Piece, places: FloatArray) -> Iterator[tuple[BoolArray, FloatArray]]:
+    """Yield places on borders, and how far points and normals of these are from the patch's."""
+    for edge, border, (_, inwards) in zip(piece.edges, piece.borders, sides_of(places), strict=True):
+        if border is not None and edge is not None:
+            start, end = np.roll(patch.domain.vertices, -edge, axis=0)[:2]
+            feet = piece.knots(places[inwards == 0]) - start
+            yield inwards == 0, border.at(feet @ (end - start) / ((end - start) @ (end - start)))
+
+
 def points_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> list[FloatArray]:
-    """Return (r, n, 3) points at places of each piece, exact on edges with exact halves."""
+    """Return (r, n, 3) points at places of each piece, exact on edges with exact halves, or on borders."""
     every = np.concatenate(places)
     points = patch.points_at(*_located(patch, pieces, every)).reshape(len(pieces), -1, 3)
     for piece, here in zip(pieces, points, strict=True):
         for half, (own, inwards) in zip(piece.halves, sides_of(every), strict=True):
             if half is not None and (exact := half.at(own[inwards == 0])[0]) is not None:
                 here[inwards == 0] = exact
+        for on_side, moves in _moves(patch, piece, every):
+            here[on_side] += moves[:, :3]
     return np.split(points, np.cumsum([len(one) for one in places])[:-1], axis=1)
 
 
 def normals_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> list[FloatArray]:
     """Return (r, n, 3) normals at places of each piece."""
-    normals = patch.normals_at(*_located(patch, pieces, np.concatenate(places))).reshape(len(pieces), -1, 3)
+    every = np.concatenate(places)
+    normals = patch.normals_at(*_located(patch, pieces, every)).reshape(len(pieces), -1, 3)
+    for piece, here in zip(pieces, normals, strict=True):
+        for on_side, moves in _moves(patch, piece, every):
+            here[on_side] = unit(here[on_side] + moves[:, 3:])
     return np.split(normals, np.cumsum([len(one) for one in places])[:-1], axis=1)
 
 
@@ -209,9 +227,10 @@ def surface_of(
 ) -> tuple[SplineSurface, float]:
     """Return a piece as a surface, and the largest distance of its edges from exact halves."""
     points, gap = np.dstack([net[..., :3] / net[..., 3:] * size + origin, net[..., 3]]), 0.0
-    for half, rows, along in zip(piece.halves, (points[:, 0], points[0], points[:, -1]), (0, 1, 0), strict=True):
+    sides = zip(piece.halves, piece.borders, (points[:, 0], points[0], points[:, -1]), (0, 1, 0), strict=True)
+    for half, border, rows, along in sides:
         places = splines[along].along
-        if half is not None and (exact := half.at(places)[0]) is not None:
+        if half is not None and border is None and (exact := half.at(places)[0]) is not None:
             shares = splines[along].values(places) * rows[:, 3]
             curve = shares @ rows[:, :3] / shares.sum(axis=1, keepdims=True)
             gap = max(gap, float(np.linalg.norm(curve - exact, axis=1).max()))

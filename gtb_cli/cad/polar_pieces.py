@@ -10,6 +10,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, unit
 from gtb_cli.cad.half_edges import HalfEdge
+from gtb_cli.cad.part_borders import Border
 from gtb_cli.cad.pieces import (
     EDGES,
     FittedPieces,
@@ -89,7 +90,7 @@ class _Seam:
 PLACES = (1 - np.cos(np.pi * np.arange(81) / 80)) / 2  # where seams are fitted
 
 
-def polar_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None]) -> FittedPieces:
+def polar_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders: list[Border | None]) -> FittedPieces:
     """Fit a patch by a polar piece at each corner, out to the middles of its edges, and as many pieces round the centre.
 
     Pieces agree at seams with normals of their own, near the patch's: where seams meet, one second fundamental form
@@ -107,7 +108,7 @@ def polar_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdge
     middles, center = (1 - ends) * v + ends * np.roll(v, -1, axis=0), v.mean(axis=0)
     between = (middles + np.roll(middles, 1, axis=0)) / 2  # of the middles: places of seams
     polar = [
-        Piece(np.array([[v[k], v[k]], [middles[k], middles[k - 1]]]), k, (k, None, (k - 1) % r), (pairs[k][0], None, pairs[k - 1][1]))
+        Piece(np.array([[v[k], v[k]], [middles[k], middles[k - 1]]]), k, (k, None, (k - 1) % r), (pairs[k][0], None, pairs[k - 1][1]), (borders[k], None, borders[k - 1]))
         for k in range(r)
     ]
     inner = [Piece(np.array([[middles[k], between[k]], [between[(k + 1) % r], center]])) for k in range(r)]
