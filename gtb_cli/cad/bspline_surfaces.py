@@ -72,8 +72,8 @@ def spline_surfaces(
     allowed = 1e-4 * size if tolerance is None else tolerance
     gap_allowed = 1e-8 * size  # between edges that should be exact
     best: dict[int, FittedPieces] = {}
-    ways = [(polar_pieces, POLAR_SPANS)] * any(_has_smooth_corner(patches[index]) for index in reasons)
-    borders = {index: part_borders(patches[index], part) if ways else [] for index in reasons}
+    borders = {index: part_borders(patches[index], part) for index in reasons}
+    ways = [(polar_pieces, POLAR_SPANS)] if any(_has_smooth_corner(patches[index]) for index in reasons) else []
     for fit, counts in [*ways, (fitted_pieces, SPANS)]:
         reached, history = (np.inf, np.inf, np.inf), [(np.inf, np.inf)] * 2
         for spans in counts:

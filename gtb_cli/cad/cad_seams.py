@@ -8,6 +8,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, angles_between
 from gtb_cli.importers.cad_files import face_frames, kernel, uses_of_edges
 
+CLOSER = (1 - np.cos(np.pi * (np.arange(256) + 0.5) / 256)) / 2  # towards the ends, to 1e-5, where angles are largest
+
 
 class Seams(NamedTuple):
     """The largest angle in degrees, and the largest gap, of new faces to those of a part, and between new ones.
@@ -25,13 +27,11 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
     """Measure the edges of new faces that two faces of a shape share."""
     new = {hash(face) for face in fresh}
     worst = {False: [0.0, 0.0], True: [0.0, 0.0]}
-    places = 256  # closer together towards the ends, where smooth corners leave the largest angles: down to 1e-5
-    shares = (1 - np.cos(np.pi * (np.arange(places) + 0.5) / places)) / 2
     for pair in uses_of_edges(shape).values():
         olds = [hash(face) not in new for _, face in pair]
         if len(pair) != 2 or all(olds):
             continue
-        (points, normals, ways), (others, other_normals, _) = (along_edge(edge, face, shares) for edge, face in pair)
+        (points, normals, ways), (others, other_normals, _) = (along_edge(edge, face) for edge, face in pair)
         gaps = np.linalg.norm(np.cross(points - others, ways), axis=1)
         angles = angles_between(normals, other_normals)  # 180 where the faces turn back
         found = worst[any(olds)]
@@ -39,7 +39,7 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
     return Seams(*worst[True], *worst[False])
 
 
-def along_edge(edge: Any, face: Any, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def along_edge(edge: Any, face: Any, shares: FloatArray = CLOSER) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (n, 3) points and unit normals of a face, on its outer side, and unit tangents, at shares of its edge."""
     curve, gp = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face), kernel("gp")
     first, last = curve.FirstParameter(), curve.LastParameter()

@@ -4,6 +4,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.half_edges import HalfEdge
+from gtb_cli.cad.part_borders import Border
 from gtb_cli.cad.pieces import (
     EDGES,
     FittedPieces,
@@ -22,11 +23,13 @@ from gtb_cli.theory.patch import Patch
 DEGREE = 6
 
 
-def fitted_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders) -> FittedPieces:
+def fitted_pieces(
+    patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders: list[Border | None]
+) -> FittedPieces:
     """Fit a patch by as many pieces as it has corners, in the linear parametrisation.
 
-    Edges interpolate the patch's, or are their exact halves; seams are shared. The rest is least squares of positions,
-    and of n · ∂S = 0 across edges and seams with the patch's normals n.
+    Edges interpolate the patch's, or are their exact halves, or borders of a part; seams are shared. The rest is least
+    squares of positions, and of n · ∂S = 0 across edges and seams with the normals n there.
     """
     v = patch.domain.vertices
     splines = Splines(DEGREE, np.linspace(0.0, 1.0, spans + 1) ** 2)  # denser at edges: derivatives may have no bound
@@ -40,6 +43,7 @@ def fitted_pieces(patch: Patch, name: str, spans: int, halves: list[list[HalfEdg
             k,
             (k, (k - 1) % r, None),
             (pairs[k][0], pairs[k - 1][1], None),
+            (borders[k], borders[k - 1], None),
         )
         for k in range(r)
     ]
