@@ -10,8 +10,8 @@ from gtb_cli.cad.exact_surfaces import SplineSurface, balanced, exact_surfaces, 
 from gtb_cli.cad.fitted_pieces import fitted_pieces
 from gtb_cli.cad.half_edges import half_edges
 from gtb_cli.cad.part_borders import part_borders
-from gtb_cli.cad.pieces import FittedPieces
 from gtb_cli.cad.polar_pieces import polar_pieces
+from gtb_cli.cad.spline_pieces import FittedPieces
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch

@@ -5,7 +5,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.cad.part_borders import Border
-from gtb_cli.cad.pieces import (
+from gtb_cli.cad.spline_pieces import (
     EDGES,
     FittedPieces,
     Piece,
