@@ -1,4 +1,4 @@
-"""The process behind `gtb` and ``python -m gtb_cli``: its settings, signals such as Ctrl-C, and its exit status."""
+"""The process behind `gtb` and ``python -m gtb_cli``: its settings, and signals such as Ctrl-C; statuses: `cli`."""
 
 import gc
 import math

@@ -1,4 +1,4 @@
-"""What options offer: words, formats with what each holds, percentages, limits, defaults; without numpy."""
+"""Words and tables without numpy: mesh formats, suffixes, units, patch colours, percentages, limits, defaults."""
 
 import math
 import os

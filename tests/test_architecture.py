@@ -21,7 +21,7 @@ REPOSITORY = PACKAGE.parent
 GROUND = "ground"
 WINGS = [
     *(GROUND, "knots", "moment", "theory", "models", "language", "limits", "bezier", "meshes", "solids", "importers"),
-    *("formats", "cad", "tessellation", "distances", "sequences", "fairing", "filling", "plots", "pages"),
+    *("formats", "cad", "fairing", "tessellation", "distances", "sequences", "filling", "plots", "pages"),
     *("checks", "process", "shell", "verdicts", "review", "commands"),
     *("__init__", "__main__", "pytest_plugin"),
 ]

@@ -54,9 +54,8 @@ def approve(
     comparing = Comparing(tolerance=tolerance, ignore=ignore)
     verdicts = {verdict.name: verdict for verdict in _compared(golden, out, comparing)}
     chosen = _named(names, verdicts, golden, out) if names else [each for each in verdicts.values() if not each.same]
-    taken, gone = (
-        [each for each in chosen if os.path.lexists(each.paths[1]) == is_there] for is_there in (True, False)
-    )
+    taken = [each for each in chosen if os.path.lexists(each.paths[1])]
+    gone = [each for each in chosen if not os.path.lexists(each.paths[1])]
     if names and gone and not prune:
         raise GtbError(*(Fault(f"has no file {each.name}; --prune removes {each.paths[0]}", out) for each in gone))
     if prune and (linked := [each.paths[0] for each in gone if _is_elsewhere(golden, each)]):

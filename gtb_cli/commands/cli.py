@@ -1,4 +1,4 @@
-"""The `gtb` command: the list of its commands, and the one place where errors become messages.
+"""The `gtb` command: the list of its commands, and where errors become messages and the exit status 0, 1 or 2.
 
 Signals, such as Ctrl-C, get their exit statuses in `gtb_cli.__main__`.
 """

@@ -45,7 +45,7 @@ class GroupedOptions(click.Command):
     """A command whose help lists its options in groups."""
 
     GROUPS: ClassVar = {
-        "What is made": "let parametrization radius thickness rim weld normals uv attributes",
+        "What is made": "let fills parametrization radius thickness rim weld normals uv attributes",
         "How fine": "resolution tolerance max_faces",
         "What must hold": "require",
         "Where it goes, and how it is written": "output watch format ascii up unit",
@@ -123,7 +123,8 @@ def mesh(
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest
 
-        read = {"spec_format": reading.spec_format, "set": dict(reading.let)}
+        read: dict[str, object] = {"spec_format": reading.spec_format, "set": dict(reading.let)}
+        read |= {"fill": reading.fills} if reading.fills else {}
         settings = replace(options, format=kind).settings | read
         book = Manifest(manifest, settings, place, resume=resume)
 
@@ -150,7 +151,7 @@ def mesh(
         if not written:  # then a folder made for them is also removed
             raise _joined(errors)
     for target, file in written:
-        console.report(target, f"{file.size}, with {reading}" if reading.let else file.size, file.warnings)
+        console.report(target, f"{file.size}, with {reading}" if str(reading) else file.size, file.warnings)
     if errors:
         raise _joined(errors)
 
@@ -180,6 +181,9 @@ def _is_for_folder(given: Sequence[str], paths: Sequence[str], output: str) -> b
     is_file = output == STANDARD or suffix_of(output) in FORMATS
     if is_folder(output) or (not is_file and any(map(os.path.isdir, given))):
         return True
+    mesh = next((path for path in given if suffix_of(path) in FORMATS and not os.path.exists(path)), None)
+    if len(paths) > 1 and mesh:
+        raise click.UsageError(f"{mesh} is named like a mesh, and specs are expected: -o {mesh} writes it")
     if len(paths) > 1 and is_file:
         raise click.UsageError(f"{len(paths)} specs need a folder for their meshes: -o FOLDER")
     return len(paths) > 1

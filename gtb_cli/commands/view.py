@@ -18,8 +18,8 @@ from gtb_cli.shell.options import (
     INPUT,
     WholeNumber,
     console_option,
+    filling_option,
     output_to,
-    reading_option,
     recipe_of,
     resolution_up_to,
     solid_options,
@@ -65,7 +65,7 @@ def _recipe(**values: Any) -> Recipe | None:
     "--port", type=WholeNumber(0, 65535), default=0, metavar="N", help="Port of --watch; by default any free one."
 )
 @limit_options
-@reading_option
+@filling_option
 @console_option
 def view(
     paths: tuple[str, ...],
@@ -127,9 +127,10 @@ def view(
 def content_of_paths(
     paths: tuple[str, ...], recipe: Recipe | None, reading: Reading, limit: Approach, quick: bool = False
 ) -> Content:
-    """Return what a page shows of files and folders, or of the way to a limit; a surface quickly, if so."""
+    """Return what a page shows of files and folders, or of the way to a limit; quickly surfaces with their holes."""
     from gtb_cli.pages.page_scene import joined
 
+    reading = reading._replace(fills=()) if quick else reading  # a fill takes a second
     content = joined([_content(path, recipe, reading, limit, quick) for path in paths])
     return replace(content, remarks=tuple(map(in_options, content.remarks)))
 

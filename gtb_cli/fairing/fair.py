@@ -1,4 +1,4 @@
-"""Patches with the same knots, weights and boundary, and with inner control points that make them fair."""
+"""Which inner control points are free, and the patch in which they are fair; `descent` finds it by its energies."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import FLAT, descended, figures, is_fairer, measured
 from gtb_cli.fairing.energy import Samples, energy_matrix, samples
-from gtb_cli.fairing.folds import folds as count_folds
+from gtb_cli.fairing.folds import folds
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.knots.domain import LAYER_TOLERANCE, layers
 from gtb_cli.language.spec_paths import SpecPath, loaded
@@ -163,7 +163,7 @@ def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
         points[kept] = patch.control_points[kept]
         patch = patch.replace(control_points=points)
     first, last = before[0].scaled(size), after[0].scaled(size)
-    return Fairing(patch, first, last, error, len(free), count_folds(patch), energies)
+    return Fairing(patch, first, last, error, len(free), len(folds(patch)), energies)
 
 
 def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray:
@@ -175,13 +175,18 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     search, judge = (_zones(patch, resolution) for resolution in (32, 48))
     plate = _least(energy_matrix(patch.domain, patch.log_products, "thin-plate"), given, free)
     coarse, before = (figures(measured(zones, [given])[0]) for zones in (search, judge))
-    folds, is_known = count_folds(patch), (np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)).all()
-    best, least, fewest = given, before, folds
+    given_folds, is_known = len(folds(patch)), (np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)).all()
+    best, least, fewest = given, before, given_folds
     for start, most in ((given, before), (plate, np.full(len(before), math.inf))):
-        if start is plate and not folds and is_known and not is_fairer(figures(measured(judge, [plate])[0]), least):
+        if (
+            start is plate
+            and not given_folds
+            and is_known
+            and not is_fairer(figures(measured(judge, [plate])[0]), least)
+        ):
             continue
         found = descended(search, judge, start, free, most)
-        after, now = figures(measured(judge, [found])[0]), count_folds(patch.replace(control_points=found))
+        after, now = figures(measured(judge, [found])[0]), len(folds(patch.replace(control_points=found)))
         is_better = now < fewest or (now == fewest and is_fairer(after, least))
         if is_better and (after <= np.maximum(before, FLAT)).all():
             best, least, fewest = found, after, now

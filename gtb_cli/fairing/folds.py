@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.fairing.energy import samples
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.moment.torus import block_length, exponents, shares
@@ -20,42 +20,67 @@ def sharp_turns(patch: Patch) -> FloatArray:
     return np.asarray(points[part.cells[folded_pairs(points, part.cells)[:, 0]]].mean(axis=1))
 
 
-def folds(patch: Patch) -> int:
-    """Count the folds between neighbouring places of the energy's quadrature, which are dense near edges and corners.
+def folds(patch: Patch) -> FloatArray:
+    """(k, 3) places of the folds between neighbours of a net of places, which is dense near edges and corners.
 
     At a fold the normal turns by more than a right angle in an ever smaller step; elsewhere it only turns fast. A
-    surface without normals has no folds.
+    place whose normal is rounding has none, as where an edge is one point.
     """
-    # Of the places, of which there are no more with many sides, and of the way from one to the next
-    resolution, halvings = math.ceil(24 * math.sqrt(min(1.0, 8 / len(patch.domain.vertices)))), 10
-    knots, weights, s, _ = samples(patch.domain, patch.log_products, resolution)
+    halvings, part = 10, 0.45  # of the way from a place to the next; folds of symmetric surfaces are at its half
+    turned_over = -0.99  # a cosine: at a fold P_s × P_t goes through 0
     points = patch.control_points - patch.control_points.mean(axis=0)
-    points /= np.abs(points).max() or 1.0
-
-    columns = np.column_stack([points, *(axis[:, None] * points for axis in knots.T), knots])
+    size = np.abs(points).max() or 1.0
+    knots, weights, s = _places(patch)
+    columns = np.column_stack([points / size, *(axis[:, None] * points / size for axis in knots.T), knots])
+    rounding = 1024 * EPS * np.abs(knots).max()
 
     def directions(s: FloatArray) -> FloatArray:
         """(m, 3) unit normals at (2, m) torus coordinates, or 0."""
         p, *rates, mean = np.split(columns.T @ shares(exponents(knots, weights, s)), [3, 6, 9])
-        normals = np.cross(rates[0] - mean[0] * p, rates[1] - mean[1] * p, axis=0).T
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))
+        first, second = rates[0] - mean[0] * p, rates[1] - mean[1] * p
+        normals, length = np.cross(first, second, axis=0), np.sqrt((first**2 + second**2).sum(axis=0))
+        lengths = np.linalg.norm(normals, axis=0)
+        return np.asarray((normals * (lengths > rounding * length) / np.where(lengths > 0, lengths, 1.0)).T)
 
+    def turns(one: FloatArray, other: FloatArray) -> FloatArray:
+        return np.asarray((one * other).sum(axis=1))
+
+    rings = np.moveaxis(np.arange(s[0].size).reshape(s.shape[1:]), 0, 1).reshape(s.shape[2], -1)
+    s = s.reshape(2, -1)
     blocks = np.array_split(s, 1 + s.shape[1] // block_length(len(knots)), axis=1)
     normals = np.concatenate([directions(block) for block in blocks])
-    if not normals.any():
-        return 0
-    numbers = np.arange(len(normals)).reshape(-1, resolution, resolution)  # by edge, depth and place along the edge
-    rings = numbers.swapaxes(0, 1).reshape(resolution, -1)
     pairs = np.concatenate(
         [np.stack(pair, axis=-1).reshape(-1, 2) for pair in ((rings, np.roll(rings, -1, 1)), (rings[:-1], rings[1:]))]
     )
-    pairs = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) <= 0]
+    pairs = pairs[turns(*np.moveaxis(normals[pairs], 1, 0)) < 0]
     start, end, before, after = s[:, pairs[:, 0]], s[:, pairs[:, 1]], normals[pairs[:, 0]], normals[pairs[:, 1]]
     for _ in range(halvings):
-        middle = (start + end) / 2
+        middle = start + part * (end - start)
         between = directions(middle)
-        first = (before * between).sum(axis=1) <= (between * after).sum(axis=1)  # the half that turns more
-        start, end = np.where(first, start, middle), np.where(first, middle, end)
-        before, after = np.where(first[:, None], before, between), np.where(first[:, None], between, after)
-    return int(((before * after).sum(axis=1) <= 0).sum())
+        turns_first = turns(before, between) <= turns(between, after)  # more than after the middle
+        known = between.any(axis=1)
+        late, early = known & ~turns_first, known & turns_first
+        start, before = np.where(late, middle, start), np.where(late[:, None], between, before)
+        end, after = np.where(early, middle, end), np.where(early[:, None], between, after)
+    found = turns(before, after) < turned_over
+    return np.asarray((patch.control_points.T @ shares(exponents(knots, weights, end[:, found]))).T)
+
+
+def _places(patch: Patch) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Knots, logarithms of weights and (2, edges, rings, places of a ring) torus coordinates, outermost rings first.
+
+    They are those of the energy's quadrature, and further ones from these to all edges and corners.
+    """
+    domain, edges = patch.domain, len(patch.domain.vertices)
+    resolution = math.ceil(24 * math.sqrt(min(1.0, 8 / edges)))  # no more places with many sides
+    knots, weights, s, _ = samples(domain, patch.log_products, resolution)
+    s = s.reshape(2, edges, resolution, resolution)
+    # Outwards from each edge, so that the shares of the knots beside it fall to 1 / e; in six steps to exp(-15)
+    heights = np.where(domain.incidence, np.inf, knots @ domain.normals.T)
+    heights -= (knots @ domain.normals.T).min(axis=0)
+    ways = -(domain.normals / heights.min(axis=0)[:, None]).T[:, :, None, None]
+    steps = 2.5 * np.arange(1, 7)
+    before, after = np.roll(ways, 1, axis=1), np.roll(ways, -1, axis=1)
+    s = np.concatenate([s[..., :1] + before * steps[::-1], s, s[..., -1:] + after * steps], axis=3)
+    s = np.concatenate([s[:, :, :1] + ways * steps[::-1, None], s], axis=2)
+    return knots, weights, s

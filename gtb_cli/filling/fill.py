@@ -1,7 +1,7 @@
 """`fill` for Python: a hole from a file, from curves, or in a model; `one_patch` makes the patch."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, count, islice
 from typing import Any
@@ -9,9 +9,9 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, finite
-from gtb_cli.errors import DomainError
+from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.files import read_file
-from gtb_cli.filling.certificate import Filling, edge_of
+from gtb_cli.filling.certificate import SPIKE, Filling, edge_of
 from gtb_cli.filling.cutting import fill_parts
 from gtb_cli.filling.hole_corners import corners
 from gtb_cli.filling.holes import Ring, model_rings, one_ring, ring_sides
@@ -134,6 +134,27 @@ def filled(found: Sequence[HoleSide] | Model | Part, hole: str | None, name: str
         remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
     beside = [found.patches[k] for k in sorted({ref[0] for ref in refs})]
     return replace(_beside(beside, filling), remarks=remarks, model=whole)
+
+
+def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Callable[[str], object]) -> Patch | Model:
+    """Fill holes of a model, one after the other, each named by an edge and with the continuity of its patch.
+
+    Raises `RequirementError` where a patch folds.
+    """
+    for hole, kind in fills:
+        if not isinstance(spec, Model) or spec.dimension != 2:
+            raise DomainError("`fills`: fills holes of a model of surfaces, [[patches]], and this is none")
+        try:
+            filling = filled(spec, hole, None, continuity=kind)
+        except DomainError as error:
+            raise DomainError(f"`fills` {hole}: {str(error).removeprefix('hole: ')}") from None
+        if filling.fault:
+            fault = filling.fault.replace('`continuity="g0"`', f'`fills` "{hole}=g0"')
+            raise RequirementError(f"`fills` {hole}: {fault}")
+        if filling.sharp_turns or filling.sharpness > SPIKE:
+            warn(f"`fills` {hole}: the patch turns sharply; `fill` says where")
+        spec = filling.model or spec
+    return spec
 
 
 def holes_of(found: Sequence[HoleSide] | Model | Part) -> Sequence[Ring]:

@@ -14,8 +14,8 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, planar_cross
 from gtb_cli.filling.corner_exponents import FREE, SUMS, corner_places, frames, keeps_corners
 from gtb_cli.filling.osculation import polar
-from gtb_cli.filling.planes import EdgeRows
 from gtb_cli.filling.sides import binomials, points_and_tangents
+from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.values import frozen

@@ -20,17 +20,17 @@ from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import LEFT_OUT, agreed
-from gtb_cli.fairing.folds import folds as count_folds, sharp_turns
+from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
 from gtb_cli.fairing.metric import forms
 from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
-from gtb_cli.filling.planes import EdgeRows, edge_rows
 from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
+from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
 from gtb_cli.theory.corners import corner_limits, folds_at
 from gtb_cli.theory.patch import Patch
@@ -205,7 +205,7 @@ def _attempt(
     found: list[_Attempt] = []
     for patch in islice(_solved(edges, inner, fullness), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
-        folds = count_folds(patch) + sum(folds_at(patch, k) for k in sound)
+        folds = len(fold_places(patch)) + sum(folds_at(patch, k) for k in sound)
         turns = len(sharp_turns(patch))
         found.append(_Attempt(turns + 1000 * (folds + turned), bool(found), folds, turns, raises, patch))
         if not found[-1].faults:

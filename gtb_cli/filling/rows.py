@@ -9,7 +9,7 @@ from gtb_cli.fairing.fair import RIDGE_FRACTION
 from gtb_cli.filling.corner_forms import POINT, CornerForms
 from gtb_cli.filling.net import Net
 from gtb_cli.filling.osculation import polar
-from gtb_cli.filling.planes import EdgeRows
+from gtb_cli.filling.tangent_rows import EdgeRows
 
 RANK = 1e-12  # relative size of what counts as nothing in forms of bounds and equations
 

@@ -51,7 +51,7 @@ def convex_hull(points: FloatArray) -> IntArray:
     while len(hull) > 2 and flatness(thinnest := min(range(len(hull)), key=flatness)) <= tolerance:
         del hull[thinnest]
     if len(hull) < 3:
-        raise DomainError(f"knots: all {len(points)} lie on one line, their hull is flat")
+        raise DomainError(f"knots: all {len(points)} lie on one line, their hull is flat: a curve's are plain numbers")
     lowest = min(y[i] for i in hull) + tolerance
     start = min((i for i in range(len(hull)) if y[hull[i]] <= lowest), key=lambda i: x[hull[i]])
     return np.array(hull[start:] + hull[:start])

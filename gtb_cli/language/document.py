@@ -17,6 +17,8 @@ _SLIPS = (
     ("", "", r"^[ \t]*(?://|/\*)", "a comment begins with #"),
     ("", "", r"^[ \t]*;", "a ; has no meaning: values stand apart by commas, and lines end by themselves"),
     ("", "", r"^[ \t]*[“”„‘’«»]", "quotes are straight"),
+    ("", "", "^[ \t]*[\u00a0\u2007\u202f\u3000]", "a blank from a web page or text program: type a plain one"),
+    ("", "", "^[ \t]*[\u2212\u2013\u2014]", "a minus sign is -"),
     ("^Invalid value", "", r"^[-+]?\.\d", "a digit stands before the point of a number"),
 )
 # The beginnings of files that users mistake for specs
@@ -179,9 +181,8 @@ def _decode(data: bytes | str, source: str) -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = error.object[error.start]
-        raise SpecError(
-            Fault(f"is not UTF-8 text, byte 0x{byte:02x} ({error.reason}): save it as UTF-8", source, line)
-        ) from None
+        reason = f"is not UTF-8 text, byte 0x{byte:02x} ({error.reason}): save it as UTF-8"
+        raise SpecError(Fault(reason, source, line)) from None
 
 
 def _measure(text: str, source: str, format: Format) -> tuple[tuple[Path, int, str], ...]:
@@ -245,10 +246,13 @@ def _malformed(text: str, source: str, language: str, line: int, column: int, re
         reason = "a comma is missing before this"
     elif is_value and re.match(r"[ \t]*(?:[-+*(A-Za-z_]|/(?![/*]))", rest):
         reason += " (names and expressions go in quotes; numbers have no unit)"
-    elif before[-1:].isdigit() and re.match(r",\d", rest):
+    elif re.search(r"\d(?:,\d+)?$", before) and re.match(r",\d" if "key" not in reason else "[,}]", rest):
         reason += " (decimals have a point)"
     elif reason.startswith("Expected") and rest:
         reason += f", got {rest[0]!r}"
-    if spec_format_of(source) is None and re.search(r"\w\.\w+$", source):
+    if (text.lstrip()[:1] == "{") != (language == "JSON"):
+        other = "TOML" if language == "JSON" else "JSON"
+        reason += f"; if it is {other}, its name ends in .{other.lower()}"
+    elif spec_format_of(source) is None and re.search(r"\w\.\w+$", source):
         reason += " (specs are TOML or JSON, and end in .toml or .json)"
     return SpecError(Fault(f"is not valid {language}, {reason[:1].lower()}{reason[1:]}", source, line, column))

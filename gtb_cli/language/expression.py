@@ -22,6 +22,9 @@ NO_NAMES: Mapping[str, float] = {}
 _WORDS = re.compile(
     r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|(?P<name>[A-Za-z][A-Za-z0-9_]*)|[-+*/() \t]|(?P<other>.|\n)"
 )
+# Signs of other programs, and of web pages
+_HINTS = {"^": "powers are written **", "°": "degrees are written *deg", "\xa0": "type a plain blank"}
+_HINTS |= dict.fromkeys("×·", "a product is written *") | dict.fromkeys("−–", "a minus sign is -")
 _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]] = {
     ast.Add: ("+", operator.add),
     ast.Sub: ("-", operator.sub),
@@ -46,8 +49,8 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
         _refuse(words, "is empty")
     for word in _WORDS.finditer(words):
         if word["other"]:
-            hint = ", decimals have a point" if re.search(r"\d,\d", words) else ""
-            _refuse(words, f"unexpected {word['other']!r}{hint}{', powers are written **' * (word['other'] == '^')}")
+            hint = _HINTS.get(word["other"], "decimals have a point" if re.search(r"\d,\d", words) else "")
+            _refuse(words, f"unexpected {word['other']!r}{hint and ', '}{hint}")
         if word["name"] and not any(word["name"] in known for known in (FUNCTIONS, CONSTANTS, names)):
             _refuse(words, _unknown(word["name"], names))
     parentheses = max(accumulate((sign == "(") - (sign == ")") for sign in words))
@@ -56,6 +59,9 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
         tree = ast.parse(words, mode="eval").body if parentheses <= MAX_NESTING else None
     except SyntaxError:
         missing = f": {'()'[words.count('(') > words.count(')')]} is missing" * (words.count("(") != words.count(")"))
+        missing = missing or ": a product needs *" * (
+            re.search(r"(?:\b[\d.]+|\))[ \t]*[A-Za-z(]|\)[ \t]*\d", words) is not None
+        )
         _refuse(words, f"is not a complete expression{missing}")
     if tree is None or parentheses + _nesting(tree) > MAX_NESTING:
         _refuse(words, f"is nested more than {MAX_NESTING} deep")

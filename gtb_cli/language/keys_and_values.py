@@ -1,4 +1,4 @@
-"""Keys and single values of a spec: a fault for each wrong one, and the key or word that was probably meant."""
+"""Single values under keys of a spec, checked, and the key probably meant; `patch_reader` lists the keys there are."""
 
 import math
 import re

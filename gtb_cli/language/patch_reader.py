@@ -1,4 +1,4 @@
-"""Reads the plain data of a patch as a `Patch`, and notes every fault."""
+"""The keys that a spec may have, and the reader of a patch, which turns plain data to a `Patch` and notes faults."""
 
 from typing import cast, get_args
 
@@ -114,8 +114,9 @@ class Reader:
         elsewhere |= AT_THE_TOP if table.path else {"weld": "belongs to a model of several [[patches]], not to a patch"}
         elsewhere |= dict.fromkeys(RIBBONS, "is for gtb fill alone, in the curves of its loop")
         meant = table.unknown_keys(known, elsewhere)
+        let = {} if table.path or not isinstance(let := table.entries.get("let"), dict) else let
         for key in ("knots", "control_points"):
-            if key not in table.entries and key not in meant and "patches" not in meant:
+            if not any(key in keys for keys in (table.entries, meant, let)) and "patches" not in meant:
                 table.fault(key, "is missing")
 
     def domain_fault(self, path: Path, error: DomainError) -> None:

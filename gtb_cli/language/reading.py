@@ -1,4 +1,4 @@
-"""The ways in which the text of a spec may be read: its format, and numbers that take the place of those of ``let``."""
+"""The ways in which a spec may be read: its format, numbers in place of those of ``let``, and holes that are filled."""
 
 from __future__ import annotations
 
@@ -16,14 +16,20 @@ NO_LET: Let = {}
 
 
 class Reading(NamedTuple):
-    """How a spec is read: its format, None where that is seen, and names of its ``let`` with other expressions."""
+    """How a spec is read: its format, None where that is seen, and names of its ``let`` with other expressions.
+
+    `fills` are holes of the model that are filled, each with the continuity of its patch.
+    """
 
     spec_format: Format | None = None
     let: Numbers = ()
+    fills: tuple[tuple[str, str], ...] = ()
 
     def __str__(self) -> str:
-        """Return the numbers as a message shows them, or nothing."""
-        return ", ".join(f"{name} = {value}" for name, value in self.let)
+        """Return the numbers and the holes as a message shows them, or nothing."""
+        return ", ".join(
+            [f"{name} = {value}" for name, value in self.let] + [f"{hole} filled" for hole, _ in self.fills]
+        )
 
 
 AS_SEEN = Reading()  # by the suffix or the first character, with the spec's own numbers
@@ -31,7 +37,9 @@ AS_SEEN = Reading()  # by the suffix or the first character, with the spec's own
 
 def assignment(text: str) -> tuple[str, str]:
     """Read ``NAME=EXPRESSION``; a `ValueError` says what is expected."""
+    if text.count("=") > 1:
+        raise ValueError(f"expected one NAME=EXPRESSION, each with an option of its own, got {text[:60]!r}")
     name, sign, value = (part.strip() for part in text.partition("="))
     if not sign or not re.fullmatch(r"\w+", name) or not value:
-        raise ValueError(f"expected NAME=EXPRESSION, such as height=120, got {text[:60]!r}")
+        raise ValueError(f"expected NAME=EXPRESSION, such as height=120, in quotes if it has blanks, got {text[:60]!r}")
     return name, value

@@ -1,4 +1,4 @@
-"""Find the lines of keys and values in the text of a spec, TOML or JSON.
+"""The lines of keys and values in the text of a spec, TOML or JSON; `document` has columns.
 
 Neither of Python's parsers tells where a value stands, and neither bounds its work: ten megabytes of brackets or dotted
 keys can take minutes or exhaust the stack. So every text is read here first, word by word, and measured. What a parser

@@ -133,17 +133,13 @@ def _model() -> Schema:
 def _moves() -> Schema:
     """Return the keys by which copies are mirrored, scaled, rotated, translated and repeated."""
     axis = _any({"enum": list(AXES)}, _list("coordinate", 3, 3))
-    rotation = {"axis": axis, "degrees": _ref("coordinate"), "about": _list("coordinate", 2, 3)}
+    angle = {"axis": axis, "degrees": _ref("coordinate"), "about": _list("coordinate", 2, 3)}
+    rotation = {"type": "object", "properties": angle, "required": ["axis", "degrees"], "additionalProperties": False}
     return _told(
         {
             "mirror": {"enum": list(AXES)},
             "scale": _any(_ref("scale"), _list("scale", 3, 3)),
-            "rotate": {
-                "type": "object",
-                "properties": rotation,
-                "required": ["axis", "degrees"],
-                "additionalProperties": False,
-            },
+            "rotate": rotation,
             "translate": _list("coordinate", 2, 3),
             "repeat": _number(minimum=1, maximum=MAX_PATCHES),
         }

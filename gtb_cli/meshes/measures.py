@@ -77,7 +77,7 @@ def measure(mesh: Mesh) -> Measures:
     Raises `DomainError` for a mesh without cells, or with vertices that are not finite.
     """
     if not len(mesh.cells):
-        raise DomainError("mesh: has no cells, there is nothing to measure")
+        raise DomainError("mesh: has no cells, so that there is nothing to measure")
     used = np.flatnonzero(are_used(mesh.cells, len(mesh.vertices)))
     points = mesh.vertices[used]
     low, high = bounds_of(points)

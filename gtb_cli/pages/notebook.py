@@ -17,9 +17,8 @@ SIDE, MARGIN = 220, 16  # of a picture in pixels
 def frame(thing: Patch | Model | Mesh | RegularDecomposition | Domain) -> str:
     """Return HTML for a notebook."""
     if isinstance(thing, Domain):
-        corners, places = (
-            rows if thing.dimension == 2 else rows[:, [0, 0]] * [1, 0] for rows in (thing.vertices, thing.knots)
-        )
+        clouds = thing.vertices, thing.knots
+        corners, places = (rows if thing.dimension == 2 else rows[:, [0, 0]] * [1, 0] for rows in clouds)
         return _picture(places, [corners], range(len(places)))
     if not isinstance(thing, RegularDecomposition):
         return page_frame(thing)

@@ -28,9 +28,15 @@ function read(data) {
     }
     return low.map((x, i) => (x + high[i] - data.box.low[i] - data.box.high[i]) / 2);
   });
-  return { ...data, frames, lines, scalars, cells, centres, spots: decoded(data.knots.points, Float32Array) };
+  const net = frames.length === 1 && frames[0].net, far = net && net.some(x => Math.abs(x) > 2);   // points of small weight may be very far
+  if (far) {
+    lines.net = lines.net.filter((_, k, ends) => isNear(net, 3 * ends[k & ~1]) && isNear(net, 3 * ends[k | 1]));
+    data.facts += "; the control net without its farthest points";
+  }
+  return { ...data, far, frames, lines, scalars, cells, centres, spots: decoded(data.knots.points, Float32Array) };
 }
 
+const isNear = (cloud, k) => Math.max(Math.abs(cloud[k]), Math.abs(cloud[k + 1]), Math.abs(cloud[k + 2])) <= 1;
 const redraw = () => { if (scene && !wanted) { wanted = true; requestAnimationFrame(() => draw()); } };
 const ends = ({ low, high }) => state.scale ? [low && -state.scale, state.scale] : [low, high];   // of a scale: as made, or as chosen
 const withUnit = text => scene.unit ? `${text} ${scene.unit}` : `${text}`;
@@ -149,7 +155,7 @@ const overhang = () => once("overhang", state.angle, () => {
 
 // Let all that there is fill the window, beside the panel where that leaves room enough.
 function fit() {
-  const clouds = scene.frames.flatMap(f => [f.positions, ...(state.net && f.net ? [f.net] : [])]);
+  const clouds = scene.frames.flatMap(f => [f.positions, ...(state.net && f.net ? [scene.far ? f.net.filter((_, k) => isNear(f.net, k - k % 3)) : f.net] : [])]);
   if (state.axes) clouds.push(corners().flat());
   if (state.explode) for (const f of ["border", "open"]) clouds.push(gather(f, 0, scene.frames[0].positions, scene.lines[f]));
   const ends = extents(clouds), w = canvas.clientWidth, h = canvas.clientHeight, least = Math.min(w, h), panel = $("panel").getBoundingClientRect();
@@ -287,7 +293,7 @@ function present(data) {
   version += 1;
   made.clear();
   $("title").textContent = scene.name;
-  $("facts").textContent = scene.facts;
+  $("facts").textContent = scene.quick ? "a quick picture, without thickness and fills: more follows" : scene.facts;
   $("measures").replaceChildren(...scene.measures.flatMap(([name, text]) => [["dt", name], ["dd", text]].map(([tag, own]) => Object.assign(document.createElement(tag), { textContent: own }))));
   $("remarks").replaceChildren(...scene.remarks.map(text => Object.assign(document.createElement("li"), { textContent: text })));
   const others = Object.keys(scene.absent).filter(name => !modes().includes(name));

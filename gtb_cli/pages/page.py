@@ -24,7 +24,7 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 
 COMMON = "common.js"  # the script that pages of all packages share
-NEEDED = {"numbers.js": {"watch"}}  # scripts for pages whose data have such a key
+NEEDED = {"watch.js": {"watch"}}  # scripts for pages whose data have such a key
 
 
 def page(thing: Patch | Model | Mesh | SpecPath, recipe: Recipe | None = None) -> str:
@@ -63,13 +63,16 @@ def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pages") 
 
 
 def page_data(content: Content) -> dict[str, Any]:
-    """Return the data for the script of a page: coordinates between -1/2 and 1/2, in single precision, as base 64.
+    """Return the data for the script of a page: coordinates within 1/2, far nets aside, in 32-bit floats, as base 64.
 
     Raises a `DomainError` if there is nothing to show, or it is too large.
     """
     vertices = [keyframe.vertices for keyframe in content.keyframes]
     points = [keyframe.net_points for keyframe in content.keyframes]
+    start, end = bounds_of(np.concatenate(vertices))
     low, high = bounds_of(np.concatenate([*vertices, *points]))
+    if 0 < 3 * np.hypot.reduce(end / 3 - start / 3) < np.hypot.reduce(high / 3 - low / 3):
+        low, high = start, end  # a control point of small weight may be very far, and is no reason to look from there
     size = float(np.linalg.norm((high - low).astype(np.longdouble)))
     if not math.isfinite(size):
         raise DomainError("is too large to be shown")
@@ -97,7 +100,6 @@ def page_data(content: Content) -> dict[str, Any]:
         with np.errstate(over="ignore"):
             shown = values if name == "wall" else values.clip(*ends)
             scalars[name] = {"values": encoded(shown, "<f4"), "low": ends[0], "high": ends[1]}
-    start, end = bounds_of(np.concatenate(vertices))
     lines = {name: encoded(pairs, "<u4") for name, pairs in content.lines.items()}
     measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 else None
     is_wide = len(vertices[0]) >= 1 << 16

@@ -53,8 +53,7 @@ class Content:
     where the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150 at
     an edge; and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface at the knots, and
     `scalars` its "mean" and "gaussian" curvature, or the "wall" of a solid, None if there are too many triangles. A
-    vertex with several normals is several rows of a keyframe: `vertices` is how many there are. `normals` is a word
-    about the normals, and `remarks` say what is unusual about the shape.
+    vertex with several normals is several rows of a keyframe: `vertices` is how many there are.
     """
 
     name: str
@@ -68,8 +67,8 @@ class Content:
     knot_names: tuple[str, ...] = ()
     scalars: Mapping[str, FloatArray | None] = field(default_factory=dict)
     vertices: int = 0
-    normals: str = ""
-    remarks: tuple[str, ...] = ()
+    normals: str = ""  # a word about them
+    remarks: tuple[str, ...] = ()  # what is unusual about the shape
     thickness: float | None = None  # for which a solid was made
     unit: str | None = None  # of its lengths
 
@@ -187,18 +186,14 @@ def content_of_frames(frames: Frames, name: str) -> Content:
     first = frames.meshes[0]
     if not all(np.array_equal(mesh.cells, first.cells) for mesh in frames.meshes):
         raise DomainError("the meshes of a sequence have the same faces, and these do not: it cannot be played")
-    lines = sides(first, ((name, 0, len(first.cells)),))
+    groups = ((name, 0, len(first.cells)),)
+    lines, none = sides(first, groups), np.empty((0, 4), dtype=np.int64)
     return Content(
         name,
         tuple(_keyframe(with_normals(mesh, smooth=True), frames.net_points) for mesh in frames.meshes),
         first.cells,
-        ((name, 0, len(first.cells)),),
-        {
-            "border": lines["open"],
-            "open": lines["open"][:0],
-            "folds": lines["folds"][:0],
-            "net": np.array(frames.net, dtype=np.int64).reshape(-1, 2),
-        },
+        groups,
+        {"border": lines["open"], "open": none, "folds": none, "net": np.array(frames.net, dtype=int).reshape(-1, 2)},
         labels=tuple(frames.titles),
         net_names=tuple(subscript("b", i) for i in range(len(frames.net_points))),
         vertices=len(first.vertices),
@@ -269,11 +264,8 @@ def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]], chord_error: float
     for end in ends.T:
         rows = [mesh.normal_of[pair, (mesh.faces[pair] == end[:, None]).argmax(axis=1)] for pair in (first, second)]
         smooth &= rows[0] == rows[1]
-    back = (
-        ~between
-        & ~flat[pairs].any(axis=1)
-        & (dot(facing[first], facing[second]) < np.where(smooth, 0.0, math.cos(math.radians(150))))
-    )
+    least = np.where(smooth, 0.0, math.cos(math.radians(150)))
+    back = ~between & ~flat[pairs].any(axis=1) & (dot(facing[first], facing[second]) < least)
     lines = np.concatenate([ends, group[pairs]], axis=1)
     found = sides_of(mesh.faces)
     owner = group[found.open // 3]

@@ -28,7 +28,6 @@ def encoded_animation(figures: Iterable[Figure]) -> bytes:
             images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
     durations = [frame_ms] * (len(images) - 1) + [last_ms]
     buffer = io.BytesIO()
-    images[0].save(
-        buffer, format="GIF", optimize=False, save_all=True, append_images=images[1:], duration=durations, loop=0
-    )
+    options = {"optimize": False, "save_all": True, "append_images": images[1:], "duration": durations, "loop": 0}
+    images[0].save(buffer, format="GIF", **options)
     return buffer.getvalue()

@@ -127,9 +127,8 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
         _draw_knots(View(ax), np.column_stack([t, level]), found.absent)
     if numbered:
         for i, (x, height) in enumerate(zip(t.tolist(), heights.tolist(), strict=True)):
-            rising = i not in found.absent and any(
-                t[a] <= x < t[b] and heights[b] > heights[a] for a, b in found.polygons
-            )
+            climbs = any(t[a] <= x < t[b] and heights[b] > heights[a] for a, b in found.polygons)
+            rising = climbs and i not in found.absent
             note(ax, f"{height:.4g}", (x, height), (-5 if rising else 5, 4), ha="right" if rising else "left")
             note(ax, subscript("a", i), (x, floor), (0, -15), annotation_clip=False)
     ax.margins(x=0.07)

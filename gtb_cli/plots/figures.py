@@ -123,9 +123,8 @@ def _variation_of(given: object) -> Variation:
         numbers = np.asarray(values, dtype=np.float64)
         if match and numbers.ndim == 1 and len(numbers):
             return Variation(match[1], int(match[2]), tuple(numbers.tolist()), tuple(f"{x:.6g}" for x in numbers))
-    raise DomainError(
-        f"`vary`: expected one number and its values, such as {{'weights[2]': [1, 5, 25]}}, got {given!r}"
-    )
+    example = {"weights[2]": [1, 5, 25]}
+    raise DomainError(f"`vary`: expected one number and its values, such as {example}, got {given!r}")
 
 
 def _check(thing: Patch | Model | Mesh, picture: Picture) -> None:

@@ -98,9 +98,8 @@ class Look:
                 raise DomainError(f"{name}: expected one of {', '.join(choice)}, got {getattr(self, name)!r}")
         if self.size[0] * self.size[1] * self.dpi**2 > MAX_PIXELS:
             width, height = self.size
-            raise DomainError(
-                f"`size` {width:g},{height:g} at {self.dpi} dpi is more than {MAX_PIXELS // 10**6}M pixels"
-            )
+            room = f"{MAX_PIXELS // 10**6}M pixels"
+            raise DomainError(f"`size` {width:g},{height:g} at {self.dpi} dpi is more than {room}")
 
     def numbers(self, count: int) -> bool:
         """Tell whether this many points are numbered: by default, up to 30 are."""

@@ -113,9 +113,8 @@ def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Fi
                 if beside is not None:  # along whole pieces, so that dashes run on from segment to segment
                     dashed = [beside.vertices[run] for run in runs_of(beside.cells)]
                     view.lines(dashed, colour=LINE_COLOURS[1], width=1.4, dashes="--", order=4)
-                view.lines(
-                    [mesh.vertices[run] for run in runs_of(mesh.cells)], colour=LINE_COLOURS[0], width=1.8, order=4
-                )
+                own = [mesh.vertices[run] for run in runs_of(mesh.cells)]
+                view.lines(own, colour=LINE_COLOURS[0], width=1.8, order=4)
             else:
                 view.lines(list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
         views[0].triad()

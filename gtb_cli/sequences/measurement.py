@@ -15,8 +15,8 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.family import Family
 from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.refinement import refine
+from gtb_cli.tessellation.refinement_samples import MIN_SAMPLES
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.sampling import MIN_SAMPLES
 from gtb_cli.theory.patch import Patch
 
 LEAST_RESOLUTION = 4  # segments along each edge of what is measured

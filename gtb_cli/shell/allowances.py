@@ -1,4 +1,4 @@
-"""Limits of a whole command: ``gtb --max-seconds S --max-memory M``.
+"""``gtb --max-seconds S --max-memory M``: what a whole command may take; `process.memory` sets the latter limit.
 
 The command runs in a copy of this process. Whatever it is doing, the copy can be killed, and what it leaves unfinished
 removed.

@@ -49,6 +49,7 @@ def in_options(message: str) -> str:
         'continuity="g0"': "--continuity g0",
         "distances=False": "--no-distance",
         "fill": "gtb fill",
+        "fills": "--fill",
         "fit": "gtb fit",
         "hole": "--hole EDGE",
         "let": "--set",

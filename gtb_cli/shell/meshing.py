@@ -60,10 +60,8 @@ class MeshOptions:
             rounding = rounding_in(kind, [patch.control_points for patch in spec.patches], self.ascii)
             if rounding >= tolerance:
                 way_out = "--ascii keeps" if FORMATS[kind].text == "on request" else "PLY with --ascii keeps"
-                raise ToleranceError(
-                    f"tolerance: {tolerance:g} cannot be certified in {kind.upper()}, whose numbers move vertices by "
-                    f"up to {rounding:.2g}: {way_out} all digits"
-                )
+                why = f"whose numbers move vertices by up to {rounding:.2g}: {way_out} all digits"
+                raise ToleranceError(f"tolerance: {tolerance:g} cannot be certified in {kind.upper()}, {why}")
         has_normals = FORMATS[kind].has_normals(self.recipe.normals or None) and spec.dimension == 2
         recipe = replace(self.recipe, normals=self.recipe.normals or has_normals)
         return recipe.mesh(spec, rounding, partial(held, kind=kind, ascii=self.ascii))

@@ -20,6 +20,7 @@ from gtb_cli.vocabulary import (
     BASIS,
     CAD_SUFFIXES,
     CELL_FORMATS,
+    CONTINUITIES,
     FORMATS,
     MAX_FACES,
     PARAMETRIZATIONS,
@@ -134,9 +135,17 @@ def check_outputs(*inside: str) -> None:
 spec_argument = click.argument("spec", metavar="SPEC", type=INPUT)
 
 
-reading_option = gathered(
-    "reading",
-    Reading,
+def _fill(text: str) -> tuple[str, str]:
+    """Read ``EDGE`` or ``EDGE=KIND``."""
+    edge, sign, kind = text.rpartition("=")
+    edge, kind = (edge.strip(), kind.strip()) if sign else (text.strip(), CONTINUITIES[0])
+    if not edge or kind not in CONTINUITIES:
+        expected = f'an edge of a hole, such as "wall edge 3", if need be with ={", =".join(CONTINUITIES)} after it'
+        raise ValueError(f"expected {expected}, got {text[:60]!r}")
+    return edge, kind
+
+
+_reading_options = (
     click.option(
         "--set",
         "let",
@@ -150,6 +159,21 @@ reading_option = gathered(
         type=click.Choice(SPEC_FORMATS),
         help="Read specs in this format; by default the suffix or the first character decides.",
     ),
+)
+reading_option = gathered("reading", Reading, *_reading_options)
+filling_option = gathered(
+    "reading",
+    Reading,
+    click.option(
+        "--fill",
+        "fills",
+        multiple=True,
+        metavar="EDGE[=KIND]",
+        callback=reads(lambda texts: tuple(map(_fill, texts))),
+        help='Fill the hole of a model with this edge, as gtb fill does: "wall edge 3", or with "=g0" a lid. May be '
+        "repeated.",
+    ),
+    *_reading_options,
 )
 
 output_to = functools.partial(click.option, "-o", "--output", type=OUTPUT)
@@ -266,7 +290,7 @@ console_option = gathered("console", _console, click.option("-q", "--quiet", is_
 # Those of commands that make text, of nothing or of a spec, or have an -o of their own; all get them as `streams`
 output_options = gathered("streams", Streams, output_option, console_option)
 streams_options = gathered("streams", Streams, output_option, reading_option, console_option)
-reading_streams = gathered("streams", Streams, reading_option, console_option)
+reading_streams = gathered("streams", Streams, filling_option, console_option)
 
 
 def spec_from_spec(function: Callable[..., Spec]) -> Function:

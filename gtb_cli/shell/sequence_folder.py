@@ -43,9 +43,8 @@ class SequenceOutput:
             return None
         kind = self.options.format or "obj"
         if not FORMATS[kind].curves and patch.dimension == 1:
-            raise ExportError(
-                f"{kind.upper()} holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB"
-            )
+            why = "holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB"
+            raise ExportError(f"{kind.upper()} {why}")
         recipe = self.options.recipe
         return maker(
             patch,
@@ -116,10 +115,8 @@ def _output(
         if options.ascii and options.format == "glb":
             raise click.UsageError("--ascii: GLB has no text form")
         if options.recipe.parametrization == "toric":
-            raise click.UsageError(
-                "--parametrization toric: the meshes of a sequence have the same faces only in the linear one; "
-                "toric parameters would run together"
-            )
+            same = "the meshes of a sequence have the same faces only in the linear one"
+            raise click.UsageError(f"--parametrization toric: {same}; toric parameters would run together")
         options.refuse("is for single meshes, of gtb mesh", "radius", "thickness", "attributes", "require")
     return SequenceOutput(Streams(console, place, reading), meshes, emit_spec, not no_distance, options)
 

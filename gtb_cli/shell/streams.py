@@ -49,7 +49,7 @@ class Streams:
 def spec_of(path: str, reading: Reading = AS_SEEN, warn: Callable[[str], object] = str) -> Iterator[Spec]:
     """Read a spec from a file, or from standard input, and name it in errors about the shape that it describes.
 
-    A `SpecError` has a line for each of its own errors.
+    Its holes are filled as the reading asks. A `SpecError` has a line for each of its own errors.
     """
     from gtb_cli.language.document import spec_format_of
     from gtb_cli.language.loading import parse
@@ -57,6 +57,10 @@ def spec_of(path: str, reading: Reading = AS_SEEN, warn: Callable[[str], object]
     source, format = shown_input(path), reading.spec_format or spec_format_of(path)
     spec = parse(read_bytes(path), source, format, dict(reading.let), warn)
     with about(source):
+        if reading.fills:
+            from gtb_cli.filling.fill import with_fills
+
+            spec = with_fills(spec, reading.fills, warn)
         yield spec
 
 

@@ -44,7 +44,8 @@ def folded_places(mesh: Mesh) -> list[str]:
         cells = folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]
         if len(cells):
             first = point_text(mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0), mesh.bounds)
-            lines.append(f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}")
+            hint = "; control points must have the order of the knots" * (10 * len(cells) > stop - start)
+            lines.append(f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}{hint}")
     return lines
 
 

@@ -127,10 +127,8 @@ def _boundary(mesh: Mesh) -> tuple[IntArray, IntArray]:
     wrong = np.flatnonzero(~sides.is_manifold & sides.is_proper)
     if len(wrong):
         a, b = sides.edges[wrong[0]].tolist()
-        raise DomainError(
-            f"thickness: the edge between vertices {a} and {b} has more than two faces, or two that do not agree which "
-            "side is up: the surface has no two sides there"
-        )
+        why = "has more than two faces, or two that do not agree which side is up: the surface has no two sides there"
+        raise DomainError(f"thickness: the edge between vertices {a} and {b} {why}")
     return sides.directed[sides.alone], sides.alone // 3
 
 

@@ -128,8 +128,7 @@ class Recipe:
         if self.require:
             from gtb_cli.tessellation.requirements import require
 
-            finer = self._fine(spec, surface) if "unfolded" in self.require else surface
-            require(self.require, spec, mesh, finer, faults + folds, (stored, coarse))
+            require(self.require, spec, mesh, surface, faults + folds, (stored, coarse))
         return mesh, remarks + faults + folds + thin
 
     def _surface(self, spec: Patch | Model, rounding: float) -> tuple[Mesh, float | None]:
@@ -196,20 +195,6 @@ class Recipe:
         if self.radius is None:
             return WallMaker(spec, self.rim)
         return TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
-
-    def _fine(self, spec: Patch | Model, surface: Mesh) -> Mesh:
-        """Return the mesh of a surface if it folds or is fine, else a finer one of at most half a million faces."""
-        from gtb_cli.knots.triangulation import cell_count
-        from gtb_cli.solids.solidity import folded_places
-        from gtb_cli.tessellation.tessellate import tessellate
-
-        most_faces, segments = 500_000, RESOLUTION
-        while sum(cell_count(patch.domain, segments) for patch in spec.patches) > most_faces and segments > 1:
-            segments //= 2
-        is_fine = surface.is_curve or len(surface.cells) >= most_faces
-        if is_fine or (self.tolerance is None and self.resolution >= segments) or folded_places(surface):
-            return surface
-        return tessellate(spec, segments, normals=False)
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:
         """Return the tolerance in model units; a percentage is of the spec's size, as `percentage_of_size` says."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from gtb_cli.arrays import point_text
 from gtb_cli.errors import RequirementError
+from gtb_cli.fairing.folds import folds as folds_of
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, components_of, sides_of
@@ -56,11 +57,22 @@ def require(
         seams = unjoined_seams(spec) if isinstance(spec, Model) and "solid" not in asked else []
         lines += [*(f"not one-piece: {line}" for line in seams), *pieces]
     if "unfolded" in asked:
-        lines += [f"not unfolded: {line}" for line in dict.fromkeys((*folded_places(surface or mesh), *folds))]
+        turns = folded_places(surface or mesh) or _folded_patches(spec)
+        lines += [f"not unfolded: {line}" for line in dict.fromkeys((*turns, *folds))]
     if "smooth" in asked:
         lines += _creases(spec, asked["smooth"])
     if lines:
         raise RequirementError(*lines)
+
+
+def _folded_patches(spec: Patch | Model) -> list[str]:
+    """Say which patches turn back on themselves, also where the mesh is too coarse to show it."""
+    lines = []
+    for number, patch in enumerate(spec.patches if spec.dimension == 2 else ()):
+        for place in folds_of(patch)[:1]:
+            name = patch_name(patch, number) if isinstance(spec, Model) else patch.name or "patch"
+            lines.append(f"{name} turns back on itself, near {point_text(place, patch.control_points)}")
+    return lines
 
 
 def _pieces(mesh: Mesh) -> list[str]:

@@ -22,7 +22,7 @@ class Vertices(NamedTuple):
     parameters: FloatArray  # (v, d) in the domain of the patch
     face: IntArray  # the number of the face of Δ that holds them
     points: FloatArray
-    guess: FloatArray  # (v, 2) for points of a surface beside the vertex, see `gtb_cli.tessellation.sampling`
+    guess: FloatArray  # (v, 2) for points of a surface beside the vertex, see `gtb_cli.tessellation.refinement_samples`
 
 
 class Edges(NamedTuple):

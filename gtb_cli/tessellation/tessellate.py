@@ -1,4 +1,4 @@
-"""Patches and models to meshes, uniform or within a tolerance: joined, refined and welded by the rooms beside."""
+"""Patches and models to meshes: uniform, or within a tolerance or percentage, by the rooms beside."""
 
 import math
 import os
@@ -11,7 +11,7 @@ from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import coarse_complexes, joined_complex
-from gtb_cli.tessellation.finished import finished
+from gtb_cli.tessellation.finishing import finished
 from gtb_cli.tessellation.sampler import Sampler, evenly, torically, torically_inside
 from gtb_cli.tessellation.welding import Weld
 from gtb_cli.theory.patch import Patch

@@ -1,4 +1,4 @@
-"""The vertices that a model's weld moves, to the means of curves and corners; `models.joined_edges` says which meet."""
+"""Vertices that a weld moves, to means of curves and corners; where `models.joined_edges` joins nothing, gaps stay."""
 
 from functools import cached_property
 

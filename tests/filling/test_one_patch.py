@@ -101,7 +101,23 @@ def test_a_fold_is_told_from_a_sharp_turn(height, folded):
     knots = np.column_stack([x.ravel(), y.ravel()])
     patch = Patch(knots, np.column_stack([(knots[:, 0] - 0.05) ** 2, knots[:, 1], height * knots[:, 0]]))
     assert np.ptp(sharp_turns(patch)[:, 0]) < 0.01
-    assert (folds(patch) > 0) == folded
+    assert (len(folds(patch)) > 0) == folded
+    assert not len(folds(load(SPECS / "example-4.4.toml")))  # turns by 149 degrees along an edge, beyond its digits
+
+
+@pytest.mark.parametrize(("gap", "folded"), [(1e-2, True), (1e-5, True), (0.0, False), (-1e-5, False)])
+def test_folds_are_found_near_corners_and_edges(gap, folded):
+    """Edges that cross at their corner fold the surface about as far as they are apart; parallel ones do not."""
+    knots = np.array([(x, y) for x in range(4) for y in range(4)], dtype=float)
+    corner = knots / 3
+    corner[[1, 4]] = 0.3 + gap * np.array([[1, -1], [-1, 1]])  # the control points beside the corner, exchanged
+    ones = np.array([1, 3, 3, 1])
+    places = folds(Patch(knots, corner, coefficients=np.outer(ones, ones).ravel()))
+    assert (len(places) > 0) == folded
+    assert (np.linalg.norm(places, axis=1) < 10 * gap).all()
+    across = np.array([0, 0, 1 / 3, 1]) - gap * np.arange(4) / 3  # t² − gap t, which turns back near the edge t = 0
+    edge = np.column_stack([np.repeat(across, 4), knots[:, 1]])
+    assert (len(folds(Patch(knots, edge, coefficients=np.outer(ones, ones).ravel()))) > 0) == folded
 
 
 def plane_sides(corners: np.ndarray, signs: list[int]) -> list[HoleSide]:
@@ -246,7 +262,7 @@ def test_corners_with_folds_are_faults(inner, folded, monkeypatch):
     patch = Patch([[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.3]], points)
     assert folds_at(patch, 0) == corner_limits(patch, 0).folds == folded
     monkeypatch.setattr(one_patch, "_solved", lambda *_: iter([patch]))
-    monkeypatch.setattr(one_patch, "count_folds", lambda _: 0)
+    monkeypatch.setattr(one_patch, "fold_places", lambda _: [])
     assert bool(fill_loop(plane_sides(points[:4], [1] * 4), raises=0).folds) == folded
 
 

@@ -91,7 +91,7 @@ def test_a_fold_between_the_vertices_of_a_coarse_mesh_is_found(fineness):
     """Two triangles do not fold, and the patch, whose middle control point is far outside, does."""
     knots = [(x, y) for x in range(3) for y in range(3)]
     points = [(x, y) if (x, y) != (1, 1) else (9, 1) for x, y in knots]
-    with pytest.raises(RequirementError, match="not unfolded: patch turns back on itself at"):
+    with pytest.raises(RequirementError, match="not unfolded: patch turns back on itself"):
         Recipe(**fineness, require="unfolded").mesh(Patch(knots, points))
 
 

@@ -81,6 +81,13 @@ def test_size_and_place_change_nothing(scale, shift):
         np.testing.assert_allclose(floats(one[key]), floats(other[key]), atol=2e-6)
 
 
+def test_a_far_control_point_of_small_weight_leaves_the_surface_large():
+    far = Patch([[0, 0], [1, 0], [0, 1], [0.5, 0.25]], [[0, 0, 0], [1, 0, 0], [0, 1, 0], [999, 0, 0]], [1, 1, 1, 1e-9])
+    data = page_data(content_of(far))
+    assert data["size"] == pytest.approx(2**0.5, rel=1e-5)
+    assert floats(data["frames"][0]["net"]).max() > 600  # it is there all the same
+
+
 def test_open_sides_and_patches_of_a_model():
     model = gtb_cli.load(SPECS / "box-corner.toml")
     assert len(content_of(model, Recipe(4)).lines["open"]) == 4 * len(model.joints.open) > 0

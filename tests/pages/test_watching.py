@@ -95,6 +95,13 @@ def test_sliders_ask_for_other_numbers_and_the_file_stays(spec):
     assert spec.read_text(encoding="utf-8") == NUMBERS
 
 
+def test_a_quick_picture_leaves_holes_open(spec):
+    spec.write_text(GOOD.replace("knots", "[[patches]]\nknots", 1).format(0), encoding="utf-8")
+    reading = Reading(None, (), (("0.3,0.3,0", "g0"),))
+    quick, whole = (content_of_paths((str(spec),), Recipe(3), reading, Approach(), q) for q in (True, False))
+    assert len(whole.groups) == 2 * len(quick.groups) == 2
+
+
 def test_included_files_are_followed_and_those_that_they_include(spec, tmp_path):
     """One that is not there yet, too."""
     whole = tmp_path / "whole.toml"

@@ -11,7 +11,7 @@ from gtb_cli.meshes.nearest import NearestCells, cell_distances
 from gtb_cli.models.model import Model
 from gtb_cli.moment import solve
 from gtb_cli.moment.solve import LogSum
-from gtb_cli.tessellation.sampling import MIN_SAMPLES
+from gtb_cli.tessellation.refinement_samples import MIN_SAMPLES
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long

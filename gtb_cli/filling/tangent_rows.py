@@ -1,4 +1,4 @@
-"""Polynomial fields in given tangent planes, which may be added to the row of control points inside an edge."""
+"""Rows inside an edge that are exactly in given tangent planes: raised degrees, and polynomial fields."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Samples of the surface over a subdivision's edges and cells: where they are taken, and how far they are.
+"""Where refinement samples the surface over edges and cells, and how far mesh and surface are apart there.
 
 Points are found sooner from guesses (see `gtb_cli.tessellation.sampler`), which are interpolated between guesses at the
 vertices and in the middles of edges; NaN where there are none, as on the boundary of Δ.
