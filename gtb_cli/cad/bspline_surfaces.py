@@ -42,9 +42,10 @@ def spline_surfaces(
     """Return the surfaces of a patch or model as rational B-splines.
 
     A patch with Bézier pieces becomes these: one for a tensor product patch, r for a patch with r corners. Any other
-    patch is fitted by r pieces between the corners, places inside the edges and the centroid of Δ, which keep its
-    tangent planes along its edges and their seams. An edge that has Bézier pieces is that curve to 1e-8 of the size;
-    any other is the same spline in all fitted patches that share it.
+    patch is fitted by r pieces between the corners, places inside the edges and the centroid of Δ, or by 2 r where two
+    edges run on into each other; they keep its tangent planes along its edges and their seams. An edge that has Bézier
+    pieces is that curve to 1e-8 of the size; any other is the same spline in all fitted patches that share it. Edges
+    along open ones of a part, a shape of the kernel, follow these and the planes of its faces.
 
     A `DomainError` refuses curves; a `ToleranceError` says that even 32 spans in each direction do not reach the
     tolerance, in model units, or the angle in degrees. Without a tolerance it is 1e-4 of the largest extent of the

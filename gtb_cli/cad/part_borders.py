@@ -41,7 +41,7 @@ def part_borders(patch: Patch, part: Any) -> list[Border | None]:
 def _border(patch: Patch, edge: int, origin: FloatArray, traced: list[FloatArray]) -> Border | None:
     from scipy.interpolate import make_interp_spline
 
-    near = 1e-3  # of the size of the edge: within it, the edge lies along the part's
+    near, exact = 1e-3, 1e-8  # of the size of the edge: within them, it lies along the part's, and is the same
     degree, count, rounds = 40, 160, 6  # least squares, as points far from the origin are rounded
     x, shape = -np.cos(np.pi * (np.arange(count) + 0.5) / count), patch.domain
     start, end = shape.vertices[edge], shape.vertices[(edge + 1) % len(shape.vertices)]
@@ -60,7 +60,11 @@ def _border(patch: Patch, edge: int, origin: FloatArray, traced: list[FloatArray
             t = np.clip(t + ((points - curve(t)[:, :3]) * ways).sum(axis=1) / (ways**2).sum(axis=1), 0, len(rows) - 1)
         found, faced = np.split(curve(t), 2, axis=1)
         away, turned = found - points, faced * np.sign((faced * normals).sum(axis=1, keepdims=True)) - normals
-        if np.isfinite(turned).all() and np.linalg.norm(away, axis=1).max() <= near * size:
-            away = away - np.outer((1 - x) / 2, away[0]) - np.outer((1 + x) / 2, away[-1])
-            return Border(np.polynomial.chebyshev.chebfit(x, np.hstack([away, turned]), degree))
+        if np.isfinite(turned).all() and (most := float(np.linalg.norm(away, axis=1).max())) <= near * size:
+            if most <= exact * size:
+                return None
+            series = np.polynomial.chebyshev.chebfit(x, np.hstack([away, turned]), degree)
+            first, last = Border(series).at(np.array([0.0, 1.0]))[:, :3]
+            series[:2, :3] -= (first + last) / 2, (last - first) / 2
+            return Border(series)
     return None
