@@ -1,21 +1,19 @@
 """Settings for every test: hypothesis gives the same examples on every machine and has no clock."""
 
+import faulthandler
 import gc
-import os
 import subprocess
+import sys
 from collections.abc import Iterator
 from functools import partial
+from multiprocessing import get_context
 from types import SimpleNamespace
 
 import pytest
 from hypothesis import settings
 
-from gtb_cli.__main__ import THREADS
 from gtb_cli.importers import cad_files
 from tests.shell import unseen
-
-# Every process of gtb does so; two threads, which wait for each other, take three times as long for a fill as one.
-os.environ.update(dict.fromkeys(THREADS, "1"))
 
 gc.set_threshold(100_000)  # as every process of gtb: to look for cycles while tests are collected takes a second
 
@@ -45,10 +43,14 @@ def _failures_are_looked_at() -> Iterator[None]:
 
 @pytest.fixture
 def probed_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Good CAD files, which break no kernel, are not read by another process first, that starts in a second."""
+    """CAD files are read by a fork first, which has the kernel; where that fails, by a process that loads it, too."""
 
     def run(words: list[str], **options: bool) -> object:
-        return SimpleNamespace(returncode=0) if cad_files.probe(*words[-2:]) == 0 else subprocess.run(words, **options)
+        probe = partial(cad_files.probe, *words[-2:])
+        fork = get_context("fork").Process(target=lambda: (faulthandler.disable(), sys.exit(probe())))
+        fork.start()
+        fork.join()
+        return subprocess.run(words, **options) if fork.exitcode else SimpleNamespace(returncode=0)
 
     monkeypatch.setattr(cad_files, "subprocess", SimpleNamespace(run=run))
 

@@ -36,9 +36,8 @@ def wheel(source: Path, folder: Path) -> Path:
 def unpacked(tmp_path_factory) -> Path:
     """The source archive, unpacked."""
     folder = tmp_path_factory.mktemp("source")
-    name = python(
-        "-c", f"from flit_core import buildapi; print(buildapi.build_sdist({str(folder)!r}))", folder=REPOSITORY
-    )
+    build = f"from flit_core import buildapi; print(buildapi.build_sdist({str(folder)!r}))"
+    name = python("-c", build, folder=REPOSITORY)
     with tarfile.open(folder / name.strip()) as archive:
         archive.extractall(folder, filter="data")
     return folder / f"gtb_cli-{__version__}"
@@ -87,9 +86,8 @@ def test_the_wheel_of_the_checkout_is_that_of_the_archive(unpacked, tmp_path):
 
 
 def test_it_says_its_version_elsewhere(installed, tmp_path):
-    assert python("-c", "import gtb_cli; print(gtb_cli.__path__[0])", folder=tmp_path, path=installed).strip() == str(
-        installed / "gtb_cli"
-    )
+    place = python("-c", "import gtb_cli; print(gtb_cli.__path__[0])", folder=tmp_path, path=installed).strip()
+    assert place == str(installed / "gtb_cli")
     version = python(installed / "bin" / "gtb", "--version", folder=tmp_path, path=installed)
     assert version.strip().endswith(__version__)
 

@@ -18,7 +18,7 @@ from tests import benchmarks
 from tests.benchmarks import Row, compared, filling, gb, paired
 from tests.benchmarks.__main__ import line, main
 from tests.benchmarks.jets import bending, normals
-from tests.marks import long
+from tests.marks import long, mostly_long
 
 SCALE = 1e-3
 
@@ -27,13 +27,8 @@ POINTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
 
 @pytest.mark.parametrize(
     ("name", "count"),
-    [
-        *(("evaluate", 7), ("meshes", 8)),
-        *(
-            pytest.param(*module, marks=long)
-            for module in (("export", 7), ("diff", 4), ("refinement", 7), ("sequences", 3), ("startup", 7))
-        ),
-    ],
+    mostly_long([("evaluate", 7), ("meshes", 8), ("export", 7), ("diff", 4), ("refinement", 7), ("sequences", 3)], 2)
+    + mostly_long([("startup", 7)], 0),
 )
 def test_every_line_has_a_ratio_or_a_peer_that_is_missing(name, count, capsys):
     peers = {"splinepy", "splipy", "OCP"}  # they need not be installed

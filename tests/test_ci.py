@@ -135,11 +135,21 @@ def test_the_action_tells_what_changed_in_a_summary_and_beside_files(checkout):
 
 
 def test_the_action_names_a_missing_folder_in_one_line_whatever_its_name(tmp_path):
-    result = action(tmp_path, SPECS="a.toml\n::warning::b.toml", GOLDEN="a,b:c%")
+    result = action(tmp_path, SPECS="a.toml\n::warning::b.toml", GOLDEN="a,b:c%", OPTIONS="-n 8\n--no-such")
     assert result.status == 2
     (said,) = [line for line in result.text.splitlines() if line.startswith("::")]
     assert said.startswith("::error file=a%2Cb%3Ac%25,title=gtb diff::a,b:c%25 is not a folder: gtb mesh ")
     assert "a.toml ::warning::b.toml" in said
+    assert "--no-such" in result.err  # lines of options count, too
+
+
+def test_the_action_names_an_unreadable_golden_mesh_where_it_is(tmp_path):
+    shutil.copy(CURVE, tmp_path / "x.toml")
+    (tmp_path / "a,b").mkdir()
+    (tmp_path / "a,b" / "x.obj").write_text("v 1\n", encoding="utf-8")
+    result = action(tmp_path, SPECS="x.toml", GOLDEN="a,b/", OPTIONS="-n 8")
+    assert result.status == 2
+    assert "::error file=a%2Cb/x.obj," in result.err
 
 
 @long
@@ -149,12 +159,8 @@ def test_a_broken_spec_and_one_without_a_golden_mesh_hide_no_other(checkout):
     (checkout / "specs" / "box-corner.toml").write_text("knots = [", encoding="utf-8")
     result = action(checkout)
     assert (result.status, outputs(checkout)["status"]) == (2, "error")
-    said = [
-        line.split(",title")[0].split(",line")[0]
-        for line in (result.text + result.err).splitlines()
-        if line[:2] == "::"
-    ]
-    assert sorted(said) == [
+    lines = [line for line in (result.text + result.err).splitlines() if line[:2] == "::"]
+    assert sorted(line.split(",title")[0].split(",line")[0] for line in lines) == [
         *("::error file=specs/box-corner.toml", "::warning file=specs/bicubic.toml"),
         *("::warning file=specs/box-corner.toml", "::warning file=specs/pentagon.toml"),
     ]

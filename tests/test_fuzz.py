@@ -24,6 +24,7 @@ def test_what_is_made_by_rules_gives_what_it_should(judged, count):
         *mostly_long([("part.igs", 20), *((name, 400) for name in sorted(foreign_files()) if name != "part.igs")], 0),
     ],
 )
+@pytest.mark.usefixtures("probed_here")
 def test_mutated_files_of_other_programs_are_read_or_refused(name, count):
     assert imports(count, seed=1, names=[name]) is None
 

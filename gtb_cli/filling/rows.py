@@ -74,14 +74,15 @@ class Rows:
         factors = np.zeros(self._count)
         for form in forms:
             factors = factors + form.least(*self._at(factors))[1][: self._count]
-        turning: set[int] = set()
+        turning, soft = set[int](), None
         for _ in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             turning |= self._turning(points)
             table, least = self._bounds(turning)
             if not len(table):
                 break
-            soft = final.soft(moves[: self._count])
+            if soft is None or self._seconds:  # moves depend on factors where there are second rows
+                soft = final.soft(moves[: self._count])
             factors = factors + soft @ table.T @ _multipliers(table @ soft @ table.T, least - table @ factors)
         points, moves = self._at(fullness * factors)
         points = final.least(points, moves[self._count :])[0]
@@ -168,7 +169,7 @@ class _Form:
     """A quadratic form of (n, 3) points of which some are determined by the others, so that it is least."""
 
     def __init__(self, matrix: FloatArray, free: IntArray) -> None:
-        self._free, self._outer = free, np.setdiff1d(np.arange(len(matrix)), free)
+        self._free, self._outer = free, np.delete(np.arange(len(matrix)), free)
         others = matrix[np.ix_(free, self._outer)]
         self._own = matrix[np.ix_(free, free)]
         self._weights = np.linalg.solve(self._own, others)
@@ -178,20 +179,20 @@ class _Form:
     def least(self, points: FloatArray, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the points with the least value, to which multiples of (f, n, 3) moves are added, and the factors."""
         points, own = points.copy(), moves[:, self._outer]
-        factors = np.zeros(len(own))
-        if len(own):
-            images = np.einsum("ij,fjk->fik", self._form, own).reshape(len(own), -1)
-            sums = -images @ points[self._outer].ravel()
-            factors = np.linalg.lstsq(images @ own.reshape(len(own), -1).T, sums, rcond=RIDGE_FRACTION)[0]
-            points[self._outer] += np.einsum("f,fik->ik", factors, own)
+        images, form = self._seen(own)
+        factors = np.linalg.lstsq(form, -images @ points[self._outer].ravel(), rcond=RIDGE_FRACTION)[0]
+        points[self._outer] += np.einsum("f,fik->ik", factors, own)
         points[self._free] = -self._weights @ points[self._outer]
-        return points, factors
+        return points, np.asarray(factors)
 
     def soft(self, moves: FloatArray) -> FloatArray:
         """Return the (f, f) inverse of the form of factors of moves, without those that it does not see."""
-        own = moves[:, self._outer]
-        images = np.einsum("ij,fjk->fik", self._form, own)
-        return np.asarray(np.linalg.pinv(np.einsum("fik,gik->fg", images, own), rcond=1e-9, hermitian=True))
+        return np.asarray(np.linalg.pinv(self._seen(moves[:, self._outer])[1], rcond=1e-9, hermitian=True))
+
+    def _seen(self, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the images of (f, m, 3) moves under the form of determining points, (f, 3 m), and the (f, f) form."""
+        images = np.tensordot(moves, self._form, (1, 0)).swapaxes(1, 2).reshape(-1, 3 * len(self._outer))
+        return images, images @ moves.reshape(images.shape).T
 
     def moved(self, points: FloatArray, equations: CornerForms) -> FloatArray:
         """Return the points after the least moves of the free ones with which equations hold."""

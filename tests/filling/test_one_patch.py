@@ -28,7 +28,7 @@ from gtb_cli.filling.strips import curve_side
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
-from gtb_cli.theory.corners import corner_limits, folds_at
+from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
 from tests.filling.loops import ARC, homogeneous, random_sides
@@ -260,7 +260,7 @@ def test_corners_with_folds_are_faults(inner, folded, monkeypatch):
     """The ways from the corner (0, 0) to its three first control points turn one way, or back."""
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], inner])
     patch = Patch([[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.3]], points)
-    assert folds_at(patch, 0) == corner_limits(patch, 0).folds == folded
+    assert limits_of_normals(patch, 0).folds == corner_limits(patch, 0).folds == folded
     monkeypatch.setattr(one_patch, "_solved", lambda *_: iter([patch]))
     monkeypatch.setattr(one_patch, "fold_places", lambda _: [])
     assert bool(fill_loop(plane_sides(points[:4], [1] * 4), raises=0).folds) == folded
@@ -294,6 +294,30 @@ def test_plans_end_where_none_of_their_patches_can_win(monkeypatch):
     monkeypatch.setattr(one_patch, "_solved", patches)
     assert fill_loop(sides, raises=1).raises == (1, 1, 1, 1)
     assert tried == [(1, False), (1, False), (1, True), (2, False), (3, True)]
+
+
+@pytest.mark.parametrize(
+    ("rough", "fine", "made"),
+    [
+        ([0, 0, 0], [0, 0, 0], [0]),
+        ([9, 2, 0, 0], [9, 0, 0, 0], [0, 2]),
+        ([9, 5, 3, 20], [9, 0, 4, 0], [0, 2]),
+        ([9, 5, 3, 20], [9, 4, 6, 0], [0, 2, 1]),
+    ],
+)
+def test_plans_whose_rough_patch_has_more_faults_are_not_carried_out(rough, fine, made):
+    """If all rough patches have faults, the plans of those with the fewest are carried out first."""
+    carried_out = []
+
+    def attempt(plan, single, most=None, samples_along=32):
+        if samples_along == 32:
+            carried_out.append(plan)
+        faults = (fine if samples_along == 32 else rough)[plan]
+        return one_patch._Attempt(faults, single, 0, faults, (plan,), None)
+
+    best = one_patch._best(attempt, [(plan, False) for plan in range(len(fine))])
+    assert carried_out == made
+    assert best.faults == min(fine[plan] for plan in made)
 
 
 def test_corners_where_ribbons_disagree_are_said():

@@ -10,6 +10,7 @@ from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
+from gtb_cli.tessellation.doubtful_corners import doubtful_corners
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
@@ -45,6 +46,12 @@ def test_remarks_say_where_a_solid_folds():
     assert remarks[1].startswith("the solid passes through itself")
 
 
+def test_an_edge_between_two_equal_points_may_be_a_loop():
+    knots, points = [[0, 0], [2, 0], [0, 1], [2, 1]], [[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 1]]
+    assert len(doubtful_corners(Patch(knots, points))) == 2
+    assert doubtful_corners(Patch([*knots, [1, 0], [1, 1]], [*points, [1, 1, 0], [1, 1, 1]])) == []
+
+
 def test_a_percentage_is_of_the_size():
     patch = load(SPECS / "pentagon.toml")
     low, high = Recipe(16).mesh(patch)[0].bounds
@@ -63,7 +70,8 @@ def test_a_solid_whose_distant_parts_meet_says_so():
         assert Recipe(12, thickness=thickness).mesh(drop)[1] == []
     (remark,) = Recipe(12, thickness=0.2).mesh(drop)[1]
     assert remark.startswith("the solid passes through itself: ")
-    assert remark.endswith("; `thickness` 0.139 was tried and is solid")  # they touch from 0.1 / cos(atan(2.9/3)) on
+    assert "; `thickness` 0.139 was tried and is solid" in remark  # they touch from 0.1 / cos(atan(2.9/3)) on
+    assert remark.endswith("is solid; on the other side `thickness` -0.2 is solid")
     with pytest.raises(RequirementError, match="not unfolded: the solid passes through itself"):
         Recipe(12, thickness=0.2, require=("unfolded",)).mesh(drop)
 
@@ -84,7 +92,7 @@ def test_a_refused_thickness_names_one_that_is_solid(tmp_path):
         options = ("-n", 12, "--require", "solid", "-o", tmp_path / "x.stl")
         refused = gtb("mesh", path, f"--thickness={thickness}", *options)
         assert refused.status == 1
-        (named,) = re.findall(r"; --thickness (\S+) was tried and is solid\n", refused.err)
+        (named,) = re.findall(r"; --thickness (\S+) was tried and is solid[;\n]", refused.err)
         assert 0 < float(named) / thickness < 1
         assert gtb("mesh", path, f"--thickness={named}", *options).status == 0
 
