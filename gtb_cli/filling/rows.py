@@ -57,8 +57,10 @@ class Rows:
             moves[np.ix_(own, members)] = rates / weights
         return points, moves
 
-    def fairest(self, matrix: FloatArray, fullness: float) -> FloatArray:
+    def fairest(self, matrix: FloatArray, fullness: float, origin: FloatArray | float = 0.0) -> FloatArray:
         """Return the (n, 3) control points with the least energy, a quadratic form; fields are longer by a factor.
+
+        The form is that of the ways from an origin, (n, 3) other control points.
 
         Second rows depend on the factors: the form is minimised with them free, then by Gauss's and Newton's method,
         which has converged to eight digits in two steps. Then factors move as little as they can, in the metric of
@@ -73,7 +75,8 @@ class Rows:
             forms = [_Form(matrix, free), *[final] * rounds]
         factors = np.zeros(self._count)
         for form in forms:
-            factors = factors + form.least(*self._at(factors))[1][: self._count]
+            points, moves = self._at(factors)
+            factors = factors + form.least(points - origin, moves)[1][: self._count]
         turning: set[int] = set()
         for _ in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
@@ -84,7 +87,7 @@ class Rows:
             soft = final.soft(moves[: self._count])
             factors = factors + soft @ table.T @ _multipliers(table @ soft @ table.T, least - table @ factors)
         points, moves = self._at(fullness * factors)
-        points = final.least(points, moves[self._count :])[0]
+        points = final.least(points - origin, moves[self._count :])[0] + origin
         given = np.array([n is not None for n in self._normals])
         for _ in range(rounds if given.all() else 4):  # coefficients follow free rows
             points = final.moved(points, CornerForms.of(points, self._net.log_weights, self._net.corners, given))

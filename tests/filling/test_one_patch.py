@@ -31,7 +31,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
-from tests.filling.loops import ARC, homogeneous, random_sides
+from tests.filling.loops import homogeneous, random_sides
 from tests.marks import long, mostly_long
 from tests.outputs import check_json
 from tests.shell import SPECS, gtb
@@ -343,20 +343,6 @@ def test_sides_without_ribbons_are_met():
     assert mixed.angle < PLANES
     met = fill_loop(sides, raises=mixed.raises[0])
     assert filling.bending.energy < mixed.bending.energy < met.bending.energy
-
-
-def test_a_sphere_is_filled_nearly_as_a_sphere():
-    """Three quarters of great circles with the sphere's tangent planes: the inside is an octant to a thousandth."""
-    turns = [np.roll(np.eye(3), k, axis=1) for k in range(3)]
-    sides = [
-        HoleSide(f"arc {k}", np.column_stack([ARC[:, :3] @ turn, ARC[:, 3]]), np.tile(np.eye(3)[(k + 2) % 3], (96, 1)))
-        for k, turn in enumerate(turns)
-    ]
-    filling = fill_loop(sides)
-    assert filling.angle < PLANES
-    u = np.random.default_rng(0).dirichlet([1, 1, 1], 200) @ filling.patch.domain.vertices
-    radii = np.linalg.norm(filling.patch.evaluate(u), axis=1)
-    assert np.abs(radii - 1).max() < 0.001
 
 
 @long
