@@ -6,8 +6,8 @@ from itertools import product
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.filling.planes import EdgeRows
 from gtb_cli.filling.sides import points_and_tangents, stations
+from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.values import frozen
 
 

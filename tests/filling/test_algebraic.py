@@ -6,8 +6,8 @@ import pytest
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.one_patch import fill_loop
-from gtb_cli.filling.planes import EdgeRows
 from gtb_cli.filling.sides import HoleSide, points_and_tangents, side_normals, stations
+from gtb_cli.filling.tangent_rows import EdgeRows
 from tests.benchmarks.filling import cubic, sides as graph_sides
 from tests.filling.loops import ARC, homogeneous, random_sides
 from tests.marks import mostly_long
