@@ -231,14 +231,16 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
         matrices = partial(forms, knots, weights, orders=(2, 3))
         # The search begins in the metric of the domain.
         second, third = matrices(s, zones[0], np.column_stack([knots, np.zeros(len(knots))]))
-        found = [least(third + 30 / areas.sum() * second)]
+        energies = [third + 30 / areas.sum() * second]
+        found = [least(energies[0])]
         area = measured(zones[:1], found)[0][0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
         # it varies less at the boundary, and more inside.
         seen = depths == 1  # where both weigh alike
         inside = matrices(s[:, seen], areas[seen], found[0])
         for second, stiff in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
-            found += [least(stiff + factor / area * second) for factor in (0, 100, 400)]
+            energies += [stiff + factor / area * second for factor in (0, 100, 400)]
+        found += [least(energy) for energy in energies[1:]]
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         power = 0 if any(each.second for each in edges) else BENDING_POWER
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
@@ -250,6 +252,9 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
 
         scored = scores(found)
         best = int(np.argmin(scored))
+        unbound = least(energies[best], share=0.0)  # the bounds of corners make some patches bend more
+        if not np.array_equal(unbound, found[best]) and (score := scores([unbound])[0]) < scored[best]:
+            found[best], scored[best] = unbound, score
         if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
             # Fair surfaces bend less than one that is known: the fairest is moved onto it, smoothly.
             rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
