@@ -245,7 +245,7 @@ def test_rows_are_free_where_a_patch_is_fairer_so(monkeypatch):
 
     def spoiled(*rows, share=0.9, **given):
         points = bound(*rows, share=share, **given)
-        points[-9:] *= 1 + share
+        points[-9::2] += share / 50
         return points
 
     monkeypatch.setattr(Rows, "fairest", spoiled)
