@@ -20,9 +20,8 @@ class AlgebraicSurface:
 
     def ways(self, points: FloatArray) -> FloatArray:
         """Return (m, 3) ways from (m, 3) points near the surface to it, along gradients."""
-        rounds = 5  # of Newton's method, which has converged after three
         found = points
-        for _ in range(rounds):
+        for _ in range(5):  # of Newton's method, which has converged after three
             value, *slope = _monomials(found, self.powers) @ self.factors
             gradient = np.stack(slope, axis=1)
             with np.errstate(all="ignore"):  # where it has no gradient, NaN is far away

@@ -143,15 +143,15 @@ class Console:
                 self._show(f"{label}: {time.monotonic() - start:.0f} s")
                 pause = 1.0
 
-        threads = [threading.Thread(target=tick, daemon=True)] if self._visible() else []
-        for thread in threads:
-            thread.start()
+        thread = threading.Thread(target=tick, daemon=True)
+        if not self._visible():
+            done.set()
+        thread.start()
         try:
             yield
         finally:
             done.set()
-            for thread in threads:
-                thread.join()
+            thread.join()
             self._show("")
 
     def _visible(self) -> bool:
