@@ -23,18 +23,16 @@ class AlgebraicSurface:
         found = points
         for _ in range(5):  # of Newton's method, which has converged after three
             value, *slope = _monomials(found, self.powers) @ self.factors
-            gradient = np.stack(slope, axis=1)
             with np.errstate(all="ignore"):  # where it has no gradient, NaN is far away
-                found = found - (value / (gradient**2).sum(axis=1))[:, None] * gradient
+                found = found - (value / np.square(slope).sum(axis=0) * np.array(slope)).T
         return found - points
 
 
 def algebraic_surface(edges: Sequence[EdgeRows]) -> AlgebraicSurface | None:
-    """Find the surface of least degree that has the curves and planes of all edges of a hole of size 1, if it is one.
+    """Find F of least degree that has the curves and planes of all edges of a hole of size 1, if there is one.
 
-    F has the least Σ F² + ⟨∇F, N × T⟩², T the tangent, for a given Σ ⟨∇F, N⟩².
+    It has the least Σ F² + ⟨∇F, N × T⟩², T the tangent, for a given Σ ⟨∇F, N⟩².
     """
-    most_degree = 4  # a torus has it
     apart = 1e-3  # singular values of it and of others: what it may be off inside, of the hole's size
     least_slope = 0.1  # of the largest slope across: with less, the surface is singular near an edge
     rounding = 1e-10  # of singular values of F that vanish twice on all edges
@@ -45,7 +43,7 @@ def algebraic_surface(edges: Sequence[EdgeRows]) -> AlgebraicSurface | None:
     at = [points_and_tangents(edge.curve, stations()[each]) for edge in edges]
     points, tangents, normals = (np.concatenate(part) for part in (*zip(*at, strict=True), given))
     across = np.cross(normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True))
-    for degree in range(2, most_degree + 1):
+    for degree in (2, 3, 4):  # that of a torus
         powers = np.array([p for p in product(range(degree + 1), repeat=3) if sum(p) <= degree])
         value, *slope = _monomials(points, powers)
         along, rise = (np.einsum("kmp,mk->mp", np.stack(slope), way) for way in (across, normals))
@@ -63,5 +61,4 @@ def _monomials(points: FloatArray, powers: IntArray) -> FloatArray:
     """Return (4, m, k) monomials of (m, 3) points and their derivatives."""
     own = points[:, None] ** powers
     rates = powers * points[:, None] ** np.maximum(powers - 1, 0)
-    mixed = [np.where(np.arange(3) == k, rates, own).prod(axis=2) for k in range(3)]
-    return np.stack([own.prod(axis=2), *mixed])
+    return np.stack([own.prod(axis=2), *(np.where(np.arange(3) == k, rates, own).prod(axis=2) for k in range(3))])

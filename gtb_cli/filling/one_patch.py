@@ -247,8 +247,7 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
 
         def scores(surfaces: Sequence[FloatArray]) -> list[float]:
             pairs = zip(*measured(np.stack([zones[0], areas]), surfaces), strict=True)
-            varied = [(b.energy, b.variation * math.sqrt(d.variation)) for b, d in pairs]
-            return [bent**power * variation if bent > flat else 0.0 for bent, variation in varied]
+            return [b.energy**power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in pairs]
 
         scored = scores(found)
         best = int(np.argmin(scored))

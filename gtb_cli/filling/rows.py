@@ -60,9 +60,7 @@ class Rows:
     def fairest(
         self, matrix: FloatArray, fullness: float, origin: FloatArray | float = 0.0, share: float = 0.9
     ) -> FloatArray:
-        """Return the (n, 3) control points with the least energy, a quadratic form; fields are longer by a factor.
-
-        The form is that of the ways from an origin, (n, 3) other control points.
+        """Return the (n, 3) control points with the least form of ways from an origin; fields are longer by a factor.
 
         Second rows depend on the factors: the form is minimised with them free, then by Gauss's and Newton's method,
         which has converged to eight digits in two steps. Then factors move as little as they can, in the metric of
