@@ -24,6 +24,7 @@ from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
 from gtb_cli.fairing.metric import forms
 from gtb_cli.fairing.variation import bendings
+from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
@@ -33,6 +34,7 @@ from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
+from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
@@ -247,20 +249,38 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, samples_alon
         matrices = partial(forms, knots, weights, orders=(2, 3))
         # The search begins in the metric of the domain.
         second, third = matrices(s, zones[0], np.column_stack([knots, np.zeros(len(knots))]))
-        found = [least(third + 30 / areas.sum() * second)]
+        energies = [third + 30 / areas.sum() * second]
+        found = [least(energies[0])]
         area = measured(zones[:1], found)[0][0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
         # it varies less at the boundary, and more inside.
         seen = depths == 1  # where both weigh alike
         inside = matrices(s[:, seen], areas[seen], found[0])
-        for second, third in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
-            found += [least(third + factor / area * second) for factor in (0, 100, 400)]
-        bent, below = measured(np.stack([zones[0], areas]), found)
+        for second, stiff in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
+            energies += [stiff + factor / area * second for factor in (0, 100, 400)]
+        found += [least(energy) for energy in energies[1:]]
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         power = 0 if any(each.second for each in edges) else BENDING_POWER
-        scores = [b.energy**power * b.variation * math.sqrt(d.variation) for b, d in zip(bent, below, strict=True)]
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
-        best = int(np.argmin(scores)) if bent[0].energy > flat else 0
+
+        def scores(surfaces: Sequence[FloatArray]) -> list[float]:
+            pairs = zip(*measured(np.stack([zones[0], areas]), surfaces), strict=True)
+            return [b.energy**power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in pairs]
+
+        scored = scores(found)
+        best = int(np.argmin(scored))
+        unbound = least(energies[best], share=0.0)  # the bounds of corners make some patches bend more
+        if not np.array_equal(unbound, found[best]) and (score := scores([unbound])[0]) < scored[best]:
+            found[best], scored[best] = unbound, score
+        if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
+            # Fair surfaces bend less than one that is known: the fairest is moved onto it, smoothly.
+            rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
+            t, led = shares(exponents(knots, weights, s)), found[best]
+            form = (t * zones[1]) @ t.T + stiffness * stiff
+            for _ in range(rounds):
+                led = least(form, origin=led + np.linalg.solve(form, (t * zones[1]) @ surface.ways(t.T @ led)))
+            if scores([led])[0] <= worst * scored[best]:
+                yield Patch(shape.knots, led, log_weights=shape.log_weights)
         for k in dict.fromkeys((best, 0)):
             yield Patch(shape.knots, found[k], log_weights=shape.log_weights)
     # A thin plate overshoots least; a membrane is what was asked for.
