@@ -7,7 +7,7 @@ nothing.
 
 from typing import TYPE_CHECKING
 
-from gtb_cli.display import draw_with
+from gtb_cli.display import draws
 from gtb_cli.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ Errors
         globals()[name] = value
         return value
 
-    draw_with(plot=lambda: __getattr__("plot"), frame=lambda: __getattr__("frame"))
+    draws.update(plot=lambda: __getattr__("plot"), frame=lambda: __getattr__("frame"))
 
     def __dir__():
         return sorted(__all__)

@@ -67,7 +67,7 @@ def _catch_signals() -> None:
 
 def _discard_unfinished() -> None:
     """Remove unfinished files, if there are any."""
-    discard = getattr(sys.modules.get("gtb_cli.files"), "discard_unfinished", None)
+    discard = getattr(sys.modules.get("gtb_cli.files"), "discard", None)
     if discard is not None:
         discard()
 

@@ -79,19 +79,13 @@ def column_dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(reduce(np.add, map(np.multiply, a, b)))
 
 
-def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the vector products of rows: (m, 3)."""
+def cross(a: FloatArray, b: FloatArray, axis: int = -1) -> FloatArray:
+    """Return the vector products of vectors along an axis; `numpy.cross` takes three times as long."""
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    cross_of_columns(a.T, b.T, result.T)
-    return result
-
-
-def cross_of_columns(a: FloatArray, b: FloatArray, out: FloatArray | None = None) -> FloatArray:
-    """Return the vector products of columns: (3, m)."""
-    result = np.empty_like(a) if out is None else out
+    x, y, z = (each.swapaxes(axis, 0) for each in (a, b, result))
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
-        np.subtract(a[i] * b[j], a[j] * b[i], out=result[k])
+        np.subtract(x[i] * y[j], x[j] * y[i], out=z[k])
     return result
 
 
@@ -101,7 +95,7 @@ def planar_cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def angles_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the angles in degrees between vectors, (…, 3) → (…); NaN with those that are NaN."""
+    """Return the angles in degrees between vectors, (…, 3) → (…); NaN where a vector is NaN."""
     return np.asarray(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))))
 
 
@@ -126,7 +120,7 @@ def bounds_of(points: NDArray[Any]) -> NDArray[Any]:
 
 
 def point_text(point: FloatArray, around: FloatArray) -> str:
-    """Return a point for messages, with four digits of the size of the (m, d) points around it, more if these are far.
+    """Return a point for messages, with four digits of the size of the (m, d) points around it, more if they are far.
 
     What is rounding of this size is written as 0.
     """
@@ -188,16 +182,10 @@ def paired(first: IntArray, second: IntArray, count: int) -> IntArray:
 
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
     """Yield each number that occurs among small numbers from 0, (m,), ascending, with its places."""
-    # Largest number of groups for which an array is searched once for each, which is faster than sorting it
-    max_passes = 8
     counts = np.bincount(numbers)
     present = np.flatnonzero(counts)
-    if len(present) <= max_passes:
-        for number in present.tolist():
-            yield number, np.flatnonzero(numbers == number)
-        return
-    places = np.split(np.argsort(numbers, kind="stable"), np.cumsum(counts[present])[:-1])
-    yield from zip(present.tolist(), places, strict=True)
+    places = np.split(np.argsort(numbers, kind="stable"), np.cumsum(counts[present]))
+    yield from zip(present.tolist(), places[:-1], strict=True)
 
 
 def ascending(costs: FloatArray) -> IntArray:

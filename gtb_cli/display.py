@@ -10,19 +10,15 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-_draws: dict[str, Callable[[], Callable[..., Any]]] = {}
-
-
-def draw_with(**functions: Callable[[], Callable[..., Any]]) -> None:
-    """Say which function draws for `plot`, and which for `frame`: each is asked for when it is first needed."""
-    _draws.update(functions)
+# The functions that draw for `plot` and for `frame`, each asked for when it is first needed; the package fills this in
+draws: dict[str, Callable[[], Callable[..., Any]]] = {}
 
 
 def plot(thing: Any, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
     """Draw a patch, a model or a mesh on matplotlib axes, and return these; see `gtb_cli.plot`."""
-    return _draws["plot"]()(thing, ax, what, **options)  # type: ignore[no-any-return]
+    return draws["plot"]()(thing, ax, what, **options)  # type: ignore[no-any-return]
 
 
 def frame(thing: Any) -> str:
     """Return HTML of a frame for notebooks in which it can be turned."""
-    return _draws["frame"]()(thing)  # type: ignore[no-any-return]
+    return draws["frame"]()(thing)  # type: ignore[no-any-return]

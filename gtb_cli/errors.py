@@ -28,7 +28,7 @@ class GtbError(Exception):
 
     @property
     def faults(self) -> list[Fault]:
-        """The faults; those that were raised as a text have no parts but a message."""
+        """The faults; what was raised as a text has no part but a message."""
         lines = [[arg] if isinstance(arg, Fault) else map(Fault, str(arg).split("\n")) for arg in self.args]
         return [fault for part in lines for fault in part]
 

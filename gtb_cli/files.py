@@ -9,9 +9,6 @@ from typing import IO, Self
 
 from gtb_cli.errors import ExportError, Fault, GtbError, SpecError
 
-_DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
-_STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
-
 _unfinished: dict[str, None] = {}  # temporary files, and folders made for them, in order of creation
 _ledger: int | None = None  # descriptor of a file with their names, for a process that waits for this one
 
@@ -152,7 +149,7 @@ class StagedFiles:
             self._abandon()
 
     def _rename(self) -> None:
-        """Give all files their names, those in a new folder last; continue if that was interrupted."""
+        """Give all files their names, in a new folder last; continue if that was interrupted."""
         if os.path.lexists(self._old_record) and os.path.lexists(self._staged[self._old_record]):
             _discard(self._old_record)
         new: list[str] = []
@@ -175,14 +172,9 @@ class StagedFiles:
         discard([*self._made, *self._staged.values()])
 
 
-def discard_unfinished() -> None:
-    """Remove all files without a final name, and the folders made for them, when a process ends without unwinding."""
-    discard(list(_unfinished))
-
-
-def discard(places: Sequence[str]) -> None:
-    """Remove files, and folders that are empty without them, those made last first."""
-    for place in reversed(places):
+def discard(places: Sequence[str] | None = None) -> None:
+    """Remove files, by default all unfinished ones, and folders that are empty without them, the latest first."""
+    for place in reversed(list(_unfinished) if places is None else places):
         _discard(place)
 
 
@@ -227,11 +219,11 @@ def _target(path: str) -> str | None:
 
 def _descriptor(path: str) -> int | None:
     """Return the number of the open file that `path` stands for, as `/dev/stdout` does, or None."""
-    path = os.path.abspath(path)
+    path, streams = os.path.abspath(path), {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
     for _ in range(40):  # as many links as Linux follows
-        match = _DESCRIPTOR.fullmatch(path)
-        if match or path in _STREAMS:
-            return int(match[1]) if match else _STREAMS[path]
+        match = re.fullmatch(r"/(?:dev|proc/self)/fd/(\d+)", path)
+        if match or path in streams:
+            return int(match[1]) if match else streams[path]
         if not os.path.islink(path):
             return None
         path = os.path.normpath(os.path.join(os.path.dirname(path), os.readlink(path)))

@@ -68,7 +68,7 @@ LFS_POINTER = b"version https://git-lfs"  # beginning of the pointer to a file t
 LFS_FAULT = "is a pointer of Git LFS in place of the file, which git lfs pull fetches"
 Up: TypeAlias = Literal["z", "y"]  # the axis of a file that stands for the spec's vertical z axis
 UP: tuple[Up, ...] = ("z", "y")
-Rim: TypeAlias = Literal["normal", "flat"]  # the way of a solid from the rim of its surface to that of the offset
+Rim: TypeAlias = Literal["normal", "flat"]  # the way of a solid from its surface's rim to its offset's
 RIMS: tuple[Rim, ...] = ("normal", "flat")  # the default first
 Fairness: TypeAlias = Literal["variation", "thin-plate", "dirichlet"]
 ENERGIES: tuple[Fairness, ...] = ("variation", "thin-plate", "dirichlet")  # the default first
@@ -81,11 +81,13 @@ class Format(NamedTuple):
 
     curves: bool
     groups: bool  # named parts
-    normals: Literal["always", "on request", "never"]  # these and the next two at vertices
+    normals: Literal["always", "on request", "never"]  # at vertices, as the next two
     uv: bool
     attributes: bool
     text: Literal["always", "on request", "never"]  # on request, it reads back exactly
-    digits: Literal["9 at the model's size", "32 bits"]  # of coordinates in binary files, or those that are always text
+    digits: Literal[
+        "9 at the model's size", "32 bits"
+    ]  # of coordinates in binary files, or in files that are always text
     up: Up  # the axis of files that stands for the spec's vertical z axis: glTF prescribes y
 
     def is_text(self, ascii: bool) -> bool:
@@ -121,7 +123,7 @@ IMPORTS = ("trp", "bv", "bpt", "bzr", *CAD_FORMATS)  # formats of other programs
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")  # scalars that a mesh may have at each vertex
 BASIS = "basis:"  # prefix of the index of a basis function, whose values are a further scalar
 PARAMETRIZATIONS = ("linear", "toric")  # placements of the vertices of a mesh, the default first
-# Starter specs, and how many sides those may have that take a number of them
+# Starter specs, and how many sides at most where a number may be given
 TEMPLATES: dict[str, int | None] = dict.fromkeys(("curve", "triangle", "rectangle", "pentagon"))
 TEMPLATES |= {"n-gon": 100, "model": None, "bowl": 24, "shade": 24, "joint": 8, "handle": None}
 CONTINUITIES = ("g1", "g0", "g2")  # of a filling: planes are met, the default, curves alone, or curvatures too

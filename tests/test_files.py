@@ -338,7 +338,7 @@ def test_what_is_unfinished_can_be_discarded_from_outside(tmp_path):
     with StagedFiles(tmp_path / "deep" / "out") as staged:
         staged.add(f"{tmp_path}/deep/out/a", [b"new"])
         staged.add(f"{tmp_path}/b", [b"new"])
-        files.discard_unfinished()
+        files.discard()
         assert os.listdir(tmp_path) == []
     assert os.listdir(tmp_path) == []
 

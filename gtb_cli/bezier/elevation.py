@@ -121,7 +121,7 @@ def product(patch: Patch, knots: FloatArray) -> Patch:
         edge_normals="auto",
         edge_scale=1.0,
     )
-    # The edge functions are those of the patch if there are as many edges, which are then the same.
+    # With as many edges as the patch, which are then the same, the result keeps its edge functions.
     corners, normals = result.domain.vertices, patch.edge_normals
     if normals == "primitive" and not has_integer_corners(corners):
         normals = "unit"

@@ -8,8 +8,6 @@ from gtb_cli.language.spec_paths import of_patch
 from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.patch import Patch
 
-AXES = ("u", "v")
-
 
 @of_patch
 def isocurve(patch: Patch, axis: int, value: float) -> Patch:
@@ -29,8 +27,8 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
         )
     low, high = shape.vertices[[0, 2], axis].tolist()
     if not low <= value <= high:
-        raise DomainError(f"{AXES[axis]}: expected {low:g} to {high:g}, got {value:g}")
-    name = f"{patch.name or 'patch'}-{AXES[axis]}{value:g}"
+        raise DomainError(f"{'uv'[axis]}: expected {low:g} to {high:g}, got {value:g}")
+    name = f"{patch.name or 'patch'}-{'uv'[axis]}{value:g}"
     other = 1 - axis
     # Edges 0 … 3 are bottom, right, top, left.
     beside = [3, 1] if axis == 0 else [0, 2]

@@ -1,4 +1,4 @@
-"""Lengths of curves, areas of surfaces and volumes inside closed ones, by quadrature."""
+"""Lengths of curves, areas of surfaces and volumes inside closed surfaces, by quadrature."""
 
 from typing import NamedTuple
 
@@ -11,8 +11,6 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.quadrature import quadrature
 from gtb_cli.theory.rational_basis import RationalBasis
-
-_ORDERS = (8, 12, 16, 24, 32, 48, 64, 96, 128)
 
 
 class Extent(NamedTuple):
@@ -51,8 +49,9 @@ def extents(shape: Patch | Model) -> dict[str, Extent]:
 
 def _integrals(patch: Patch, nets: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
     """Return areas, and volumes towards the origin, of (p, n, 3) nets of a patch, (p, 2); and their errors."""
-    sums, errors, rows = np.zeros((len(_ORDERS), len(nets), 2)), np.zeros((len(nets), 2)), np.arange(len(nets))
-    for k, order in enumerate(_ORDERS):
+    orders = (8, 12, 16, 24, 32, 48, 64, 96, 128)
+    sums, errors, rows = np.zeros((len(orders), len(nets), 2)), np.zeros((len(nets), 2)), np.arange(len(nets))
+    for k, order in enumerate(orders):
         if not len(rows) or (k > 2 and 2 * len(patch.domain.vertices) * order**2 * len(patch.knots) > most):
             break
         sums[k:, rows] = _integrals_of(patch, nets[rows], order)
@@ -88,7 +87,7 @@ def _integrals_of(patch: Patch, nets: FloatArray, order: int) -> FloatArray:
 
 
 def _lengths(shape: Patch | Model) -> dict[str, Extent]:
-    """Return the length of curves, by Gauss's rule between the vertices of a mesh, beside that of a coarser one."""
+    """Return the length of curves, by Gauss's rule between the vertices of a mesh, and beside it of a coarser mesh."""
     nodes, weights = np.polynomial.legendre.leggauss(8)
     frame = Frame.around(*(patch.control_points for patch in shape.patches))
     sums = np.zeros(2)
@@ -105,6 +104,6 @@ def _lengths(shape: Patch | Model) -> dict[str, Extent]:
 
 
 def _in_model_units(frame: Frame, found: dict[str, tuple[float, float, int]]) -> dict[str, Extent]:
-    """Return values and errors of the frame, with their dimensions, in model units, but for those that overflow."""
+    """Return values and errors of the frame, with their dimensions, in model units; what overflows is left out."""
     scaled = {name: Extent(*frame.length(np.array(both), power).tolist()) for name, (*both, power) in found.items()}
     return {name: extent for name, extent in scaled.items() if np.isfinite(extent).all()}

@@ -21,12 +21,12 @@ def bounds(patches: Sequence[Patch]) -> FloatArray:
     rounding = 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())
 
     def excess() -> FloatArray:
-        return np.asarray(np.maximum(found[0] - boxes[:, 0], boxes[:, 1] - found[1]))
+        return np.concatenate([found[0] - boxes[:, 0], boxes[:, 1] - found[1]], axis=1)
 
     for number in np.argsort(-excess().max(axis=1), kind="stable").tolist():
-        if excess()[number].max() > rounding:  # else it lies within what others reach
-            beyond = np.ravel([found[0] - boxes[number, 0], boxes[number, 1] - found[1]]) > rounding
-            found = bounds_of(np.concatenate([found, _extremes(patches[number], np.flatnonzero(beyond))]))
+        ways = np.flatnonzero(excess()[number] > rounding)
+        if len(ways):  # else it lies within what others reach
+            found = bounds_of(np.concatenate([found, _extremes(patches[number], ways)]))
     return found
 
 

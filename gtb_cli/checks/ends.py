@@ -46,7 +46,7 @@ def _worst(findings: Iterable[Finding]) -> Finding:
 
 
 def end_tangents(probe: Probe) -> Finding:
-    """Compare directions near the ends, and the unit tangents there, with those to the next distinct control point."""
+    """Compare directions near the ends, and unit tangents there, with the way to the next distinct control point."""
     return _worst(_end_tangent(probe, end) for end in _ends(probe))
 
 

@@ -1,4 +1,4 @@
-"""Planar patches: whether they are injective, for all weights and for the given ones."""
+"""Planar patches: whether they are injective, for all weights and for their own."""
 
 import math
 
@@ -44,7 +44,7 @@ def for_all_weights(probe: Probe) -> Finding:
 
 
 def jacobian_sign(probe: Probe) -> Finding:
-    """Measure the share of sample parameters, among those with a sign, at which the patch is turned over."""
+    """Measure at what share of the sample parameters, where the Jacobian has a sign, the patch is turned over."""
     points = planar(probe.patch.control_points)
     if points is None:
         return not_applicable(SPATIAL_NOTE)

@@ -1,14 +1,11 @@
 """Sample parameters of a patch at which checks measure, and bounds for its rounding."""
 
 import math
-from collections.abc import Callable
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
-from gtb_cli.checks.report import Finding
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import KNOT_ULPS
 from gtb_cli.knots.lattice import repeated
@@ -18,7 +15,7 @@ from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-# In units of `EPS`, of a value of the basis beside those of its exponent: logarithms, a sum, an exponential, a quotient
+# Roundings of a value of the basis, beside its exponent's: logarithms, a sum, an exponential, a quotient
 VALUE_ROUNDINGS = 64
 
 
@@ -127,9 +124,6 @@ class Probe:
         """The patch with its repeated knots merged; the patch itself if no knot is repeated."""
         moves = {knot: first for first, *others in repeated(self.patch.knots) for knot in others}
         return merge_knots(self.patch, moves) if moves else self.patch
-
-
-Measure: TypeAlias = Callable[[Probe], Finding]
 
 
 def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:

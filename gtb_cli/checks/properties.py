@@ -1,11 +1,12 @@
 """The properties that the paper proves, each with the function that measures it on a patch or model."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple, overload
 
 from gtb_cli.checks import basis_checks, ends, injectivity, limit_checks, reductions, total_positivity
 from gtb_cli.checks.joint_checks import joint_findings
-from gtb_cli.checks.probe import Measure, Probe
+from gtb_cli.checks.probe import Probe
 from gtb_cli.checks.report import Finding, ModelReport, Report, not_decided
 from gtb_cli.errors import GtbError, ToleranceError
 from gtb_cli.language.spec_paths import SpecPath, loaded
@@ -19,7 +20,7 @@ class Property(NamedTuple):
     name: str
     of_curves: str | None
     of_surfaces: str | None
-    measure: Measure
+    measure: Callable[[Probe], Finding]
 
 
 # Properties in the order in which they are reported
@@ -90,7 +91,7 @@ def check_patch(patch: Patch) -> Report:
     return Report(patch.name, tuple(findings))
 
 
-def _measured(measure: Measure, probe: Probe) -> Finding:
+def _measured(measure: Callable[[Probe], Finding], probe: Probe) -> Finding:
     """Measure a property; it is not decided where rounding decides, also of knots that count as on an edge."""
     try:
         found = measure(probe)

@@ -78,7 +78,7 @@ def classical_bezier(probe: Probe) -> Finding:
 
 
 def multiple_knots(probe: Probe) -> Finding:
-    """Compare a patch with repeated knots with the patch in which these are merged."""
+    """Compare a patch that has repeated knots with the patch in which they are merged."""
     if probe.merged is probe.patch:
         return not_applicable("no knot is repeated")
     value = probe.distance(probe.merged.evaluate(probe.u), probe.points)

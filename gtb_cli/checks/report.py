@@ -4,9 +4,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
-from typing import Literal, TypeAlias
-
-Status: TypeAlias = Literal["holds", "fails", "not applicable", "not decided", "measured"]
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class Finding:
         Where the paper states it.
     """
 
-    status: Status
+    status: Literal["holds", "fails", "not applicable", "not decided", "measured"]
     value: float | None
     bound: float | None
     reason: str
@@ -116,5 +114,5 @@ class ModelReport:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """All findings: those about the joints, then those about each patch."""
+        """All findings, about the joints first, then about each patch."""
         return (*self.joints, *(found for part in self.patches for found in part.findings))

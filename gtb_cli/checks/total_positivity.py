@@ -93,7 +93,9 @@ def variation_diminishing(probe: Probe) -> Finding:
     """Compare how often lines (planes for a curve in space) cross the curve and its control polygon."""
     count = 100  # lines, or planes
     grazing_distance = 1e-6  # of the extent: lines as near to a control point are left out
-    control, points, flat = _in_principal_axes(probe, 513)  # between these, crossings may be missed, but none are added
+    control, points, flat = _in_principal_axes(
+        probe, 513
+    )  # between samples, crossings may be missed, but none are added
     random = np.random.default_rng(0)
     angle, place = 2 * np.pi * random.random(count), random.random((count, 1))
     z = np.zeros(count) if flat else random.uniform(-1, 1, count)

@@ -197,7 +197,7 @@ def run(arguments: Sequence[str], alone: bool = False) -> int:
 
 
 def _form(arguments: Sequence[str]) -> str:
-    """Find the form of errors in the arguments, as these may have errors themselves."""
+    """Find the form of errors in the arguments, which may have errors themselves."""
     for place, word in enumerate(arguments):
         name, _, value = word.partition("=")
         value = value or "".join(arguments[place + 1 : place + 2])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import chain, combinations_with_replacement, islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -110,21 +111,26 @@ def _parts(
     names = [f"T{i}" for i in range(len(patch.knots))] if basis else ["x", "y", "z"]
     evaluated, differentiated = (patch.basis, patch.basis_derivatives) if basis else (patch.evaluate, patch.derivatives)
     parts = [_Part("basis" if basis else "points", names, lambda u: evaluated(u, parametrization))]
-    for order, key in list(enumerate(("derivatives", "second_derivatives"), 1))[:derivatives]:
+    for order, key in ((1, "derivatives"), (2, "second_derivatives"))[:derivatives]:
         ways = list(combinations_with_replacement(range(patch.dimension), order))
         columns = [f"{name}_{''.join(_axes(patch)[axis] for axis in way)}" for way in ways for name in names]
-
-        def of(u: FloatArray, order: Any = order, places: Any = tuple((..., *way) for way in ways)) -> FloatArray:
-            found = differentiated(u, order, parametrization)
-            return np.stack([found[place] for place in places], axis=1)
-
-        parts.append(_Part(key, columns, of))
+        parts.append(_Part(key, columns, partial(_derivatives, differentiated, order, parametrization, ways)))
     if normals:
         parts.append(_Part("normals", ["n_x", "n_y", "n_z"], lambda u: patch.normals(u, parametrization)))
     if curvature:
         columns = ["gaussian_curvature", "mean_curvature"]
         parts.append(_Part("curvature", columns, lambda u: np.column_stack(patch.curvature(u, parametrization)) + 0.0))
     return parts
+
+
+def _derivatives(
+    of: Callable[..., FloatArray], order: int, parametrization: Parametrization, ways: list[Any], u: FloatArray
+) -> FloatArray:
+    """Return the derivatives of an order along some ways, of axes, one way after another: (m, ways, k)."""
+    import numpy as np
+
+    found = of(u, order, parametrization)
+    return np.stack([found[..., *way] for way in ways], axis=1)
 
 
 def _axes(patch: Patch) -> list[str]:
@@ -142,7 +148,7 @@ def _batches(patch: Patch, params: str, parts: list[_Part]) -> Iterator[tuple[Fl
             try:
                 yield u, [part.of(u) for part in parts]
             except DomainError as error:
-                # The index at the start of the message, which is that of a parameter, becomes the number of its line.
+                # The parameter's index at the start of the message becomes the number of its line.
                 match = re.fullmatch(r"parameters\[(\d+)\]: (.*)", str(error), re.DOTALL)
                 line, text = (batch[int(match[1])][0], match[2]) if match else (None, str(error))
                 raise DomainError(Fault(text, shown_input(params), line)) from None

@@ -17,8 +17,6 @@ from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.patch import Patch
 
-RELATIVE_ERROR = 5e-4  # relative error of a distance between surfaces: three digits are right
-
 
 def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
     """Measure how far two surfaces, or curves, are from each other at most, whatever their parameters.
@@ -47,12 +45,12 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
 
 
 def farthest(
-    surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int, accuracy: float = RELATIVE_ERROR
+    surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return distances, points and errors as `FarthestSearch` finds them, (k,), (k, 3) and (k,), in model units."""
     frame = Frame.around(*(surface.points for surface in surfaces))
     seen = [surface.seen_from(frame) for surface in surfaces]
-    found, at, errors = FarthestSearch(seen, ways, count, accuracy).farthest()
+    found, at, errors = FarthestSearch(seen, ways, count).farthest()
     return frame.length(found), frame.outside(at), frame.length(errors)
 
 

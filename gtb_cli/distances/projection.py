@@ -29,7 +29,7 @@ def projected(
 def _least_squares(
     strata: Strata, points: FloatArray, start: FloatArray, accuracy: float, enough: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return least squared distances of (3, m) points from a stratum each, (m,), and where these are, (m, 2).
+    """Return least squared distances of (3, m) points from a stratum each, (m,), and the nearest places, (m, 2).
 
     Ends when a step would not shorten the square by more than a fraction `accuracy`, or when it is at most `enough`.
     """
@@ -79,7 +79,7 @@ def _descent(
 
 
 def _along(apart: FloatArray, first: FloatArray, bend: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
-    least_ratio = 1e-3  # of the curvature to that of the distance from a plane, which takes its place below it
+    least_ratio = 1e-3  # of the curvature to a plane's, which takes its place below it
     gradient, plane = column_dot(first, apart), column_dot(first, first)
     curvature = np.where(plane + bend > least_ratio * plane, plane + bend, plane)
     step = np.clip(-gradient / np.maximum(curvature, np.finfo(float).tiny), -reach, reach)

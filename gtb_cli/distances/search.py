@@ -1,8 +1,8 @@
 """The search for the points of surfaces that are farthest from other surfaces.
 
 It starts from the points that each surface comes with: the corners of cells, where the farthest one mostly is, and
-enough others. The points nearest to them are found by Newton's method; then the farthest ones move over their own
-surface as long as their distances grow.
+enough others. Newton's method finds the nearest points of the other surface; then the farthest points move over
+their own surface as long as their distances grow.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ from gtb_cli.arrays import FloatArray, IntArray, groups, joined, rows_of
 from gtb_cli.distances.projection import ROUNDING, projected
 from gtb_cli.distances.strata import Strata, StratumPlaces, Surface
 
+RELATIVE_ERROR = 5e-4  # relative error of a distance between surfaces: three digits are right
 CLOSE_SHARE = 0.9  # fraction of the largest distance from which on a point of the start may lead to a farther one
 # Nearest points from which the nearest one is searched for: usually, where it matters, and for the farthest of all.
 FEW_STARTS, MANY_STARTS, MOST_STARTS = 4, 24, 400
@@ -31,7 +32,7 @@ class Candidates(NamedTuple):
 
 
 class LocalMaxima(NamedTuple):
-    """Points that are farther from the other surface than those around them: (m,) ways, places and distances."""
+    """Local maxima of the distance from the other surface: (m,) ways, places and distances."""
 
     way: IntArray
     stratum: IntArray
@@ -42,16 +43,12 @@ class LocalMaxima(NamedTuple):
 class FarthestSearch:
     """The search among some surfaces of about size 1, for the points farthest on some ways (from, to), by numbers.
 
-    Ways w and w + `count` are both ways between two surfaces: only the larger distance is looked for. The accuracy is
-    the relative error of the distances.
+    Ways w and w + `count` are both ways between two surfaces: only the larger distance is looked for.
     """
 
-    def __init__(
-        self, surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int, accuracy: float
-    ) -> None:
-        self.surfaces, self.accuracy = surfaces, accuracy
+    def __init__(self, surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int) -> None:
+        self.surfaces, self.count = surfaces, count
         self.source, self.target = np.array(ways).T
-        self.count = count
         self.first = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
         columns = np.cumsum([0, *(surface.strata.log_weights.shape[1] for surface in surfaces)])
         self.strata = Strata.joined([surface.strata for surface in surfaces])
@@ -81,9 +78,9 @@ class FarthestSearch:
         pair, positions = top.way[order] % self.count, self.positions(StratumPlaces(top.stratum, top.s))[order]
         found[pair], at[pair] = top.distance[order], positions  # the last one, which is the largest, stays
         lost = self.largest(peaks.way % self.count, peaks.distance) - found
-        missed = lost > self.accuracy * found + ROUNDING
+        missed = lost > RELATIVE_ERROR * found + ROUNDING
         found = np.where(found > ROUNDING, found, 0.0)
-        return found, at, self.accuracy * found + np.where(missed, np.maximum(lost, found), 0.0)
+        return found, at, RELATIVE_ERROR * found + np.where(missed, np.maximum(lost, found), 0.0)
 
     def positions(self, places: StratumPlaces) -> FloatArray:
         """Return the points at places, (m, 3)."""
@@ -107,7 +104,7 @@ class FarthestSearch:
         def lower(rows: IntArray) -> None:
             for start in (candidates.nearest, candidates.like):
                 points, (stratum, s) = self.points[candidates.point[rows]], rows_of(self.places, start[rows])
-                found, _ = projected(self.strata, points, stratum, s, self.accuracy, np.zeros(len(rows)))
+                found, _ = projected(self.strata, points, stratum, s, RELATIVE_ERROR, np.zeros(len(rows)))
                 bounds[rows] = np.minimum(bounds[rows], found)
 
         likely = _highest(candidates.way, bounds, 8)  # rule out most others
@@ -169,16 +166,16 @@ class FarthestSearch:
         """Move local maxima over their own surface as long as distances grow."""
         trials, longest_reach = 24, 4.0
         shrink, growth = 0.6, 2.0  # of the reach, after a turn without and with a gain
-        worthy_gain = 0.02 * self.accuracy  # a smaller one counts as none: towards a corner, gains never end
+        worthy_gain = 0.02 * RELATIVE_ERROR  # a smaller one counts as none: towards a corner, gains never end
         way, stratum, s, distance = peaks.way, peaks.stratum, peaks.s.copy(), peaks.distance.copy()
         reach = np.ones(len(way))
         _, nearest = self.distances(self.positions(StratumPlaces(stratum, s)), way, np.zeros(len(way)), MANY_STARTS)
         turn = 0
-        while len(going := np.flatnonzero(reach > np.sqrt(self.accuracy))):
+        while len(going := np.flatnonzero(reach > np.sqrt(RELATIVE_ERROR))):
             trial = s[going, None] + reach[going, None, None] * _disc(trials, turn)
             places = StratumPlaces(np.repeat(stratum[going], trials), trial.reshape(-1, 2))
             rows = np.repeat(going, trials)
-            enough = (1 - 2 * self.accuracy) * distance[rows]
+            enough = (1 - 2 * RELATIVE_ERROR) * distance[rows]
             found, _ = self.distances(self.positions(places), way[rows], enough, FEW_STARTS, rows_of(nearest, rows))
             heights = found.reshape(-1, trials)
             best, height = heights.argmax(axis=1), heights.max(axis=1)
@@ -193,7 +190,7 @@ class FarthestSearch:
             distance[up], s[up] = height[likely[kept]], chosen.s[kept]
             nearest.stratum[up], nearest.s[up] = there.stratum[kept], there.s[kept]
             # A point in the corner of a cell stays there.
-            stays = np.abs(heights - distance[going, None]).max(axis=1) <= self.accuracy * distance[going]
+            stays = np.abs(heights - distance[going, None]).max(axis=1) <= RELATIVE_ERROR * distance[going]
             reach[going] *= np.where(better, growth, np.where(stays, 0.0, shrink))
             np.minimum(reach, longest_reach, out=reach)
             turn += 1
@@ -215,7 +212,7 @@ class FarthestSearch:
             """Search from (r, w) places for each of r points."""
             again = np.repeat(rows, stratum.shape[1])
             distance, s = projected(
-                self.strata, points[again], stratum.ravel(), s.reshape(-1, 2), self.accuracy, enough[again]
+                self.strata, points[again], stratum.ravel(), s.reshape(-1, 2), RELATIVE_ERROR, enough[again]
             )
             best = np.arange(len(rows)) * stratum.shape[1] + distance.reshape(stratum.shape).argmin(axis=1)
             better = distance[best] < found[rows]

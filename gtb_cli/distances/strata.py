@@ -66,7 +66,7 @@ class Strata:
         return np.asarray(np.einsum("xnm,nm->xm", self.control_points, self.shares(s)))
 
     def derivatives(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return points, (3, m), first derivatives, (2, 3, m), and second ones, (3, 3, m): xx, yy and xy."""
+        """Return points, (3, m), first derivatives, (2, 3, m), and second derivatives, (3, 3, m): xx, yy and xy."""
         shares = self.shares(s)
         points = np.einsum("xnm,nm->xm", self.control_points, shares)
         about = self.control_points - points[:, None]
@@ -114,7 +114,7 @@ def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
 
 def _regions(patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray) -> IntArray:
     """Return the numbers of the blocks of domains that hold points inside, -1 for others, (m,)."""
-    blocks = 4  # along each axis of a domain; nearest points are searched for in the nearest ones
+    blocks = 4  # along each axis of a domain; nearest points are searched for in the nearest blocks
     region = np.full(len(patch), -1)
     for index, rows in groups(patch):
         rows = rows[face[rows] == INTERIOR]

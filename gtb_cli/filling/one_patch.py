@@ -32,7 +32,7 @@ from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
-from gtb_cli.theory.corners import corner_limits, folds_at
+from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
@@ -205,7 +205,7 @@ def _attempt(
     found: list[_Attempt] = []
     for patch in islice(_solved(edges, inner, fullness), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
-        folds = len(fold_places(patch)) + sum(folds_at(patch, k) for k in sound)
+        folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
         turns = len(sharp_turns(patch))
         found.append(_Attempt(turns + 1000 * (folds + turned), bool(found), folds, turns, raises, patch))
         if not found[-1].faults:

@@ -14,7 +14,7 @@ PARALLEL_SINE = 1e-12  # of the angle, a few thousand roundings, below which two
 
 @frozen
 class Differences:
-    """Coordinates of a surface's knots about knot k: along lines from it to other knots, and across these lines.
+    """Coordinates of a surface's knots about knot k: along lines from it to other knots, and across them.
 
     Each is (n, m) for lines to (m,) other knots, up to positive factors. Across, coordinates are positive to the left,
     and exactly 0 for the knots on the line, in particular for those on an edge.

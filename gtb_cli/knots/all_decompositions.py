@@ -17,7 +17,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.polyhedral_cones import Bits, Vector, extreme_rays, maximal, members, product_of, without_divisor
 from gtb_cli.knots.upper_faces import Simplex, lifted_knots
-from gtb_cli.values import by_value, frozen
+from gtb_cli.values import by_value
 
 TOO_NEAR = "knots are too near to each other, beside their distances from others"
 
@@ -25,7 +25,6 @@ Cells: TypeAlias = tuple[tuple[int, ...], ...]
 
 
 @by_value
-@frozen
 class LiftingCone:
     """All liftings that induce one regular decomposition. Made by `regular_decompositions`.
 

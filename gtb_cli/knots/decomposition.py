@@ -10,11 +10,10 @@ from gtb_cli.display import frame
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import border_of, knot_tolerance
 from gtb_cli.knots.upper_faces import lifted_knots, upper_faces
-from gtb_cli.values import by_value, frozen
+from gtb_cli.values import by_value
 
 
 @by_value
-@frozen
 class RegularDecomposition:
     """Cells of knots under the upper faces of the lifted knots (a_i, λ_i). Made by `regular_decomposition`.
 

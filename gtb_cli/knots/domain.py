@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from functools import cached_property, lru_cache
-from typing import Literal, NoReturn, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,7 @@ from gtb_cli.display import frame
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Face, Faces
 from gtb_cli.knots.hull import convex_hull, knot_tolerance
-from gtb_cli.values import by_value, frozen
+from gtb_cli.values import by_value
 
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
@@ -22,7 +22,6 @@ LAYER_TOLERANCE = 1e-9  # fraction of the hull's size: knots whose distances fro
 
 
 @by_value
-@frozen
 class Domain:
     """Convex hull Δ of the knots, with its facets (edges; for a curve the two ends) and edge functions.
 
@@ -132,15 +131,13 @@ class Domain:
             if faces is not None:
                 distance[self.faces.vanishing[faces[points], edges]] = 0.0
             if not (distance >= 0).all():
-                self._refuse(u, first + int(points[~(distance >= 0)].min()), first, float(-distance.min()))
+                wrong = int(points[~(distance >= 0)].min())
+                place = ", ".join(map(repr, u[wrong].tolist()))
+                fault = f"({place}) is outside the domain, by up to {-distance.min():.3g}"
+                fault = fault if np.isfinite(u[wrong]).all() else f"must be finite, got ({place})"
+                raise DomainError(f"parameters[{first + wrong}]: {fault}")
             h[edges, points] = distance * lengths
         return h
-
-    def _refuse(self, u: FloatArray, index: int, first: int, beyond: float) -> NoReturn:
-        place = ", ".join(repr(float(x)) for x in u[index - first])
-        if not np.isfinite(u[index - first]).all():
-            raise DomainError(f"parameters[{index}]: must be finite, got ({place})")
-        raise DomainError(f"parameters[{index}]: ({place}) is outside the domain, by up to {beyond:.3g}")
 
     def nearest_edge(self, heights: FloatArray) -> IntArray:
         """Return the index of the edge nearest to each point, from edge functions: (r, m) → (m,)."""

@@ -24,7 +24,7 @@ class Direction:
 
     degree: int
     shares: FloatArray  # (n, e) barycentric coordinates of the knots in a segment (e = 2) or triangle (e = 3)
-    steps: FloatArray  # (e − 1, d) from a knot to the next ones, towards the other corners
+    steps: FloatArray  # (e − 1, d) from a knot to its neighbours towards the other corners
 
     @property
     def places(self) -> IntArray:
@@ -154,8 +154,5 @@ def _repeat(rows: NDArray[Any]) -> str:
 
 def _points(degree: int, width: int) -> Iterator[tuple[int, ...]]:
     """Yield all rows of whole numbers from 0 that add up to the degree."""
-    if width == 1:
-        yield (degree,)
-        return
-    for first in range(degree, -1, -1):
-        yield from ((first, *rest) for rest in _points(degree - first, width - 1))
+    starts = product(range(degree, -1, -1), repeat=width - 1)
+    return ((*start, degree - sum(start)) for start in starts if sum(start) <= degree)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
 from typing import TypeAlias
 
 Vector: TypeAlias = list[int] | list[float]  # whole numbers are computed with exactly
@@ -31,21 +32,25 @@ def extreme_rays(rows: Sequence[Vector], size: int, rounding: float) -> list[Vec
             lines = [_combined(rise, x, -on(row, x), line) for x in others]
             rays = [(_signed(rise, _combined(rise, x, -on(row, x), line)), zeros | here) for x, zeros in rays]
             rays.append((_signed(rise, line), here - 1))
-            continue
-        drops = [on(row, x) for x, _ in rays]
-        kept = [(x, zeros | here if not drop else zeros) for (x, zeros), drop in zip(rays, drops, strict=True)]
-        above = [(*ray, drop) for ray, drop in zip(rays, drops, strict=True) if drop > 0]
-        below = [(*ray, drop) for ray, drop in zip(rays, drops, strict=True) if drop < 0]
-        made = []
-        for x, x_zeros, up in above:
-            for y, y_zeros, down in below:
-                common = x_zeros & y_zeros
-                if common.bit_count() < size - len(lines) - 2:
-                    continue
-                if sum(zeros & common == common for _, zeros in rays) == 2:  # neighbours
-                    made.append((_combined(up, y, -down, x), common | here))
-        rays = [ray for ray, drop in zip(kept, drops, strict=True) if drop >= 0] + made
+        else:
+            rays = _cut(rays, [on(row, x) for x, _ in rays], here, size - len(lines) - 2)
     return [x for x, _ in rays]
+
+
+def _cut(rays: list[tuple[Vector, Bits]], drops: list[float], here: Bits, least: int) -> list[tuple[Vector, Bits]]:
+    """Return the rays of a cone that are not below the plane of a row, and a ray in it between neighbours across it.
+
+    Neighbours are 0 on the same rows, at least so many, as no third ray.
+    """
+    kept = [(x, zeros if drop else zeros | here) for (x, zeros), drop in zip(rays, drops, strict=True) if drop >= 0]
+    above, below = (
+        [(*ray, drop) for ray, drop in zip(rays, drops, strict=True) if sign * drop > 0] for sign in (1, -1)
+    )
+    for (x, x_zeros, up), (y, y_zeros, down) in product(above, below):
+        common = x_zeros & y_zeros
+        if common.bit_count() >= least and sum(zeros & common == common for _, zeros in rays) == 2:
+            kept.append((_combined(up, y, -down, x), common | here))
+    return kept
 
 
 def product_of(a: Vector, b: Vector, rounding: float) -> float:

@@ -40,7 +40,7 @@ class Lifted:
 def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
     """Lift knots; see `gtb_cli.knots.decomposition.regular_decomposition` for arguments and errors."""
     # Knots lie on a face within this fraction of the lifting's range, a thousand times above the rounding of ordinary
-    # input. Affine parts do not count: the range is that of the lifting without its best affine fit.
+    # input. Affine parts do not count: the lifting is taken without its best affine fit.
     gap_tolerance = 1e-12
     rounding_ulps = 2  # by which a coordinate or lifting may be off, too: two operations of the caller
     largest = 1e100  # so that gradients are floats, however near to each other knots are
@@ -95,15 +95,9 @@ def _places(points: FloatArray, heights: FloatArray, tolerance: float) -> list[i
     return [int(i) for i in places]
 
 
-def upper_hull(points: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex, Plane]:
-    """Return the simplices of the upper hull of points with d = 1 or 2 coordinates and a height, at distinct places.
-
-    Points on a simplex that are not corners are left out; coplanar simplices are not joined.
-    """
-    return _upper_chain(points, indices) if len(points[0]) == 2 else _upper_triangles(points, indices)
-
-
 def _upper_chain(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex, Plane]:
+    """Return the segments of the upper hull of points at distinct places on a line, each as long as possible."""
+
     def line(i: int, j: int) -> Plane:
         run, rise = at[j][0] - at[i][0], at[j][1] - at[i][1]
         return -rise, run, run * at[i][1] - rise * at[i][0]
@@ -230,7 +224,8 @@ class UpperFace:
 
 def upper_faces(lifted: Lifted) -> list[UpperFace]:
     """Return the upper faces in lexicographic order of their knots; their polygons tile Δ and meet edge to edge."""
-    faces = _joined(lifted, upper_hull(lifted.exact, sorted(set(lifted.places))))
+    hull_of = _upper_chain if lifted.dimension == 1 else _upper_triangles
+    faces = _joined(lifted, hull_of(lifted.exact, sorted(set(lifted.places))))
     _share_knots(lifted, faces)
     return sorted(faces, key=lambda face: sorted(face.knots))
 

@@ -33,7 +33,6 @@ OTHER = "other data: "  # what a file holds that belongs to neither vertices nor
 
 
 @by_value
-@frozen
 class Origin:
     """Where the vertices of a model's mesh come from."""
 
@@ -42,7 +41,6 @@ class Origin:
 
 
 @by_value
-@frozen
 class Mesh:
     """A polyline or a triangle mesh.
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of, column_dot, cross_of_columns
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, column_dot, cross
 from gtb_cli.values import frozen
 
 BLOCK_POINTS = 8192  # points that are measured together: their arrays stay in the processor's cache
@@ -148,11 +148,11 @@ def _ranges(count: int, length: int) -> list[tuple[int, int]]:
 
 def _to_triangles(relative: FloatArray, ab: FloatArray, ac: FloatArray) -> FloatArray:
     """(m,) distances of (3, m) points from triangles with one corner at the origin, and these others."""
-    normal = cross_of_columns(ab, ac)
+    normal = cross(ab, ac, 0)
     square = column_dot(normal, normal)
     safe = np.where(square > 0, square, 1.0)
-    v = column_dot(relative, cross_of_columns(ac, normal)) / safe
-    w = column_dot(relative, cross_of_columns(normal, ab)) / safe
+    v = column_dot(relative, cross(ac, normal, 0)) / safe
+    w = column_dot(relative, cross(normal, ab, 0)) / safe
     result = np.abs(column_dot(relative, normal)) / np.sqrt(safe)
     other = np.flatnonzero((square <= 0) | (v < 0) | (w < 0) | (v + w > 1))
     if len(other):

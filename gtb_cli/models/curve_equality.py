@@ -5,12 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, ascending, column_dot, distinct
+from gtb_cli.theory.corner_powers import alike, summed
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve
-from gtb_cli.values import by_value, frozen
+from gtb_cli.values import by_value
 
 
 @by_value
-@frozen
 class Match:
     """Which points of one curve correspond to which of another."""
 
@@ -153,15 +153,12 @@ def _unevenness(curve: Curve, ends: FloatArray, tolerance: float) -> float:
     first, second = np.triu_indices(len(along), 1)
     knots, logs = (values[first] + values[second] for values in (curve.knots, curve.log_weights))
     rises = (along[second] - along[first]) * (curve.knots[second] - curve.knots[first])
-    order = np.argsort(knots, kind="stable")
-    starts = np.flatnonzero(np.diff(knots[order], prepend=-1.0) > 16 * EPS)
-    largest = np.repeat(np.maximum.reduceat(logs[order], starts), np.diff(starts, append=len(knots)))
-    rises = np.add.reduceat(np.exp(logs[order] - largest) * rises[order], starts)
+    rises = summed(alike(knots[None], [16 * EPS]), logs, rises[:, None])[1]
     return float(np.abs(along - length * curve.knots).max()) if rises.min() >= -tolerance else np.inf
 
 
 def _fractions(curve: Curve) -> FloatArray:
-    """Return the fractions at which a curve is compared: even ones and its knots, where shares peak."""
+    """Return the fractions at which a curve is compared: evenly spaced, and at its knots, where shares peak."""
     return distinct(np.concatenate([np.linspace(0.0, 1.0, 33), curve.knots]))
 
 
@@ -198,7 +195,7 @@ def matched(one: Curve, other: Curve, reach: float) -> Match | None:
     if not (np.diff(places) > -rounding).all():
         return None
     places = np.maximum.accumulate(places)
-    # Between these places and at its own, the other curve must not leave this one.
+    # Between the matched places and at its own knots, the other curve must not leave this one.
     between = np.setdiff1d(np.concatenate([_fractions(other), (places[1:] + places[:-1]) / 2]), places)
     after, beyond = np.searchsorted(places, between), other.points_at(between)
     t, back = one.nearest(beyond, np.interp(between, places, even), even[after - 1], even[after])

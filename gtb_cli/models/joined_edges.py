@@ -123,7 +123,7 @@ class _EdgeCurves:
         return found
 
     def followers(self, near: dict[tuple[int, int], Match]) -> dict[int, list[_Follower]]:
-        """Join edges with the same data, then equal ones, then the nearest: the later edges, by the first one.
+        """Join edges with the same data, then equal edges, then the nearest: the later edges, by the first one.
 
         Each two that become one must be within the weld of each other: chains would move edges farther.
         """

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 from gtb_cli.arrays import FloatArray
 from gtb_cli.theory.edges import Curve, EdgeRef, edge_curve
 from gtb_cli.theory.patch import Patch
-from gtb_cli.values import by_value, frozen
+from gtb_cli.values import by_value
 
 if TYPE_CHECKING:
     from gtb_cli.models.curve_equality import Match
 
 
 @by_value
-@frozen
 class Joint:
     """Two edges of patches that carry the same curve.
 
@@ -53,7 +52,6 @@ class Joint:
 
 
 @by_value
-@frozen
 class Joints:
     """The edges of a model's patches: which of them are one curve, and which are open.
 

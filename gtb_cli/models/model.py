@@ -13,7 +13,7 @@ from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.models.joints import Joints, unjoined
 from gtb_cli.theory.patch import Patch
-from gtb_cli.values import by_value, frozen
+from gtb_cli.values import by_value
 from gtb_cli.vocabulary import percentage
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ Shape = TypeVar("Shape", Patch, "Model", "Patch | Model")
 
 
 @by_value
-@frozen
 class Model:
     """Several patches that belong together, such as a closed body or a regular control surface.
 

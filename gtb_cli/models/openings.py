@@ -111,7 +111,7 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
 
 
 def seam_remarks(model: Model) -> list[str]:
-    """Say how many seams of a model were welded, how far apart these were, and which seams nearly close."""
+    """Say how many seams of a model were welded, from how far apart, and which seams nearly close."""
     joints, patches, lines = model.joints, model.patches, []
     far_weld = 0.01  # of an edge's size: welding over a larger distance is worth a remark
     welded = [joint for joint in joints.shared if joint.distance]
@@ -132,7 +132,7 @@ def seam_remarks(model: Model) -> list[str]:
 
 
 def unjoined_seams(model: Model) -> list[str]:
-    """Name the seams of a model that nearly close, with what joins them; those that are alike in one line."""
+    """Name the seams of a model that nearly close, with what joins them; like seams share a line."""
     patches, alike = model.patches, dict[str, list[tuple[EdgeRef, EdgeRef]]]()
     for first, second, reason in near_misses(model.joints, patches):
         alike.setdefault(reason, []).append((first, second))

@@ -146,7 +146,7 @@ def _bends(seams: Sequence[Seam]) -> list[tuple[float, int]]:
 def _rims(
     patches: Sequence[Patch], flipped: Sequence[bool], uses: Sequence[tuple[EdgeRef, FloatArray]]
 ) -> tuple[dict[int, _SeamRim], FloatArray]:
-    """Return rims at fractions of edges, and (q, m, 3) unit normals there, those on one edge of a domain together."""
+    """Return rims at fractions of edges, and (q, m, 3) unit normals there; found together on one edge of a domain."""
     alike: dict[tuple[Domain, int], list[int]] = {}
     for number, ((index, edge), _) in enumerate(uses):
         alike.setdefault((patches[index].domain, edge), []).append(number)

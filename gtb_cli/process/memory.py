@@ -6,7 +6,7 @@ from gtb_cli.errors import GtbError
 LEAST_BYTES = 320 << 20
 SCARCE_BYTES = 1 << 30  # below them, this process does all work itself
 
-_allowed: int | None = None  # bytes that --max-memory allows this process and those that it starts
+_allowed: int | None = None  # bytes that --max-memory allows this process and its children
 
 
 def limit_of_addresses() -> int | None:

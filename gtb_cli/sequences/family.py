@@ -54,7 +54,7 @@ class Family:
 
     @cached_property
     def film(self) -> Mesh | None:
-        """A mesh of these films."""
+        """A mesh of the films, if there are any."""
         return film_mesh(self.knot_limit) if self.knot_limit is not None and self.has_film else None
 
     def uniform(self, resolution: int) -> Complex:
@@ -187,7 +187,7 @@ def graded_triangulation(shape: Domain, resolution: int, finest: float) -> Trian
 
 
 def _towards_edges(v: FloatArray, u: FloatArray, steepness: float) -> FloatArray:
-    """Move (m, 2) points of a polygon along the rays from its centre, and these towards its corners."""
+    """Move (m, 2) points of a polygon outwards along rays from its centre, and the rays towards its corners."""
     center = v.mean(axis=0)
     sides = np.roll(v, -1, axis=0) - v
     normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import shifted
-from gtb_cli.distances.between_shapes import RELATIVE_ERROR, cells_along_edges, farthest, layered
+from gtb_cli.distances.between_shapes import cells_along_edges, farthest, layered
 from gtb_cli.distances.strata import Surface, surface_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.hausdorff import mesh_distance
@@ -27,7 +27,7 @@ class Accuracy:
     """The accuracy with which distances from a limit are measured."""
 
     chord_error: float  # of meshes between which distances from films are measured, as a fraction of the diagonal
-    cells: int  # rough number from which those meshes are refined
+    cells: int  # rough number from which the meshes are refined
     points_in_all: int = MIN_SAMPLES  # see `refine`
 
 
@@ -38,13 +38,12 @@ class Measurement:
     """Distances of surfaces from a limit, whatever the resolution of the meshes that are written.
 
     They are found on the surfaces themselves (`farthest`) or, from films, which have no torus coordinates, between
-    meshes. For these, surface and limit have the same triangulation, refined until each mesh is within the chord error
+    meshes. Surface and limit then have the same triangulation, refined until each mesh is within the chord error
     of its surface. Their distance (`mesh_distance`) is off by at most twice the chord error.
     """
 
     def __init__(self, family: Family, accuracy: Accuracy) -> None:
         self.family, self.accuracy = family, accuracy
-        self.starts: dict[float, tuple[Complex, str]] = {}
 
     def distances(self, members: range) -> Iterator[tuple[float, float, float | None, str]]:
         """Yield each member's distances from the limit and from the limit with its film, their error, and a doubt."""
@@ -57,7 +56,7 @@ class Measurement:
         ways = [(row, 0) for row in range(1, len(surfaces))] + [(0, row) for row in range(1, len(surfaces))]
         known: dict[int, tuple[float, float]] = {}
         if near:
-            found, _, errors = farthest(surfaces, ways, len(near), RELATIVE_ERROR)
+            found, _, errors = farthest(surfaces, ways, len(near))
             known = dict(zip(near, zip(found.tolist(), errors.tolist(), strict=True), strict=True))
         for member in members:
             distance, error = known.get(member, (0.0, 0.0))
@@ -77,7 +76,7 @@ class Measurement:
         return surface_of(patches, self.rough if self.family.faces is not None else layered(self.rough, patches))
 
     def surfaces(self, members: Sequence[Patch]) -> list[Surface]:
-        """Return members with points all over them; while knots move, thin layers along edges need further ones."""
+        """Return members with points all over them, and more in the thin layers along edges while knots move."""
         if self.family.faces is not None:
             mosaic = self.family.over_whole(self.rough)
             return [surface_of([member], mosaic) for member in members]
@@ -88,7 +87,7 @@ class Measurement:
         film_error = 0.25  # as a fraction of the chord error: cells of surface and film do not match
         limit, sampler, film = self.family.limit, self.family.samplers[member], self.family.film
         assert film is not None
-        mosaic, doubt = self.fine_for_limit(member)
+        mosaic, doubt = self.refined(self.family.graded(self.resolution, member), limit)
         mosaic, other_doubt = self.refined(mosaic, sampler)
         ends = self.sampled(mosaic, limit)
         surface = ends if sampler is limit else self.sampled(mosaic, sampler)
@@ -113,13 +112,6 @@ class Measurement:
     def resolution(self) -> int:
         """Segments along each edge of the complex from which meshes are refined."""
         return cells_along_edges(self.family.limit.patches, self.accuracy.cells, LEAST_RESOLUTION)
-
-    def fine_for_limit(self, member: int) -> tuple[Complex, str]:
-        """Return the complex, fine enough for the limit, from which a member is measured; and a doubt about it."""
-        thickness = self.family.thickness[member]
-        if thickness not in self.starts:
-            self.starts[thickness] = self.refined(self.family.graded(self.resolution, member), self.family.limit)
-        return self.starts[thickness]
 
     def refined(self, mosaic: Complex, sampler: Sampler) -> tuple[Complex, str]:
         """Refine a complex for a surface; if that takes too many faces, return it as it is, and why."""

@@ -20,7 +20,7 @@ from gtb_cli.language.spec_paths import of_patch
 from gtb_cli.limits.degeneration import lifting_of
 from gtb_cli.limits.knot_limit import knot_limit
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.shading import filled_normals
+from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complexes import Complex
@@ -28,8 +28,6 @@ from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import MAX_FACES
-
-INF = math.inf
 
 
 @frozen
@@ -82,20 +80,15 @@ class MeshSequence:
                 yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, error, doubt)
 
     def _mesh(self, sampler: Sampler) -> Mesh:
-        normals, cells, are_exact = None, self._mosaic.cells, False
-        where = self._mosaic.patch, self._mosaic.parameters, self._mosaic.face
+        cells, where = self._mosaic.cells, (self._mosaic.patch, self._mosaic.parameters, self._mosaic.face)
         vertices = sampler.points(*where)
-        if self._normals and cells.shape[1] == 3:
+
+        def normals() -> Normals:
             found = sampler.normals(*where)
-            normals, are_exact = filled_normals(found, vertices, cells), not np.isnan(found).any()
-        return Mesh(
-            vertices,
-            cells,
-            parameters=self._mosaic.parameters,
-            normals=normals,
-            name=self.name,
-            exact_normals=are_exact,
-        )
+            return Normals(filled_normals(found, vertices, cells), None, not np.isnan(found).any())
+
+        has_normals = self._normals and cells.shape[1] == 3
+        return Mesh(vertices, cells, parameters=where[1], normals=normals if has_normals else None, name=self.name)
 
     @cached_property
     def members(self) -> tuple[Member, ...]:
@@ -131,14 +124,14 @@ class MeshSequence:
             found = convergence_rate(self._decomposition)
         except ToleranceError:
             return None
-        return found if 0 < found < INF else None
+        return found if 0 < found < math.inf else None
 
     def entry(self, member: Member, name: str, kind: str = "file") -> dict[str, Any]:
         """Return the entry of a mesh in `sequence.json`, by the name of its file, or of what `kind` says."""
         entry: dict[str, Any] = {
             kind: name,
             # A whole number below 2⁵³ as an int, which JSON writes without a point
-            self.key: "inf" if (x := member.value) == INF else int(x) if x.is_integer() and abs(x) < 2**53 else x,
+            self.key: "inf" if (x := member.value) == math.inf else int(x) if x.is_integer() and abs(x) < 2**53 else x,
             "vertices": len(member.mesh.vertices),
             "faces": len(member.mesh.cells),
             "distance_to_limit": member.distance,
@@ -211,7 +204,7 @@ def degeneration(
     """
     values = sorted({float(value) for value in xs})
     upward = _is_upward(values)
-    values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, INF)]
+    values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, math.inf)]
     exponents = lifting_of(patch, lifting)
     decomposition = regular_decomposition(patch.knots, exponents if upward else -exponents)
     # Checked before there is a patch for each value and cell: there may be thousands of both.
@@ -221,7 +214,7 @@ def degeneration(
     family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
     mosaic = family.uniform(resolution) if tolerance is None else family.refined(tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
-    xs = (*values, INF if upward else 0.0)
+    xs = (*values, math.inf if upward else 0.0)
     return MeshSequence(patch.name or "patch", "x", xs, family, mosaic, fineness, normals, decomposition)
 
 

@@ -69,7 +69,7 @@ def bound(seconds: float | None, size: int | None) -> None:
 
 
 def _limit(seconds: float | None, size: int | None) -> None:
-    """Let the system limit this process and those that it starts."""
+    """Let the system limit this process and its children."""
     import resource
 
     if seconds is not None:

@@ -44,8 +44,8 @@ def faults_about(error: Exception) -> list[Fault]:
 
 def in_options(message: str) -> str:
     """Return a message of the library with options in place of the arguments that it names in backticks."""
-    options = {
-        "ascii": "--ascii",
+    named = "ascii g2-tolerance index lifted lifting max-faces merge patch size steps thickness tolerance"
+    options = {name.replace("-", "_"): f"--{name}" for name in f"{named} unnormalised vary weld what".split()} | {
         'continuity="g0"': "--continuity g0",
         "distances=False": "--no-distance",
         "fill": "gtb fill",
@@ -53,19 +53,11 @@ def in_options(message: str) -> str:
         "fit": "gtb fit",
         "hole": "--hole EDGE",
         "let": "--set",
-        "g2_tolerance": "--g2-tolerance",
-        "lifting": "--lifting",
         "max_degree": "max_degree in Python",
-        "max_faces": "--max-faces",
         'parametrization="toric"': "--parametrization toric",
-        "patch": "--patch",
         "radius": "--radius R",
         "resolution": "-n",
         'rim="normal"': "--rim normal",
-        "thickness": "--thickness",
-        "tolerance": "--tolerance",
-        "weld": "--weld",
-        **{name: f"--{name}" for name in ("what", "index", "unnormalised", "lifted", "vary", "merge", "steps", "size")},
         "x": "-x",
     }
     return re.sub("`([^`\n]+)`", lambda found: options.get(found[1], found[0]), message)

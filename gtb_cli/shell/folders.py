@@ -24,9 +24,8 @@ def are_several(paths: Sequence[str]) -> bool:
 def specs_among(paths: Sequence[str], meshes: bool = False) -> tuple[str, ...]:
     """Return the paths, with the specs in place of each folder, and what matches in place of each pattern, by name.
 
-    With `meshes`, those in a folder count, too. Raises a `SpecError` if there are none.
+    With `meshes`, a folder's meshes count, too. Raises a `SpecError` if there is nothing.
     """
-    suffixes = (*SPEC_FORMATS, *FORMATS) if meshes else SPEC_FORMATS
     found: list[str] = []
     for path in paths:
         if is_pattern(path):
@@ -36,24 +35,28 @@ def specs_among(paths: Sequence[str], meshes: bool = False) -> tuple[str, ...]:
             if not matching:
                 raise SpecError(Fault("no file has such a name", path))
             found += specs_among(matching, meshes)
-            continue
-        if not os.path.isdir(path):
+        elif os.path.isdir(path):
+            found += _specs_in(path, meshes)
+        else:
             found.append(path)
-            continue
-        try:
-            names = sorted(os.listdir(path))
-        except OSError as error:
-            raise SpecError(Fault(str(error.strerror), path)) from None
-        specs = [os.path.join(path, name) for name in names if suffix_of(name) in suffixes and name[0] != "."]
-        specs = [spec for spec in specs if not os.path.isdir(spec)]
-        if meshes:
-            specs = [spec for spec in specs if os.path.basename(spec) != SEQUENCE_RECORD and not _is_manifest(spec)]
-        if not specs:
-            *most, last = (f".{suffix}" for suffix in suffixes)
-            what = "specs or meshes" if meshes else "specs"
-            raise SpecError(Fault(f"has no {what}, files that end in {', '.join(most)} or {last}", path))
-        found += specs
     return tuple(found)
+
+
+def _specs_in(folder: str, meshes: bool) -> list[str]:
+    suffixes = (*SPEC_FORMATS, *FORMATS) if meshes else SPEC_FORMATS
+    try:
+        names = sorted(os.listdir(folder))
+    except OSError as error:
+        raise SpecError(Fault(str(error.strerror), folder)) from None
+    paths = [os.path.join(folder, name) for name in names if suffix_of(name) in suffixes and name[0] != "."]
+    found = [path for path in paths if not os.path.isdir(path)]
+    if meshes:
+        found = [path for path in found if os.path.basename(path) != SEQUENCE_RECORD and not _is_manifest(path)]
+    if not found:
+        *most, last = (f".{suffix}" for suffix in suffixes)
+        what = "specs or meshes" if meshes else "specs"
+        raise SpecError(Fault(f"has no {what}, files that end in {', '.join(most)} or {last}", folder))
+    return found
 
 
 def pairs(a: str, b: str) -> tuple[dict[str, tuple[str | None, str | None]], dict[str, str]]:
@@ -79,7 +82,7 @@ def pairs(a: str, b: str) -> tuple[dict[str, tuple[str | None, str | None]], dic
 
 
 def files_in(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
-    """Return the paths of files below a folder, by name, but hidden ones and manifests; note what cannot be read."""
+    """Return the paths of files below a folder, by name, but no hidden files or manifests; note what is unreadable."""
     files: dict[str, str] = {}
     waiting: list[tuple[str, frozenset[tuple[int, int]]]] = [("", frozenset())]
     count = 0

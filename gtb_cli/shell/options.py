@@ -58,7 +58,7 @@ def tolerance_of(text: str) -> float | str:
 
 
 def numbers_of(text: str, words: Sequence[str] = ()) -> tuple[float, ...]:
-    """Read numbers, or number expressions as in a spec, separated by commas; or those words of the text."""
+    """Read numbers, or number expressions as in a spec, separated by commas; or only the given words of the text."""
     from gtb_cli.language.expression import evaluate_expression
 
     try:
@@ -75,7 +75,7 @@ def length_of(text: str) -> float:
     return number
 
 
-# Names of files that a command reads, and of those that it writes; - is a standard stream
+# Names of files that a command reads, and that it writes; - is a standard stream
 INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
 
 
@@ -277,7 +277,7 @@ def _console(quiet: bool) -> Console:
     check_outputs()  # so that a command is not called if it would overwrite what it reads
     output = click.get_current_context().params.get("output") or ""
     place = os.path.dirname(output)
-    # Other names may be those of folders, which are made if missing. Refused before the work, not after it.
+    # Other names may mean folders, which are made if missing. Refused before the work, not after it.
     files = (*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS, *SPEC_FORMATS, "html", "png", "svg", "pdf", "gif")
     if suffix_of(output) in files and place and not os.path.lexists(place):
         raise ExportError(f"cannot write {output}: the folder {place} does not exist")

@@ -23,7 +23,7 @@ Task = TypeVar("Task")
 
 
 def inputs_of(specs: Sequence[str], output: str, meshes: bool = False) -> tuple[str, ...]:
-    """Return the specs, or meshes, that a command was given, with those in folders; refuse one that is its output."""
+    """Return the specs, or meshes, that a command was given, folders replaced by their files; refuse its output."""
     if list(specs).count(STANDARD) > 1:
         raise click.UsageError("standard input can be read only once")
     found = specs_among(specs, meshes)

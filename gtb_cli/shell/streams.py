@@ -162,7 +162,7 @@ def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
 
 
 def refuse_reports(paths: Iterable[str], folders: Collection[str] = ()) -> None:
-    """Refuse reports that could not be written, or would be among the files of folders, before these are compared."""
+    """Refuse a report that cannot be written, or would be in a folder that is compared, before the comparison."""
     for path in paths:
         place = os.path.dirname(path) or os.curdir
         if os.path.isdir(path) or not os.path.isdir(place):

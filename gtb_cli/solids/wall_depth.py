@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, column_dot, cross, cross_of_columns, dot, unit
+from gtb_cli.arrays import FloatArray, IntArray, column_dot, cross, dot, unit
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
@@ -101,7 +101,7 @@ def _lengths(
     rows = np.flatnonzero(dot(ways, normals[cell]) > 0)
     a, b, c = np.moveaxis(tree.corners[cell[rows]], 1, 2).transpose(2, 1, 0)
     start, way = starts[rows].T, ways[rows].T
-    normal, turned = cross_of_columns(b - a, c - a), cross_of_columns(a - start, way)
+    normal, turned = cross(b - a, c - a, 0), cross(a - start, way, 0)
     along = column_dot(way, normal)
     v, w = column_dot(turned, c - a) / along, -column_dot(turned, b - a) / along
     inside = (v >= -slack) & (w >= -slack) & (v + w <= 1 + slack)

@@ -76,7 +76,7 @@ class ChordProofs:
 
     def failing(self, u: FloatArray, chords: FloatArray, tolerance: float) -> BoolArray:
         """Mark (k, 2, 3) chords not proved to be within the tolerance of the curve between their (k, 2) parameters."""
-        max_halvings = 200  # all but a few rounds halve intervals; those still open then fail
+        max_halvings = 200  # all but a few rounds halve intervals; what is still open then fails
         alive = 8  # arrays as large as T
         # A curve and its chords are in the convex hull of the control points, but for rounding of the ends.
         hull = np.concatenate([self.points, *chords.swapaxes(0, 1)])
@@ -107,7 +107,7 @@ class ChordProofs:
         return fails
 
     def _cuts(self, intervals: Intervals) -> FloatArray:
-        """Choose where to cut intervals: in the middle; those up to an end of the curve nearer to it."""
+        """Choose where to cut intervals: in the middle, or nearer to the end of the curve that they reach."""
         start, end = intervals.start, intervals.end
         with np.errstate(invalid="ignore"):  # infinities of opposite signs
             places = (start + end) / 2

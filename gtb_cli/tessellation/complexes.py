@@ -28,7 +28,7 @@ class Complex:
     face: IntArray  # (v,) the number of the domain's face that holds the vertex
     cells: IntArray  # (k, d + 1)
     cell_patch: IntArray  # (k,)
-    # `corners`; or those that are not just the parameters of the cells' vertices, behind their places among all
+    # `corners`; or, behind their places among all, the few that differ from the parameters of the cells' vertices
     own_corners: FloatArray | tuple[IntArray, FloatArray]
     collapsed: IntArray  # (c, 2) pairs of neighbouring vertices on edges of patches that are one point
     sides: int = 0  # how many sides the cells of a uniform complex have; two that a joint makes one count once

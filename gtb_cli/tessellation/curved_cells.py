@@ -1,4 +1,4 @@
-"""Cells for ParaView: exact Bézier cells where a shape has them, else quadratic ones, which also carry attributes."""
+"""Cells for ParaView: exact Bézier cells where a shape has them, else quadratic cells, also with attributes."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from gtb_cli.theory.patch import Patch
 
 
 def encode_cells(spec: Patch | Model, recipe: Recipe) -> tuple[bytes, str, list[str]]:
-    """Return a VTU file, of exact cells or, for attributes or without any, quadratic ones; its size, and warnings."""
+    """Return a VTU file of exact cells, or of quadratic cells for attributes or without exact cells; size, warnings."""
     warnings: list[str] = []
     if not recipe.attributes:
         try:
@@ -29,7 +29,7 @@ def encode_cells(spec: Patch | Model, recipe: Recipe) -> tuple[bytes, str, list[
 
 
 def unused(recipe: Recipe, *names: str) -> list[str]:
-    """Say which numbers, of all or those named, are for meshes and change nothing in a file of exact surfaces."""
+    """Say which numbers, of all or the named, are for meshes and change nothing in a file of exact surfaces."""
     given = [name for name in names or ("resolution", "tolerance") if getattr(recipe, name) != getattr(Recipe(), name)]
     return [f"`{name}` is for meshes, and changes nothing here" for name in given]
 

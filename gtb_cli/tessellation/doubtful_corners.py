@@ -2,12 +2,10 @@
 
 from collections.abc import Iterator
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, planar_cross
-from gtb_cli.knots.domain import Domain
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -16,44 +14,25 @@ def doubtful_corners(spec: Patch | Model) -> list[str]:
     """Say where corners of surfaces are at one place, or in an order in which the lines between them cross."""
     if spec.dimension == 1:
         return []
-    places: dict[int, _CornerPlaces] = {}  # by the domain, which patches share
-    faults = []
-    for patch in spec.patches:
-        if id(patch.domain) not in places:
-            places[id(patch.domain)] = _places(patch.domain)
-        found = _faults(patch.control_points, places[id(patch.domain)])
-        faults += [f"{patch.name or 'the patch'}: {fault}" for fault in found]
-    return faults
+    return [f"{patch.name or 'the patch'}: {fault}" for patch in spec.patches for fault in _faults(patch)]
 
 
-class _CornerPlaces(NamedTuple):
-    """The first knot at each corner of Δ, corners with several knots, and the ends of edges without knots between."""
-
-    corners: IntArray
-    repeated: list[IntArray]
-    straight: list[tuple[int, int]]
-
-
-def _places(domain: Domain) -> _CornerPlaces:
-    members = [np.flatnonzero((domain.knots == corner).all(axis=1)) for corner in domain.vertices]
-    corners = [int(row[0]) for row in members]
-    ends = zip(corners, corners[1:] + corners[:1], strict=True)
-    straight = [pair for pair, count in zip(ends, domain.incidence.sum(axis=0), strict=True) if count == 2]
-    return _CornerPlaces(np.array(corners), [row for row in members if len(row) > 1], straight)
-
-
-def _faults(points: FloatArray, places: _CornerPlaces) -> Iterator[str]:
+def _faults(patch: Patch) -> Iterator[str]:
+    domain, points = patch.domain, patch.control_points
     near = 64 * EPS * float(np.abs(points).max())  # two points that are one to rounding
-    for members in places.repeated:
+    at_corners = [np.flatnonzero((domain.knots == corner).all(axis=1)) for corner in domain.vertices]
+    for members in at_corners:
         if np.abs(points[members] - points[members[:1]]).max() > near:
             names = " and ".join(map(str, members.tolist()))
             yield f"knots {names} are one corner, and the surface passes between their control points"
-    for start, end in places.straight:
-        if np.abs(points[start] - points[end]).max() <= near:
-            yield f"control points {start} and {end} are the same, so that the edge between them is a point"
-    corners = points[places.corners]
+    indices = np.array([members[0] for members in at_corners])
+    corners = points[indices]
+    gaps = np.abs(np.roll(corners, -1, axis=0) - corners).max(axis=1)
+    for k in np.flatnonzero((gaps <= near) & (domain.incidence.sum(axis=0) == 2)).tolist():
+        start, end = indices[k], np.roll(indices, -1)[k]
+        yield f"control points {start} and {end} are the same, so that the edge between them is a point"
     if _crosses(corners):
-        yield f"the lines between its corners cross, as if {_exchanged(corners, places.corners)}"
+        yield f"the lines between its corners cross, as if {_exchanged(corners, indices)}"
 
 
 def _exchanged(corners: FloatArray, indices: IntArray) -> str:

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Literal
 
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.values import by_value, frozen
+from gtb_cli.values import by_value
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Rim, check_fineness, requirements
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 
 @by_value
-@frozen
 class Recipe:
     """The way from a patch or model to its mesh: the options of ``gtb mesh`` without the options of files.
 

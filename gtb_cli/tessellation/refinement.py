@@ -9,7 +9,7 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, groups, rows_of
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross, dot, groups, rows_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
@@ -35,7 +35,7 @@ def refine(
 ) -> tuple[Complex, FloatArray]:
     """Refine a simplicial complex until a curve, or samples of a surface, are within a tolerance of their cells.
 
-    Return the complex, whose edges are those of the start or parts of them, and the (v, 3) points of its vertices. The
+    Return the complex, whose edges are edges of the start or parts of them, and the (v, 3) points of its vertices. The
     sampler takes linear parameters: toric ones are too close to tell apart where exponents are small. Segments are
     certified. Triangles are sampled at the quarters of their sides, at their centroids, and at and between knots; on a
     lattice of `FINE_LATTICE_STEPS` steps, if samples differ from a quadratic surface; and, if cells are few, on a
@@ -145,7 +145,7 @@ class _Refinement:
     def heights(self, rows: IntArray) -> FloatArray:
         """Return the heights of the middles of the sides' curves over some triangles, (3, k)."""
         corners, sides = self.mesh.corner_columns(rows), self.mesh.cells.sides.take(rows, axis=0)
-        normal = cross_of_columns(corners[1] - corners[0], corners[2] - corners[0])
+        normal = cross(corners[1] - corners[0], corners[2] - corners[0], 0)
         length = np.sqrt(column_dot(normal, normal))
         scale = 1 / np.where(length > 0, length, np.inf)
         middles = [np.ascontiguousarray(self.mesh.edges.middle.take(side, axis=0).T) for side in sides.T]
@@ -208,7 +208,7 @@ class _Refinement:
     def sample_on_lattices(
         self, rows: IntArray, steps_at: IntArray, peaks: PeakParameters
     ) -> tuple[IntArray, IntArray]:
-        """Sample cells at peaks, and on lattices of the given steps; return the cells that fail, and those in doubt.
+        """Sample cells at peaks, and on lattices of the given steps; return cells that fail, and cells in doubt.
 
         Cells in doubt hold, but the surface over them is not quadratic: they are sampled more finely in the end.
         """
@@ -230,7 +230,7 @@ class _Refinement:
         return rows[fails], rows[doubts]
 
     def sample(self, rows: IntArray, steps: int) -> tuple[BoolArray, BoolArray]:
-        """Sample cells and their sides on a lattice, and mark those that fail, (k,), and that are doubtful, (k,)."""
+        """Sample cells and their sides on a lattice, and mark cells that fail, (k,), and doubtful cells, (k,)."""
         quadratic_share = 0.1  # part of the tolerance by which samples of a quadratic surface may differ from it
         bump_factor = 5.0  # of that difference: a bump between samples was 4 times as high, across creases
         quarter_share = 0.02  # part of the tolerance by which one quarter may differ before the other is sampled

@@ -144,7 +144,7 @@ def _either(values: FloatArray, others: FloatArray) -> FloatArray:
 def _at_shares(corners: FloatArray, shares: FloatArray) -> FloatArray:
     """Return the sums, (kw, d), of the (k, c, d) corners of edges or cells with (c, w) shares."""
     count, number, d = corners.shape
-    # One product of matrices takes less time than many small ones.
+    # One large product of matrices takes less time than many small products.
     for_rows = (shares[:, None, :, None] * np.eye(d)[:, None]).reshape(number * d, -1)
     return np.asarray((corners.reshape(count, -1) @ for_rows).reshape(-1, d))
 
@@ -161,7 +161,7 @@ class PeakParameters:
         self.of_kind = {kind: _peaks_of(domains[kind]) for kind in np.unique(kinds).tolist()}
 
     def along(self, edges: Edges) -> tuple[IntArray, FloatArray]:
-        """Find (q,) edges on the boundary of Δ with peaks between their ends, and (q, 2) these peaks."""
+        """Find peaks between the ends of edges on the boundary of Δ: (q,) edges, and (q, 2) parameters."""
         return _together(
             _held(own[members], edges.parameters, self.of_kind[kind][face], _is_between)
             for kind, own in groups(self.kinds[edges.patch])
@@ -170,13 +170,13 @@ class PeakParameters:
         )
 
     def inside(self, cells: Cells) -> tuple[IntArray, FloatArray]:
-        """Find (q,) triangles with peaks inside, and (q, 2) these peaks."""
+        """Find peaks inside triangles: (q,) triangles, and (q, 2) parameters."""
         alike = groups(self.kinds[cells.patch])
         return _together(_held(rows, cells.corners, self.of_kind[kind][0], _is_inside) for kind, rows in alike)
 
 
 def _peaks_of(domain: Domain) -> list[FloatArray]:
-    """Return the parameters inside Δ, then those on each edge of it."""
+    """Return the parameters inside Δ, then on each edge."""
     knots = domain.knots
     inner = np.unique(knots[~domain.incidence.any(axis=1)], axis=0)
     middles, length = [], block_length(len(knots))
@@ -213,7 +213,7 @@ def _peaks_of_layer(domain: Domain, edge: int) -> FloatArray:
 def _held(
     rows: IntArray, corners: FloatArray, peaks: FloatArray, holds: Callable[[FloatArray, FloatArray], BoolArray]
 ) -> tuple[IntArray, FloatArray]:
-    """Find (q,) cells that hold peaks, among given rows of (k, c, 2) corners, and (q, 2) these peaks."""
+    """Find peaks in cells, among given rows of (k, c, 2) corners: (q,) cells, and (q, 2) parameters."""
     x = corners[rows, :, 0]
     low, high = x.min(axis=1)[:, None], x.max(axis=1)[:, None]
     cell, peak = np.nonzero((low <= peaks[:, 0]) & (peaks[:, 0] <= high))

@@ -21,35 +21,20 @@ from gtb_cli.vocabulary import requirements
 
 
 def require(
-    words: Sequence[str],
-    spec: Patch | Model,
-    mesh: Mesh,
-    surface: Mesh | None = None,
-    folds: Sequence[str] = (),
-    held: tuple[Mesh, str] | None = None,
+    words: Sequence[str], spec: Patch | Model, mesh: Mesh, surface: Mesh, folds: Sequence[str], held: tuple[Mesh, str]
 ) -> None:
     """Raise `RequirementError`, with a line for each edge or place, unless the required properties are there.
 
-    `mesh` must be watertight or solid; `surface`, from which a tube or solid was made (default: `mesh`), unfolded;
-    `folds` are known folds and crossings, one line each. `held` is the mesh as a file's numbers hold it, which must be
-    watertight or solid as well, and a remark for where they are too coarse. Of a model with edges that are nearly
-    joined, only these are named where it is not solid: the rest follows from them.
+    `mesh` must be watertight or solid; `surface`, from which a tube or solid was made, unfolded; `folds` are known
+    folds and crossings, one line each. `held` is the mesh as a file's numbers hold it, which must be watertight or
+    solid as well, and a remark for where they are too coarse. Of a model with edges that are nearly joined, only these
+    are named where it is not solid: the rest follows from them.
     """
     asked = requirements(words)
     lines = []
     for word, faults in (("watertight", ()), ("solid", folds)):
         if word in asked:
-            open_edges = _open_edges(spec, mesh)
-            if open_edges and word == "solid" and "is open" in open_edges[0]:
-                open_edges[0] += "; `thickness` makes a solid of a surface"
-            if not open_edges and word == "solid":
-                open_edges = _inward_faces(mesh)
-            if not open_edges:
-                open_edges = _merged_faces(mesh)
-            if not open_edges and held and held[0] is not mesh:
-                open_edges = _merged_faces(held[0]) or (_inward_faces(held[0]) if word == "solid" else [])
-                open_edges = [f"{line}: {held[1]}" for line in open_edges]
-            causes = [*open_edges, *faults]
+            causes = [*_leaks(spec, mesh, held, word == "solid"), *faults]
             if causes and isinstance(spec, Model):
                 causes = unjoined_seams(spec) or [*(_loose_parts(spec) if faults else []), *causes]
             lines += [f"not {word}: {line}" for line in causes]
@@ -57,12 +42,24 @@ def require(
         seams = unjoined_seams(spec) if isinstance(spec, Model) and "solid" not in asked else []
         lines += [*(f"not one-piece: {line}" for line in seams), *pieces]
     if "unfolded" in asked:
-        turns = folded_places(surface or mesh) or _folded_patches(spec)
+        turns = folded_places(surface) or _folded_patches(spec)
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*turns, *folds))]
     if "smooth" in asked:
         lines += _creases(spec, asked["smooth"])
     if lines:
         raise RequirementError(*lines)
+
+
+def _leaks(spec: Patch | Model, mesh: Mesh, held: tuple[Mesh, str], is_solid: bool) -> list[str]:
+    """Say where a mesh leaks or, as a solid, looks inwards; else, with its remark, where the held one does."""
+    if lines := _open_edges(spec, mesh):
+        lines[0] += "; `thickness` makes a solid of a surface" if is_solid and "is open" in lines[0] else ""
+        return lines
+    lines, (stored, remark) = (_inward_faces(mesh) if is_solid else []) or _merged_faces(mesh), held
+    if lines or stored is mesh:
+        return lines
+    found = _merged_faces(stored) or (_inward_faces(stored) if is_solid else [])
+    return [f"{line}: {remark}" for line in found]
 
 
 def _folded_patches(spec: Patch | Model) -> list[str]:

@@ -35,7 +35,7 @@ def torically(linear: LinearParametrization, u: FloatArray, face: IntArray, **_:
 def torically_inside(
     linear: LinearParametrization, u: FloatArray, face: IntArray, within: float = 0.0, numbers: IntArray | None = None
 ) -> Iterator[Location]:
-    """Locate toric parameters inside Δ, linear ones on its edges: patches that share an edge then share its points."""
+    """Locate parameters, toric inside Δ and linear on edges, so that patches that share an edge share its points."""
     yield from toric_locations(linear.shape, u, face)
     rows = np.flatnonzero(face)
     for location in linear.locations(u[rows], face[rows], numbers=None if numbers is None else numbers[rows]):
@@ -48,7 +48,7 @@ class Sampler:
 
     patches: Sequence[Patch]
     locate: Locate = LinearParametrization.locations
-    parts: Sequence[Domain] = ()  # of the patches' domains, if parameters are in these
+    parts: Sequence[Domain] = ()  # of the patches' domains, if parameters are in the parts
     faces: IntArray | None = None  # (patches, faces) of each domain, by number, that hold the faces of its part
 
     @property
@@ -168,7 +168,7 @@ class _AlikePatches:
 
     @cached_property
     def _is_crowded(self) -> bool:
-        """Tell whether knots are so near an edge that starts from these alone say nothing of points farther inside."""
+        """Tell whether knots are so near an edge that they alone are no start for points farther inside."""
         # In units of 1/√n of the widest, the next knot's distance is 1 in lattices, .001 among 1,000 random knots.
         heights = self.linear.shape.heights
         least = np.where(heights > 0, heights, np.inf).min(axis=0) / heights.max(axis=0)

@@ -1,4 +1,4 @@
-"""Tubes around curves and walls beside surfaces, what is wrong with them, and which smaller ones are solid."""
+"""Tubes around curves and walls beside surfaces, what is wrong with them, and which smaller size is solid."""
 
 from collections.abc import Callable
 from contextlib import suppress

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, groups, joined, rows_of
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, column_dot, cross, dot, groups, joined, rows_of
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
@@ -65,13 +65,6 @@ class _SplitPattern(NamedTuple):
 
     pieces: tuple[tuple[int, ...], ...]
     lines: tuple[tuple[int, int], ...]
-
-
-_SEGMENT = _SplitPattern(((0, 2), (2, 1)), ())
-_SIDE_0 = _SplitPattern(((0, 3, 2), (3, 1, 2)), ((3, 2),))
-_SIDES_0_1 = _SplitPattern(((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4)))
-_SIDES_0_1_OTHER_DIAGONAL = _SplitPattern(((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
-_ALL_SIDES = _SplitPattern(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5)))
 
 
 class Subdivision:
@@ -137,7 +130,7 @@ class Subdivision:
         max_aspect_ratio = 12.0  # of length to height: slivers then hardly get thinner, and refinement ends
         rows = np.flatnonzero(self.has_mark(marked))
         a, b, c = self.corner_columns(rows)
-        normal = cross_of_columns(b - a, c - a)
+        normal = cross(b - a, c - a, 0)
         squares = [column_dot(side, side) for side in (b - a, c - b, a - c)]
         is_thin = max_aspect_ratio**2 * column_dot(normal, normal) < reduce(np.maximum, squares) ** 2
         share, longest = _slimness(self.cells.corners.take(rows, axis=0))
@@ -148,7 +141,7 @@ class Subdivision:
     def split(self, chosen: IntArray, rows: IntArray) -> IntArray:
         """Split edges at the middles of their curves, and the given cells beside them; return all cells that changed.
 
-        New edges come after all others: first the halves of split edges, then those inside cells.
+        New edges come after all others: first the halves of split edges, then edges inside cells.
         """
         count, before = len(self.edges.ends), len(self)
         old = rows_of(self.edges, chosen)
@@ -209,25 +202,26 @@ class Subdivision:
     def _patterns(self, whole: Cells, vertex: IntArray) -> Iterator[tuple[Cells, _SplitPattern]]:
         """Yield triangles turned so that split sides come first, with their patterns: the shorter diagonal is taken."""
         if not self.is_surface:
-            yield whole, _SEGMENT
+            yield whole, _SplitPattern(((0, 2), (2, 1)), ())
             return
         marks = vertex.take(whole.sides) >= 0
         count = marks.sum(axis=1)
         one, two, three = (np.flatnonzero(count == number) for number in (1, 2, 3))
-        yield _turned(whole, one, marks[one].argmax(axis=1)), _SIDE_0
+        yield _turned(whole, one, marks[one].argmax(axis=1)), _SplitPattern(((0, 3, 2), (3, 1, 2)), ((3, 2),))
         pair = _turned(whole, two, marks[two].argmin(axis=1) + 1)
         corner, middle = (self.points.take(each, axis=0) for each in (pair.cells, vertex.take(pair.sides[:, :2])))
         usual, other = middle[:, 1] - corner[:, 0], middle[:, 0] - corner[:, 2]
         tie_ratio = 1 + 1e-9  # of squares: rounding, which depends on the processor, must not choose the diagonal
         is_longer = dot(usual, usual) > tie_ratio * dot(other, other)
-        yield rows_of(pair, ~is_longer), _SIDES_0_1
-        yield rows_of(pair, is_longer), _SIDES_0_1_OTHER_DIAGONAL
-        yield rows_of(whole, three), _ALL_SIDES
+        yield rows_of(pair, ~is_longer), _SplitPattern(((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4)))
+        yield rows_of(pair, is_longer), _SplitPattern(((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
+        pieces = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+        yield rows_of(whole, three), _SplitPattern(pieces, ((3, 5), (3, 4), (4, 5)))
 
     def _sides(
         self, piece: tuple[int, ...], inner: dict[frozenset[int], IntArray], cells: Cells, child: IntArray
     ) -> IntArray:
-        """Return the edges around a piece of each cell: new edges inside the cell, its sides, and halves of these."""
+        """Return the edges around a piece of each cell: new edges inside the cell, its sides, and halves of sides."""
         columns = []
         for i in range(cells.sides.shape[1]):
             start, end = piece[i], piece[(i + 1) % len(piece)]

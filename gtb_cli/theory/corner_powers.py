@@ -38,7 +38,7 @@ class Powers(NamedTuple):
     factors: FloatArray  # (k, c)
 
     def of_order(self, order: float, ray: FloatArray, gaps: FloatArray) -> "Powers":
-        """Return the terms of an order, and of lower ones, on a way."""
+        """Return the terms of an order or a lower one on a way."""
         return rows_of(self, self.x @ ray <= order + gaps @ ray)
 
     def logarithms(self, places: FloatArray) -> FloatArray:
@@ -51,7 +51,7 @@ class Powers(NamedTuple):
 
 
 def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> tuple[CornerKnots, float]:
-    """Return the knots, those at one place as one, with points in units of their extent, which is returned, too."""
+    """Return the knots, merged where places are equal, with points in units of their extent; and the extent."""
     edges = [(corner - 1) % len(domain.vertices), corner]
     heights, incidence = domain.heights[:, edges], domain.incidence[:, edges]
     steps = [np.where(incidence[:, 1 - k] & (h > 0), h, np.inf).min() for k, h in enumerate(heights.T)]

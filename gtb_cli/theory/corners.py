@@ -1,7 +1,7 @@
 """Limits of normals and curvatures at a corner of Δ, in closed form, and the powers of the distance that rule them.
 
 Let x = (x, y) be the heights of a knot over the edges before and ahead of the corner, in units of the next knots on the
-edges, b the way to its control point from that of the corner, and W = c ω. Near the corner, as s, t → 0,
+edges, b the way to its control point from the corner's, and W = c ω. Near the corner, as s, t → 0,
 
     ``P − V = Σ W_a b_a m_a / Σ W_a m_a``    with    ``m = s^x t^y``,
 
@@ -50,7 +50,7 @@ from gtb_cli.theory.rational_basis import Blend
 from gtb_cli.values import frozen
 
 PLANE_DEGREES = 1e-4
-"""Angle up to which limits of normals are one: that of control points with six decimals."""
+"""Angle up to which limits of normals are one, as of control points with six decimals."""
 
 
 @frozen
@@ -147,15 +147,10 @@ def limits_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corne
     return _with_curvature(found, knots, area, sectors, extent) if sectors else found
 
 
-def normal_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> FloatArray:
-    """Return the limit of normals that `limits_at` finds, (3,), without the curvature, which takes longer."""
-    return _normals(corner_knots(domain, log_weights, points, corner)[0])[0].normal
-
-
-def folds_at(patch: Blend, corner: int) -> bool:
-    """Return what `corner_limits` says of folds, without the curvature."""
+def limits_of_normals(patch: Blend, corner: int) -> CornerLimits:
+    """Return what `corner_limits` finds, but for the curvature, which takes longer."""
     basis = patch.rational_basis
-    return _normals(corner_knots(basis.domain, basis.log_weights, patch.control_points, corner)[0])[0].folds
+    return _normals(corner_knots(basis.domain, basis.log_weights, patch.control_points, corner)[0])[0]
 
 
 def _normals(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, list[FloatArray]]:

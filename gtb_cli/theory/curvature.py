@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, FloatArray, cross_of_columns
+from gtb_cli.arrays import EPS, FloatArray, cross
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import PARALLEL_SINE, cleared, coordinate_rounding
 from gtb_cli.theory.basis import Location
@@ -57,7 +57,7 @@ def curvatures_at(patches: Sequence[Blend], where: Iterable[Location], count: in
     for location in where:
         rows = np.arange(count)[location.rows]
         if location.face.is_corner and face_layers(domain, location.face).slow.any():
-            # Other knots than the next ones on the edges count.
+            # More knots count than the corner's neighbours on the edges.
             for k, net in enumerate(points):
                 limits = limits_at(domain, log_weights, net, location.face.index)
                 gaussian[k, rows], mean[k, rows] = limits.gaussian, limits.mean
@@ -77,11 +77,10 @@ def _about(points: FloatArray, rounding: FloatArray, local: Local, terms: Terms,
     total = terms.point.sum(axis=0)
     p = columns @ terms.point / total
     first, second = (columns @ x - p * x.sum(axis=0) for x in terms.first)
-    cross = np.empty_like(first)
-    cross_of_columns(first.swapaxes(0, 1), second.swapaxes(0, 1), cross.swapaxes(0, 1))
-    lengths = [np.sqrt((v**2).sum(axis=1)) for v in (first, second, cross)]
+    across = cross(first, second, 1)
+    lengths = [np.sqrt((v**2).sum(axis=1)) for v in (first, second, across)]
     regular = lengths[2] > PARALLEL_SINE * lengths[0] * lengths[1]
-    normal = np.where(regular[:, None], cross / lengths[2][:, None] * local.turn, np.nan)
+    normal = np.where(regular[:, None], across / lengths[2][:, None] * local.turn, np.nan)
     # Distances of control points from the tangent planes, with 0 in place of possible rounding: points equal to that of
     # the leading knot are as near as p is.
     d = deltas @ normal - (normal * p).sum(axis=1, keepdims=True)

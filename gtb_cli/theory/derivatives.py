@@ -29,7 +29,7 @@ Order: TypeAlias = Literal[1, 2]
 
 
 class Jet(NamedTuple):
-    """Values of k functions at m places, (k, m), first derivatives, (d, k, m), and second ones, (d, d, k, m)."""
+    """Values of k functions at m places, (k, m), their gradients, (d, k, m), and second derivatives, (d, d, k, m)."""
 
     value: FloatArray
     first: FloatArray
@@ -71,11 +71,11 @@ class DerivativeField:
         return len(self.basis.domain.knots) if self.values is None else self.values.shape[1]
 
     def _columns(self, k: int) -> FloatArray:
-        """Return the values of the functions at n knots less those at knot k, or the values 0 and 1 of the T_i."""
+        """Return the values at n knots, less the values at knot k; of the T_i their values 0 and 1."""
         return np.eye(self._count) if self.values is None else np.asarray((self.values - self.values[k]).T)
 
     def _sums(self, k: int) -> Callable[[FloatArray], FloatArray]:
-        """Return the function that weights these values by (n, m) terms and adds them up."""
+        """Return the function that weights values, as `_columns` has them, by (n, m) terms and adds them up."""
         return (lambda terms: terms) if self.values is None else self._columns(k).__matmul__
 
     @cached_property
@@ -199,7 +199,7 @@ def jet_of(terms: Terms, sums: Callable[[FloatArray], FloatArray]) -> Jet:
 def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions: FloatArray, order: Order) -> Terms:
     """Return terms e^e, and derivatives up to an order, of products of (n, r) powers of r edge functions.
 
-    The (r, d, m) directions are derivatives of the logarithms of these or, where they are zero, of the edge functions.
+    The (r, d, m) directions are derivatives of edge functions that are zero, and of the logarithms of all others.
     """
     r, d, m = directions.shape
     on, first, twice = (

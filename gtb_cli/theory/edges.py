@@ -10,6 +10,7 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray, dot
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponentials
+from gtb_cli.theory.corner_powers import summed
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -123,11 +124,8 @@ def edge_curves(patches: Sequence[Patch], refs: Iterable[EdgeRef]) -> list[Curve
         weights, points = basis.log_weights[members], patches[index].control_points[members]
         if len(first) < len(knots):  # copies of a knot act as one (Thm 4.1)
             copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
-            largest = np.maximum.reduceat(weights, first)
-            shares = np.exp(weights - largest[copies])
-            total = np.add.reduceat(shares, first)
-            points = np.add.reduceat((shares / total[copies])[:, None] * points, first)
-            knots, weights = knots[first], largest + np.log(total)
+            tops, sums = summed(copies, weights, np.column_stack([np.ones(len(knots)), points]))
+            knots, weights, points = knots[first], tops + np.log(sums[:, 0]), sums[:, 1:] / sums[:, :1]
         curves.append(Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points))
     return curves
 

@@ -41,8 +41,8 @@ class FaceLayers:
     point: BoolArray
     first: tuple[BoolArray, ...]
     second: tuple[BoolArray, ...]
-    slow: BoolArray  # because of them, first derivatives at a corner have no limit
-    against: tuple[tuple[int, BoolArray], ...]  # because of them, second ones across a facet through the face have none
+    slow: BoolArray  # knots that leave first derivatives at a corner without a limit
+    against: tuple[tuple[int, BoolArray], ...]  # knots that leave second derivatives across a facet without a limit
 
     @cached_property
     def hindering(self) -> BoolArray:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, cross_of_columns, groups
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import (
     PARALLEL_SINE,
@@ -24,7 +24,7 @@ from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.corners import normal_at
+from gtb_cli.theory.corners import limits_of_normals
 from gtb_cli.theory.local_coordinates import face_layers
 from gtb_cli.theory.rational_basis import Blend
 
@@ -61,7 +61,7 @@ def _inside(patch: Blend, location: Location) -> FloatArray:
 
 
 def _about_corners(patch: Blend, t: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return normals at (n, m) values of the rational basis, (m, 3), and mark those that may have lost digits."""
+    """Return normals at (n, m) values of the rational basis, (m, 3), and mark normals that may have lost digits."""
     cancelled = 1e-3  # three digits are lost in a derivative so much smaller than its summands, or in such an angle
     cut_off_sum = 1e-280  # smaller sums may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`
     shape = patch.rational_basis.domain
@@ -160,7 +160,7 @@ def _at_corner(patch: Blend, face: Face) -> FloatArray:
         normal = _unit_cross(*(cleared(way - middle, rounding) for way in ways))[0][0]
         if np.isfinite(normal[0]):
             return np.asarray(normal)
-    return normal_at(shape, log_weights, patch.control_points, face.index)
+    return limits_of_normals(patch, face.index).normal
 
 
 def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
@@ -215,8 +215,7 @@ def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, Floa
     """Return unit cross products of (…, 3, m) vectors, (…, m, 3), NaN if parallel or zero; and sines of angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (unit_columns(v) for v in (first, second))
-        normal = np.empty_like(first)
-        cross_of_columns(*(v.swapaxes(0, -2) for v in (first, second, normal)))
+        normal = cross(first, second, -2)
         sine = np.sqrt((normal**2).sum(axis=-2))
         across = sine[..., None, :]
         return np.where(across > PARALLEL_SINE, normal / across, np.nan).swapaxes(-1, -2), sine

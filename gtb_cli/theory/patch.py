@@ -18,7 +18,7 @@ from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.basis import Location, gt_bernstein
 from gtb_cli.theory.rational_basis import Parametrization, RationalBasis
 from gtb_cli.theory.weights import CoefficientRule, both_weights, coefficients_of
-from gtb_cli.values import by_value, frozen
+from gtb_cli.values import by_value
 
 if TYPE_CHECKING:
     from gtb_cli.theory.curvature import Curvature
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 
 @by_value
-@frozen
 class Patch:
     """A GT-Bézier curve (d = 1) or surface (d = 2): ``P(u) = Σ_i b_i T_i(u)``, u in Δ = conv{a_i}.
 
@@ -97,7 +96,7 @@ class Patch:
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
-        shape = self._domain()
+        shape = domain(self.knots, self.edge_normals, self.edge_scale)
         set_field(self, "knots", shape.knots)
         set_field(self, "edge_scale", shape.edge_scale)
         n = len(shape.knots)
@@ -121,21 +120,12 @@ class Patch:
             raise DomainError(f"name: expected a string, got {self.name!r}")
         products = read_only(self.log_weights + np.log(self.coefficients))
         basis: RationalBasis | None = self.rational_basis
-        if basis is None or basis.domain is not shape or not np.array_equal(basis.log_weights, products):
+        if basis is None or basis.domain != shape or not np.array_equal(basis.log_weights, products):
             set_field(self, "rational_basis", RationalBasis(shape, products))
 
     def __repr__(self) -> str:
         kind = "curve" if self.dimension == 1 else f"{len(self.domain.vertices)}-sided surface"
         return f"<Patch {self.name or 'without a name'}: {kind}, {len(self.knots)} knots>"
-
-    def _domain(self) -> Domain:
-        """Return Δ, taken from the given rational basis if knots and edge functions are the same."""
-        if self.rational_basis is not None:
-            shape = self.rational_basis.domain
-            same = (np.array_equal(getattr(shape, name), getattr(self, name)) for name in ("knots", "edge_scale"))
-            if shape.edge_normals == self.edge_normals and all(same):
-                return shape
-        return domain(self.knots, self.edge_normals, self.edge_scale)
 
     def replace(self, **changes: Any) -> Patch:
         """Return a copy with other values in some fields.

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from gtb_cli import DomainError, Model, Patch, diff, distance, elevate, load, tessellate, write_mesh
-from gtb_cli.distances.between_shapes import RELATIVE_ERROR
+from gtb_cli.distances.search import RELATIVE_ERROR
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.verdicts.verdict import Verdict
 from tests.marks import long, mostly_long

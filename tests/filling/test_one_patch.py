@@ -28,7 +28,7 @@ from gtb_cli.filling.strips import curve_side
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
-from gtb_cli.theory.corners import corner_limits, folds_at
+from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
 from tests.filling.loops import ARC, homogeneous, random_sides
@@ -260,7 +260,7 @@ def test_corners_with_folds_are_faults(inner, folded, monkeypatch):
     """The ways from the corner (0, 0) to its three first control points turn one way, or back."""
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], inner])
     patch = Patch([[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.3]], points)
-    assert folds_at(patch, 0) == corner_limits(patch, 0).folds == folded
+    assert limits_of_normals(patch, 0).folds == corner_limits(patch, 0).folds == folded
     monkeypatch.setattr(one_patch, "_solved", lambda *_: iter([patch]))
     monkeypatch.setattr(one_patch, "fold_places", lambda _: [])
     assert bool(fill_loop(plane_sides(points[:4], [1] * 4), raises=0).folds) == folded

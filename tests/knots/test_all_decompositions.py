@@ -10,6 +10,7 @@ import pytest
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.all_decompositions import regular_decompositions
 from gtb_cli.knots.decomposition import regular_decomposition
+from gtb_cli.knots.polyhedral_cones import extreme_rays
 from tests.knots.test_decomposition import GRID, brute_force
 from tests.marks import long, mostly_long
 
@@ -20,6 +21,20 @@ TURN = np.array([[cos(0.3), sin(0.3)], [-sin(0.3), cos(0.3)]])
 def polygon(n, radius=1.0, turn=0.0):
     angles = 2 * pi * np.arange(n) / n + turn
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def test_the_rays_of_a_cone_are_where_its_planes_meet():
+    """Over a cube with one side twice, a cut through three of its corners, and a cut across the edge between two."""
+    cube = [[s * (i == k) for i in range(3)] + [1] for k in range(3) for s in (1, -1)]
+    rows = [*cube, cube[1], [-1, -1, -1, 1], [0, -1, 1, 1]]
+    corners = set()
+    for planes in map(np.array, combinations(rows, 3)):
+        if abs(np.linalg.det(planes[:, :3])) > 0.5:
+            place = np.linalg.solve(planes[:, :3], -planes[:, 3])
+            if (np.array(rows) @ [*place, 1] > -1e-9).all():
+                corners.add(tuple(np.round(place, 6) + 0.0))
+    rays = np.array(extreme_rays(rows, 4, 0.0))
+    assert sorted(map(tuple, rays[:, :3] / rays[:, 3:] + 0.0)) == sorted(corners)
 
 
 def numbers(knots):

@@ -58,6 +58,8 @@ def test_vertices_of_a_sequence_are_points_of_the_degenerated_patch(x):
     mesh = degeneration(patch, [x], resolution=3).meshes[0]
     inside = (patch.domain.heights_of_columns(mesh.parameters) > 0).all(axis=0)
     assert inside.sum() > 5
+    whole = degeneration(spec("bicubic"), [3], np.arange(16) % 3, 3, distances=False).meshes[0]
+    assert (mesh.exact_normals, whole.exact_normals) == (False, True)
     expected = linear_points(degenerate(patch, x), mesh.parameters[inside])
     np.testing.assert_allclose(mesh.vertices[inside], expected, atol=ROUNDING * 100)
 

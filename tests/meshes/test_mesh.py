@@ -107,7 +107,7 @@ def test_normals_are_computed_when_they_are_asked_for(monkeypatch):
 def test_a_mesh_cannot_be_changed():
     for change in (setattr, lambda mesh, name, _: delattr(mesh, name)):
         for name in ("vertices", "normals", "other"):
-            with pytest.raises(FrozenInstanceError, match=f"cannot change '{name}' of a Mesh"):
+            with pytest.raises(FrozenInstanceError, match=f"field '{name}'"):
                 change(TWO_TRIANGLES, name, None)
     assert repr(Recipe(resolution=3)).startswith("Recipe(resolution=3, tolerance=None, ")
 

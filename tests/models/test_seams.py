@@ -16,7 +16,6 @@ from gtb_cli.models.seams import bends
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import requirements
-from tests.marks import long
 from tests.shell import PENTAGON, SPECS, gtb
 from tests.specs import load
 
@@ -106,11 +105,10 @@ def test_a_square_with_two_knots_swapped_is_no_solid():
         Recipe(thickness=2, require="watertight").mesh(bow)
 
 
-@long
 def test_parts_that_look_into_a_solid_fail_it():
     inner = [patch.replace(control_points=patch.control_points / 2, name=f"inner {patch.name}") for patch in load(CUBE)]
-    with pytest.raises(RequirementError, match="not solid: faces look into the solid, 4400 of 8800 faces"):
-        Recipe(10, require="solid").mesh(Model((*load(CUBE), *inner)))
+    with pytest.raises(RequirementError, match="not solid: faces look into the solid, 176 of 352 faces"):
+        Recipe(2, require="solid").mesh(Model((*load(CUBE), *inner)))
 
 
 def test_faces_that_collapse_in_a_file_are_not_watertight_and_others_may_meet_there():
@@ -124,7 +122,7 @@ def test_faces_that_collapse_in_a_file_are_not_watertight_and_others_may_meet_th
         mesh = Recipe(**made, require="watertight").mesh(spec)[0]
         stored = held(mesh, "stl")[0]
         assert [trimesh.Trimesh(each.vertices, each.cells).is_watertight for each in (mesh, stored)] == [True, False]
-        with pytest.raises(RequirementError, match=f"not watertight: {fault}"):
+        with pytest.raises(RequirementError, match=f"not watertight: {fault}.*: the numbers of STL"):
             Recipe(**made, require="watertight").mesh(spec, held=lambda mesh: held(mesh, "stl"))
 
 

@@ -10,6 +10,7 @@ from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
+from gtb_cli.tessellation.doubtful_corners import doubtful_corners
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
@@ -43,6 +44,12 @@ def test_remarks_say_where_a_solid_folds():
     _, remarks = Recipe(4, thickness=5.0).mesh(load(SPECS / "pentagon.toml"))
     assert "the offset folds" in remarks[0]
     assert remarks[1].startswith("the solid passes through itself")
+
+
+def test_an_edge_between_two_equal_points_may_be_a_loop():
+    knots, points = [[0, 0], [2, 0], [0, 1], [2, 1]], [[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 1]]
+    assert len(doubtful_corners(Patch(knots, points))) == 2
+    assert doubtful_corners(Patch([*knots, [1, 0], [1, 1]], [*points, [1, 1, 0], [1, 1, 1]])) == []
 
 
 def test_a_percentage_is_of_the_size():
