@@ -48,10 +48,12 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     return result
 
 
-def pytest_deselected(items: Sequence[pytest.Item]) -> None:
-    """Note that not all tests run."""
-    for item in items:
-        item.config.stash[_PARTLY] = True
+@pytest.hookimpl(wrapper=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: Sequence[pytest.Item]) -> Generator[None]:
+    """Note whether any plugin leaves tests out, as not all of them tell others so."""
+    count = len(items)
+    yield
+    config.stash[_PARTLY] = len(items) < count
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
@@ -120,7 +122,8 @@ class MeshRegression:
         Parameters
         ----------
         what : Patch, Model, several patches, Mesh, or path of a spec or of a mesh file
-            A path is relative to the folder of the test.
+            A path is relative to the folder of the test. A mesh file in the format of the golden file is compared in
+            all that it holds, any other in its faces and groups.
         tolerance : float or str, optional
             Largest distance that is no difference, in model units or as ``"1%"`` of the size. Default: 1e-9 of the
             size, but never less than the digits of the file.
@@ -167,7 +170,11 @@ class MeshRegression:
             golden = self._golden(format, basename, fullpath)
             path = self._file.parent / what if isinstance(what, str | os.PathLike) else what
             self._config.stash.setdefault(_ASKED, set()).update({str(golden), str(path)})
-            data = b"".join(encode_mesh(operand(path, recipe).known.mesh, format))
+            known = operand(path, recipe).known
+            if isinstance(path, Path) and known.format == format:  # then it may hold more than a mesh
+                data = path.read_bytes()
+            else:
+                data = b"".join(encode_mesh(known.mesh, format))
             self._compare(golden, data, Comparing(recipe, tolerance, kind, ignore))
         except GtbError as error:
             raise error.with_traceback(None) from None

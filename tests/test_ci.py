@@ -135,11 +135,21 @@ def test_the_action_tells_what_changed_in_a_summary_and_beside_files(checkout):
 
 
 def test_the_action_names_a_missing_folder_in_one_line_whatever_its_name(tmp_path):
-    result = action(tmp_path, SPECS="a.toml\n::warning::b.toml", GOLDEN="a,b:c%")
+    result = action(tmp_path, SPECS="a.toml\n::warning::b.toml", GOLDEN="a,b:c%", OPTIONS="-n 8\n--no-such")
     assert result.status == 2
     (said,) = [line for line in result.text.splitlines() if line.startswith("::")]
     assert said.startswith("::error file=a%2Cb%3Ac%25,title=gtb diff::a,b:c%25 is not a folder: gtb mesh ")
     assert "a.toml ::warning::b.toml" in said
+    assert "--no-such" in result.err  # lines of options count, too
+
+
+def test_the_action_names_an_unreadable_golden_mesh_where_it_is(tmp_path):
+    shutil.copy(CURVE, tmp_path / "x.toml")
+    (tmp_path / "a,b").mkdir()
+    (tmp_path / "a,b" / "x.obj").write_text("v 1\n", encoding="utf-8")
+    result = action(tmp_path, SPECS="x.toml", GOLDEN="a,b/", OPTIONS="-n 8")
+    assert result.status == 2
+    assert "::error file=a%2Cb/x.obj," in result.err
 
 
 @long

@@ -92,15 +92,21 @@ def test_other(mesh_regression):
     mesh_regression.check("lamp.toml", n=2)
 """
     (folder / "test_lamp").mkdir()
-    gtb("mesh", folder / "lamp.toml", "-n", 1, "-o", folder / "test_lamp" / "input.obj", status=0)
+    gtb("mesh", folder / "lamp.toml", "-n", 1, "--normals", "-o", folder / "test_lamp" / "input.obj", status=0)
     steps = """
 run()
 [shutil.copy("test_lamp/input.obj", "test_lamp/" + name) for name in ("old.obj", "old.obtained.obj", "notes.txt")]
 run(), run("-k", "other"), run("test_lamp.py::test_lamp")
+pathlib.Path("conftest.py").write_text("def pytest_collection_modifyitems(items): items.pop()")
+run(), os.unlink("conftest.py")
+mesh = pathlib.Path("test_lamp/input.obj")
+mesh.write_text(mesh.read_text().replace("vn 0.", "vn 9."))
+run()
 """
-    texts = [text for _, text in runs(folder, test, steps)]
+    *texts, turned = [text for _, text in runs(folder, test, steps)]
     line = f"no test asked for the golden file {folder / 'test_lamp' / 'old.obj'}"
-    assert [line in text for text in texts] == [False, True, False, False]
+    assert [line in text for text in texts] == [False, True, False, False, False]
+    assert "normals: up to " in turned
 
 
 @long

@@ -58,15 +58,15 @@ def approve(
     gone = [each for each in chosen if not os.path.lexists(each.paths[1])]
     if names and gone and not prune:
         raise GtbError(*(Fault(f"has no file {each.name}; --prune removes {each.paths[0]}", out) for each in gone))
-    if prune and (linked := [each.paths[0] for each in gone if _is_elsewhere(golden, each)]):
-        why = "is in a folder that is linked, where --prune removes nothing"
-        raise GtbError(*(Fault(why, path) for path in linked))
+    rest = [verdicts[name] for name in verdicts.keys() - {each.name for each in gone if prune}]
+    if prune and (faults := _what_has_to_stay(golden, gone, rest)):
+        raise GtbError(*faults)
     for line in _take_over(golden, taken, comparing):
         console.note(line)
     for verdict in gone if prune else ():
         _remove(golden, verdict.paths[0])
         console.note(f"{verdict.paths[0]}: removed")
-    left = len(verdicts) - len(taken) - (len(gone) if prune else 0)
+    left = sum(os.path.lexists(each.paths[0]) for each in rest) - len(taken)
     console.note(f"{golden}: {len(taken)} taken over, {left} left as they are")
     if gone and not prune:
         are, them = ("file is", "it") if len(gone) == 1 else ("files are", "them")
@@ -106,7 +106,9 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
         if not name:
             raise click.UsageError("a name of a file is empty")
         here = [name, os.path.normpath(name), *(os.path.relpath(name, folder) for folder in (golden, out))]
-        found = [each for each in here if each in verdicts][:1]
+        found = [*dict.fromkeys(each for each in here if each in verdicts)]
+        if found[1:]:
+            raise GtbError(Fault(f"{name} may be {' or '.join(verdicts[each].paths[0] for each in found)}", out))
         found = found or [key for key in verdicts if any(fnmatchcase(key, each) for each in here)]
         unknown += [] if found else [name]
         chosen |= dict.fromkeys(found)
@@ -175,17 +177,24 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
     return ", ".join(apart + what) or "the same measures"
 
 
-def _is_elsewhere(golden: str, verdict: Verdict) -> bool:
-    """Tell whether a file is in a folder that is a link, or behind one."""
-    place = os.path.realpath(os.path.dirname(verdict.paths[0]))
-    return place != os.path.join(os.path.realpath(golden), os.path.dirname(verdict.name)).rstrip(os.sep)
+def _what_has_to_stay(golden: str, gone: Sequence[Verdict], rest: Iterable[Verdict]) -> list[Fault]:
+    """Say why files are not removed: they are in folders that are links, or what stays is a link to them."""
+    kept = {os.stat(path).st_ino: path for path in (each.paths[0] for each in rest) if os.path.exists(path)}
+    faults = []
+    for path, name in ((each.paths[0], each.name) for each in gone):
+        folder = os.path.dirname(os.path.join(os.path.realpath(golden), name))
+        if os.path.realpath(os.path.dirname(path)) != folder:
+            faults.append(Fault("is in a folder that is linked, where --prune removes nothing", path))
+        elif other := kept.get(os.lstat(path).st_ino):  # also where A.obj and a.obj are one file
+            faults.append(Fault(f"is what {other} leads to, which stays", path))
+    return faults
 
 
 def _remove(golden: str, path: str) -> None:
     """Remove a file, and the folders in `golden` that then are empty."""
     try:
         os.unlink(path)
-        while (path := os.path.dirname(path)) != golden and not os.listdir(path):
+        while not os.path.samefile(path := os.path.dirname(path), golden) and not os.listdir(path):
             os.rmdir(path)
     except OSError as error:
         raise GtbError(f"cannot remove {error.filename}: {error.strerror}") from None

@@ -116,34 +116,36 @@ class Scene:
             return {name: value for name, value in table.items() if name not in names}
 
         nodes, scenes, meshes = (self.tree.get(name, ()) for name in ("nodes", "scenes", "meshes"))
-        names = [nodes[number].get("name") for number, *_ in self.placed]
+        names = [nodes[number].get("name", "") for number, *_ in self.placed]
         once = {name for name, count in Counter(names).items() if count == 1}
         self.labels = {number: names[k] if names[k] in once else k for k, (number, *_) in enumerate(self.placed)}
-        is_plain = len(scenes) < 2 and not self.tree.get("skins")  # no node has a place beside those of the meshes
+        are_posed = len(scenes) > 1 or self.tree.get("skins") or self.tree.get("animations")  # their places count
         has_several, path = sum("mesh" not in nodes[number] for number in self.labels) > 1, list[Any]()
-        of_nodes, of_meshes = [], []
+        shown, of_nodes = set[int](), []
         for number, depth, place in self.placed:
-            node = nodes[number]
-            said = without(node, placing if is_plain else {"mesh"})
+            node, rest = nodes[number], list[dict[str, Any]]()
+            said = without(node, {"mesh"} if are_posed else placing)
+            if "mesh" in node:
+                shown.add(_index(node["mesh"]))
+                mesh = meshes[_index(node["mesh"])]
+                rest = [each if each.get("mode") == 0 else without(each, drawing) for each in mesh["primitives"]]
+                said["mesh"] = without(mesh, {"name"}) | {"primitives": rest}
+            is_lone = "mesh" not in node and (said or not node.get("children"))  # as a camera is
+            if is_lone or any("attributes" in each for each in rest):  # of points
+                size = np.abs(place).max() or 1.0
+                said["place"] = [*(np.round(place / size, 6) + 0.0).ravel().tolist(), float(f"{size:.6g}")]
             path[depth:] = [node.get("name")]
             if has_several:
                 said["path"] = path[: depth + ("mesh" not in node)]
-            if "mesh" not in node and (said.keys() - {"path"} or not node.get("children")):  # as a camera is
-                size = np.abs(place).max() or 1.0
-                said["place"] = [*(np.round(place / size, 6) + 0.0).ravel().tolist(), float(f"{size:.6g}")]
-            if said:
-                of_nodes.append(said | {"node": number})
-        shown = dict.fromkeys(_index(nodes[number]["mesh"]) for number in self.labels if "mesh" in nodes[number])
-        for mesh in (meshes[number] for number in shown):
-            rest = [each if each.get("mode") == 0 else without(each, drawing) for each in mesh["primitives"]]
-            of_meshes.append(without(mesh, {"name"}) | {"primitives": rest})
+            if told := self._told(said):
+                of_nodes.append(told | {"node": self.labels[number]})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
         found["scenes"] = scenes if len(scenes) > 1 else [without(scene, {"nodes", "name"}) for scene in scenes]
-        told: dict[str, Any] = self._told(found | {"meshes": of_meshes})
+        told = self._told(found)
         unseen = [node for number, node in enumerate(nodes) if number not in self.labels]
         unseen += [mesh for number, mesh in enumerate(meshes) if number not in shown]
-        for name, values in (("nodes", of_nodes), ("others", unseen)):  # in any order
-            told |= {name: sorted(map(self._told, values), key=partial(json.dumps, sort_keys=True))} if values else {}
+        for name, values in (("nodes", of_nodes), ("others", [*map(self._told, unseen)])):  # in any order
+            told |= {name: sorted(values, key=partial(json.dumps, sort_keys=True))} if values else {}
         return mark_of(json.dumps(told, sort_keys=True)) if told else None
 
     def _told(self, value: Any, key: str = "", above: str = "") -> Any:
@@ -157,6 +159,7 @@ class Scene:
             return {name: inner for name, inner in told.items() if key == "extensions" or inner not in _NOTHING}
         if isinstance(value, list):
             each = [self._told(inner, key, above) for inner in value]
+            each = sorted(each, key=str) if key == "children" else each
             return each if any(inner not in _NOTHING for inner in each) else []
         table = _TABLES.get(key, "")
         if {key, above} & {"targets", "attributes"}:
@@ -191,7 +194,8 @@ class Scene:
 
 COLOUR = "baseColorFactor"
 # What numbers below some names refer to
-_TABLES = {"bufferView": "bufferViews", "material": "materials"}
+_TABLES = {"material": "materials"}
+_TABLES |= dict.fromkeys(("bufferView", "values", "arrayOffsets", "stringOffsets"), "bufferViews")
 _TABLES |= dict.fromkeys(("input", "output", "inverseBindMatrices", "indices"), "accessors")
 _TABLES |= dict.fromkeys(("node", "nodes", "joints", "skeleton", "children"), "nodes")
 _NOTHING: tuple[object, ...] = ({}, [], None)

@@ -13,7 +13,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import COLOURS, MATERIALS, NORMALS, OBJECTS, SMOOTHING, TEXTURE, Values
+from gtb_cli.meshes.mesh import COLOURS, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
@@ -159,6 +159,8 @@ class _ObjLines:
         is_divided = is_divided and any(keyword == b"g" for keyword, *_ in self.names)
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
         marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
+        told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
+        marks[f"{OTHER}points and settings"] = [([mark_of(told)], 0, self.cell_count)] if told else []
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
         further = [np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan) for part in self.further]
@@ -175,7 +177,7 @@ class _ObjLines:
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, bytes, str]]]:
     """Return the places of vertices and cells by keyword, and of names with theirs; a tab after one becomes a blank."""
     # Keywords of single points, and of anything but geometry
-    ignored_keywords = set(b"p mg mtllib maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
+    further_keywords = set(b"p mg usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
     # Keywords of free-form curves and surfaces
     free_form_keywords = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
     known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}  # the last with any blank
@@ -193,9 +195,11 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
         elif keyword in (b"g", b"o", b"usemtl", b"s"):
             name = b" ".join(rest.split()).decode("utf-8", "backslashreplace")
             names.append((place, keyword, "" if keyword == b"s" and name in ("0", "off") else name))
+        elif keyword in further_keywords:
+            names.append((place, b"p", lines[place].decode("utf-8", "backslashreplace").strip()))
         elif keyword in free_form_keywords:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
-        elif keyword and not keyword.startswith(b"#") and keyword not in ignored_keywords:
+        elif keyword and not keyword.startswith(b"#") and keyword not in (b"mtllib", b"maplib"):
             raise GtbError(f"unknown keyword {shown(keyword)}")
     return {keyword.strip(): sorted(places) for keyword, places in known.items()}, names
 

@@ -149,7 +149,7 @@ class _Reader:
         self.items: list[tuple[str, FloatArray, str]] = []
         self.id = self.material = ""
         self.order: dict[str, str] = {}  # of what has a number in the file
-        self.kinds: set[str] = set()  # of objects that are no solids
+        self.kinds = set[str]()  # of objects that are built; no solids but for ""
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         others = ((each.filename, each.CRC) for each in archive.infolist() if each.filename != name)
@@ -196,6 +196,7 @@ class _Reader:
         elif name in ("basematerials", "colorgroup"):
             self.material = given["id"]
             self.materials[self.material] = []
+            self.note(name, given, *_KNOWN)
         elif name in ("base", "color"):
             said = given.get("displaycolor" if name == "base" else "color", "#ffffff")
             if re.fullmatch("#([0-9a-fA-F]{2}){3,4}", said) is None:
@@ -204,7 +205,6 @@ class _Reader:
             self.materials[self.material].append((given["name"] if name == "base" else "", colour))
         elif name == "object":
             self.id = given["id"]
-            self.kinds |= {given.get("type", "model")} - {"model"}
             part = given.get("pid"), given.get("pindex"), ""
             kind = given.get("type", "model").removeprefix("model")
             self.meshes[self.id] = _Mesh(array("f"), array("q"), [], part, given.get("name", ""), kind)
@@ -235,7 +235,6 @@ class _Reader:
         most = 50_000_000  # numbers of all placed objects: few bytes may name many
         effort = 10_000  # numbers that take as long as an object without any
         order = {key: number for number, key in enumerate(self.meshes)}
-        is_mixed = len({mesh.kind for mesh in self.meshes.values()}) > 1  # a kind of all stands in what the file says
         used, stack = 0, [(*item, len(order)) for item in reversed(self.items)]
         while stack:
             key, place, said, above = stack.pop()
@@ -245,7 +244,7 @@ class _Reader:
             used += len(mesh.vertices) + len(mesh.corners) + effort
             if used > most:
                 raise GtbError(f"has more than {most} numbers in all objects together")
-            said += mesh.kind * is_mixed
+            said += mesh.kind * (len(self.kinds) > 1)  # a kind of all stands in what the file says
             yield mesh, place, f"{order[key] + 1}", said
             inner = reversed(self.components[key])
             stack += [(link, motion @ place, said + more, order[key]) for link, motion, more in inner]
@@ -255,7 +254,9 @@ class _Reader:
         vertices, cells = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
         groups: list[tuple[str, int, int]] = []
         ranges: dict[str, list[tuple[list[float], int, int]]] = {name: [] for name in (_LOOK, OBJECTS, _SPECIAL)}
-        materials, named = set[str](), {mesh.name for mesh in self.meshes.values() if len(mesh.corners)}
+        built = [mesh for mesh, *_ in self.placed()]
+        self.kinds = {mesh.kind for mesh in built}
+        materials, named = set[str](), {mesh.name for mesh in built if len(mesh.corners)}
         count = rows = 0
         for mesh, place, number, said in self.placed():
             points = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3) @ place[:3, :3] + place[3, :3]
@@ -278,10 +279,14 @@ class _Reader:
             count, rows = count + len(points), rows + len(found)
         extensions = self.extensions.digest() if self.extensions.digest() != hashlib.sha256().digest() else b""
         material = materials.pop() if len(materials) == 1 else ""  # that of a whole mesh
-        for label, told in (("extensions", extensions), ("further parts", self.others), ("material", material)):
+        known = {id(mesh) for mesh in built}
+        rest = [mesh for mesh in self.meshes.values() if len(mesh.corners) and id(mesh) not in known]
+        unbuilt = "".join(f"{mark_of(bytes(mesh.vertices), bytes(mesh.corners), mesh.name)}\n" for mesh in rest)
+        others = (("further parts", self.others), ("material", material), ("objects that are not built", unbuilt))
+        for label, told in (("extensions", extensions), *others):
             ranges[f"{OTHER}{label}"] = [([mark_of(told)], 0, rows)] if told else []
         points, corners = np.concatenate(vertices), np.concatenate(cells)
-        space = ", ".join([self.unit, *sorted(self.kinds)])
+        space = ", ".join([self.unit, *sorted(self.kinds - {""})])
         return FileArrays(points, corners, single_half_steps, tuple(groups), space, ranges=ranges)
 
     def look(self, part: _Part) -> tuple[str, list[float]]:

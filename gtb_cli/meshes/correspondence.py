@@ -1,5 +1,6 @@
 """Which vertices and faces of two meshes belong together, and what differs where all are in the same place."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -310,7 +311,8 @@ def unlike(
     told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
     extent, others_extent = (each.length or each.area or 0.0 for each in (first, second))
     reach = sum(float(np.ptp(each.mesh.vertices[each.mesh.cells], axis=1).sum()) for each in (a, b))
-    if not abs(extent - others_extent) <= 2 * tolerance * (len(a.mesh.cells) if first.is_curve else reach):
+    most = 2 * tolerance * (len(a.mesh.cells) if first.is_curve else reach)
+    if not math.isclose(extent, others_extent, rel_tol=0, abs_tol=most):  # both may be infinite
         told.append(f"{extent:.9g} against {others_extent:.9g} in {'length' if first.is_curve else 'area'}")
     cells, others, *_ = _by_nearness(a.mesh, b.mesh, close)
     faces = _faces(cells, others)

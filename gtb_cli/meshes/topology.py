@@ -48,8 +48,7 @@ class Sides:
     @property
     def open(self) -> IntArray:
         """(b,) rows of `directed`, ascending: sides that do not meet exactly one other, in the opposite direction."""
-        met = (self.uses == 2) & (self.balance == 0)
-        return np.flatnonzero((~met & self.is_proper)[self.edge.ravel()])
+        return np.flatnonzero((((self.uses == 1) | ~self.is_manifold) & self.is_proper)[self.edge.ravel()])
 
 
 def sides_of(cells: IntArray) -> Sides:

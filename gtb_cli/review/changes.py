@@ -158,7 +158,7 @@ def _framed(change: Change) -> Change:
         return replace(change, frames=(common, common))
     small, large = ("old", "new") if extents[0] < extents[1] else ("new", "old")
     ratio = max(extents) / min(extents) if min(extents) else np.inf
-    if ratio < 1 / dot:
+    if ratio < 1 / dot or not max(extents):
         reason = "old and new are far apart"
     elif ratio < np.inf:
         reason = f"{large} is {ratio:.4g} times as large as {small}"

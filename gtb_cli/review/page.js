@@ -106,7 +106,7 @@ const redraw = () => { if (gl && !wanted) { wanted = true; requestAnimationFrame
 // A word for a shell, which takes no part of it for anything else
 const quoted = word => (/^[\w./+-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`).replace(/^(?='?-)/, "./");
 // The command that takes a file of a folder over; none for two files, or where names had to be changed to be shown
-const approval = change => ["different", "extra"].includes(change.verdict) && !data.names[1].endsWith(change.name)
+const approval = change => change.approvable && ["different", "extra"].includes(change.verdict) && !data.names[1].endsWith(change.name)
   && ![...data.names, change.name].some(name => name.includes("\\"))
   ? `gtb approve ${[...data.names, change.name].map(quoted).join(" ")}` : "";
 

@@ -50,6 +50,7 @@ def _data(change: Change) -> dict[str, Any]:
     data: dict[str, Any] = {
         "name": printable(change.name),
         "verdict": change.verdict.word,
+        "approvable": len({*map(suffix_of, change.verdict.paths)}) == 1,  # a spec does not take a mesh's place
         "reasons": [printable(reason) for reason in change.reasons],
         "amount": amount(change),
         "tolerance": "" if change.found is None else f"{change.found.tolerance:.3g}",

@@ -5,10 +5,11 @@ from __future__ import annotations
 import filecmp
 import json
 import os
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations, groupby
 from typing import TYPE_CHECKING
 
 from gtb_cli.errors import Fault, GtbError
@@ -145,16 +146,16 @@ def _are_alike(first: str, second: str) -> bool:
 
 def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:
     """By the names of files that only one folder has, those of files with equal bytes that only the other has."""
-    lone = {name: path for name, pair in matched.items() if None in pair for path in pair if path}
-    sizes = {name: os.path.getsize(path) for name, path in lone.items() if os.path.isfile(path)}
-    found: dict[str, str] = {}
-    for _, names in groupby(sorted(sizes, key=sizes.__getitem__), sizes.__getitem__):
-        for old, new in combinations(names, 2):
-            sides = matched[old][0] is None, matched[new][0] is None
-            alike = sides[0] != sides[1] and suffix_of(old) == suffix_of(new)
-            if alike and not {old, new} & found.keys() and filecmp.cmp(lone[old], lone[new], False):
-                found |= {old: new, new: old}
-    return found
+    import hashlib
+
+    lone = [(name, path, k) for name, pair in matched.items() for k, path in enumerate(pair) if path and None in pair]
+    alike: dict[tuple[str, bytes], tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
+    for name, path, k in lone if len({k for *_, k in lone}) == 2 else ():
+        if os.path.isfile(path):
+            with suppress(OSError), open(path, "rb") as file:
+                alike[suffix_of(name), hashlib.file_digest(file, "sha256").digest()][k].append(name)
+    found = [pair for names in alike.values() for pair in zip(*names, strict=False)]
+    return dict([*found, *((new, old) for old, new in found)])
 
 
 def mesh_or_spec(path: str) -> bytes:

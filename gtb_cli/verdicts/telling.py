@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -41,7 +42,8 @@ def difference_text(found: Difference) -> str:
     cells = "segments" if found.is_curve else "faces"
     tolerance = f"tolerance {found.tolerance:.3g}\n"
     words = "".join(f"{word}; " for word in found.words)
-    faults = "".join(f"  {fault}\n" for fault in found.faults)
+    # GitHub takes a name such as ::stop-commands::x for a command, also behind blanks
+    faults = "".join("  " + re.sub("^ *:(?=:)", r"\\x3a", fault) + "\n" for fault in found.faults)
     if found.method == "vertices":
         apart = f"vertices up to {found.distance:.3g} apart (mean {found.mean:.3g})"
         text = f"{words}the same {cells}, {apart}, {tolerance}"

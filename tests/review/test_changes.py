@@ -196,6 +196,8 @@ def test_a_mesh_that_would_be_a_dot_is_drawn_at_its_own_scale():
         for side, frame in zip((made.old, made.new), made.frames, strict=True):
             assert np.abs(frame.inside(side.mesh.vertices)).max() >= 0.5 or reason.startswith("new is a dot")
         assert '"alone":true' in page(review(("a", "b"), iter([made])))
+    dots = [Mesh(0 * old.vertices + place, old.cells) for place in (0, 1)]
+    assert change("x", "different", *dots, diff(*dots)).reasons[-1] == "old and new are far apart"
     made = change("x", "extra", old, Mesh(5 * old.vertices, old.cells))
     assert made.reasons == ()
     assert made.frames[0] is made.frames[1]
@@ -218,3 +220,10 @@ def test_the_page_quotes_names_for_a_shell():
     words = shlex.split(" ".join(quoted))
     assert [os.path.normpath(word) for word in words] == names
     assert not [word for word in words if word.startswith("-")]
+    approval = script[script.index("const approval") : script.index("\n\nfunction choose")]
+    changes = [{"name": "a.obj", "verdict": "different", "approvable": is_mesh} for is_mesh in (True, False)]
+    code = (
+        f"const data = {{names: ['golden', 'out']}};{line}{approval}\nconsole.log({json.dumps(changes)}.map(approval))"
+    )
+    told = subprocess.run(["node", "-e", code], capture_output=True, check=True, text=True).stdout
+    assert told.split("'")[1::2] == ["gtb approve golden out a.obj", ""]
