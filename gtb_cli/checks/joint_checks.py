@@ -40,7 +40,7 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
         where = f"where {worst.name(model)} meet, near {point_text(worst.place, points)}"
         reason = f"degrees, the largest angle between normals, {where}"
         found["angle of joints"] = number(worst.angle, reason)
-    bent = [(bend, seam) for seam, bend in zip(seams, bends(seams), strict=True) if math.isfinite(bend)]
+    bent = [(bend, seam) for seam, (bend, _) in zip(seams, bends(seams), strict=True) if math.isfinite(bend)]
     if bent:
         bend, most = max(bent, key=lambda pair: pair[0])
         where = f"where {most.name(model)} meet, near {point_text(most.bend_place, points)}"

@@ -39,12 +39,8 @@ def refine(
     sampler takes linear parameters: toric ones are too close to tell apart where exponents are small. Segments are
     certified. Triangles are sampled at the quarters of their sides, at their centroids, and at and between knots; on a
     lattice of `FINE_LATTICE_STEPS` steps, if samples differ from a quadratic surface; and, if cells are few, on a
-    lattice on which all have about `points_in_all` points.
-
-    Raises
-    ------
-    ToleranceError
-        More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached.
+    lattice on which all have about `points_in_all` points. `ToleranceError` is raised if more than `max_cells` cells
+    would be needed, or the tolerance is below rounding, and says what was reached.
     """
     mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all).finished()
     return mesh.result(), mesh.points

@@ -75,9 +75,8 @@ def _folded_patches(spec: Patch | Model) -> list[str]:
 def _pieces(mesh: Mesh) -> list[str]:
     """Say in how many pieces a mesh is, if it is not one, and where the smallest is; places count as one vertex."""
     vertex = numbered_places(mesh.vertices)[1]
-    names, sizes = np.unique(
-        components_of(vertex[mesh.cells], len(mesh.vertices))[vertex[mesh.cells[:, 0]]], return_counts=True
-    )
+    piece = components_of(vertex[mesh.cells], len(mesh.vertices))
+    names, sizes = np.unique(piece[vertex[mesh.cells[:, 0]]], return_counts=True)
     if len(names) < 2:
         return []
     smallest = point_text(mesh.vertices[names[sizes.argmin()]], mesh.bounds)
