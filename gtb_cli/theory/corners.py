@@ -24,7 +24,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -198,17 +198,11 @@ def _with_curvature(
         return replace(found, normal_exponent=tilt, curvature=math.inf, curvature_exponent=growth)
     gaussian, mean = np.concatenate(limits, axis=1)
     largest = float((np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))).max())
-    return replace(
-        found,
-        normal_exponent=tilt,
-        curvature=largest / extent,
-        curvature_exponent=0.0,
-        gaussian=_single(gaussian, largest**2) / extent / extent,
-        mean=_single(mean, largest) / extent,
-    )
+    single = _single(gaussian, largest**2) / extent / extent, _single(mean, largest) / extent
+    return CornerLimits(found.normals, tilt, largest / extent, 0.0, *single, found.folds)
 
 
-def _orders(i: FloatArray, j: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _orders(i: Any, j: Any) -> tuple[Any, Any, Any]:
     """Return the orders of ⟨P_s × P_t, P_vv⟩, P_vw and P_ww where curvature is bounded."""
     return 3 * i + j, 2 * i + 2 * j, i + 3 * j
 

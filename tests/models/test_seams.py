@@ -171,9 +171,8 @@ def test_sides_that_are_measured_together_are_as_those_measured_alone():
     rows[2, 0] = rows[2, 1]
     patches = []
     for k, (first, second) in enumerate(itertools.pairwise(rows)):
-        patch = sheet(
-            [row for y in (0, 1) for row in (first[y], (first[y] + second[y]) / 2 + [0, 0, k], second[y])], ""
-        )
+        rows = [row for y in (0, 1) for row in (first[y], (first[y] + second[y]) / 2 + [0, 0, k], second[y])]
+        patch = sheet(rows, "")
         patches.append(patch if k % 3 else patch.replace(control_points=patch.control_points[::-1]))
     together = Model(tuple(patches)).seams
     assert len(together) == 5
