@@ -44,15 +44,11 @@ def description(patch: Patch) -> Description:
 
 
 def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:
-    bezier_kinds: dict[int, Kind] = {
-        2: "rational Bézier curve",
-        3: "rational Bézier triangle",
-        4: "rational Bézier tensor product",
-    }
+    kinds: tuple[Kind, ...] = "rational Bézier curve", "rational Bézier triangle", "rational Bézier tensor product"
     lattice = lattice_of(patch.domain)
     if lattice is None:
         return ("toric" if (patch.knots == np.rint(patch.knots)).all() else "GT"), ()
-    return bezier_kinds[len(patch.domain.vertices)], tuple(direction.degree for direction in lattice)
+    return kinds[len(patch.domain.vertices) - 2], tuple(direction.degree for direction in lattice)
 
 
 def _edge_normals(patch: Patch) -> EdgeNormals | None:

@@ -133,9 +133,8 @@ class _Refinement:
         sides = self.mesh.cells.sides.take(failing[~self.mesh.has_mark(marked, failing)], axis=0)
         length, error = self.mesh.lengths(sides), self.mesh.edges.error[sides]
         # If all edges hold, the longest: errors are then rounding.
-        rank = np.where(error > 0.05 * self.tolerance, error, 0.0) + 1e-6 * self.tolerance * (
-            length / np.maximum(length.max(axis=1, keepdims=True), np.finfo(float).tiny)
-        )
+        share = length / np.maximum(length.max(axis=1, keepdims=True), np.finfo(float).tiny)
+        rank = np.where(error > 0.05 * self.tolerance, error, 0.0) + 1e-6 * self.tolerance * share
         marked[sides[np.arange(len(sides)), rank.argmax(axis=1)]] = True
 
     def heights(self, rows: IntArray) -> FloatArray:

@@ -125,11 +125,9 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     joints = spec.joints if isinstance(spec, Model) else find_joints(patches)
     lines = obstacles(joints, patches)
     if not isinstance(spec, Model):
-        lines += [
-            f"{edge_name(patches, joint.first)} and edge {joint.second[1]} are the same curve, but only the edges of "
-            "models are joined: write the patch as [[patches]]"
-            for joint in joints.shared
-        ]
+        why = "are the same curve, but only the edges of models are joined: write the patch as [[patches]]"
+        pairs = [f"{edge_name(patches, joint.first)} and edge {joint.second[1]}" for joint in joints.shared]
+        lines += [f"{pair} {why}" for pair in pairs]
     return lines or [f"{count} sides of triangles are open"]
 
 
