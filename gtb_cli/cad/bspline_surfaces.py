@@ -1,18 +1,23 @@
 """Patches as rational B-spline surfaces for CAD: exact Bézier rectangles if possible, otherwise fitted pieces."""
 
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from gtb_cli.arrays import angles_between
 from gtb_cli.cad.exact_surfaces import SplineSurface, balanced, exact_surfaces, name_of
-from gtb_cli.cad.fitted_pieces import FittedPieces, fitted_pieces
+from gtb_cli.cad.fitted_pieces import fitted_pieces
 from gtb_cli.cad.half_edges import half_edges
+from gtb_cli.cad.part_borders import part_borders
+from gtb_cli.cad.polar_pieces import polar_pieces
+from gtb_cli.cad.spline_pieces import FittedPieces
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
 SPANS = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted piece, tried in turn
+POLAR_SPANS = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
 
 
 class SplineSurfaces(NamedTuple):
@@ -31,13 +36,16 @@ class SplineSurfaces(NamedTuple):
     reasons: tuple[tuple[str, str], ...]
 
 
-def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: float | None = None) -> SplineSurfaces:
+def spline_surfaces(
+    spec: Patch | Model, tolerance: float | None = None, angle: float | None = None, part: Any = None
+) -> SplineSurfaces:
     """Return the surfaces of a patch or model as rational B-splines.
 
     A patch with Bézier pieces becomes these: one for a tensor product patch, r for a patch with r corners. Any other
-    patch is fitted by r pieces between the corners, places inside the edges and the centroid of Δ, which keep its
-    tangent planes along its edges and their seams. An edge that has Bézier pieces is that curve to 1e-8 of the size;
-    any other is the same spline in all fitted patches that share it.
+    patch is fitted by r pieces between the corners, places inside the edges and the centroid of Δ, or by 2 r where two
+    edges run on into each other; they keep its tangent planes along its edges and their seams. An edge that has Bézier
+    pieces is that curve to 1e-8 of the size; any other is the same spline in all fitted patches that share it. Edges
+    along open ones of a part, a shape of the kernel, follow these and the planes of its faces.
 
     A `DomainError` refuses curves; a `ToleranceError` says that even 32 spans in each direction do not reach the
     tolerance, in model units, or the angle in degrees. Without a tolerance it is 1e-4 of the largest extent of the
@@ -65,19 +73,27 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
     allowed = 1e-4 * size if tolerance is None else tolerance
     gap_allowed = 1e-8 * size  # between edges that should be exact
     best: dict[int, FittedPieces] = {}
-    reached, history = (np.inf, np.inf, np.inf), [(np.inf, np.inf)] * 2
-    for spans in SPANS:
-        found = {index: fitted_pieces(patches[index], names[index], spans, halves[index]) for index in reasons}
-        error, gap, bend, least, lost = (
-            max(values) for values in zip(*(one[1:] for one in found.values()), strict=True)
-        )
-        history.append((bend, least))
-        wanted = angle if angle is not None else closest if lost < much else enough
-        is_met, pairs = max(bend, least) <= wanted, zip(history[-1], history[-3], strict=True)
-        if error <= allowed and gap <= gap_allowed and (is_met or bend + least <= sum(reached[1:])):
-            best, reached = found, (error, bend, least)
-        is_better = any(now > wanted and now <= before / 2 for now, before in pairs)
-        if best and (is_met or (angle is None and not is_better)):
+    borders = {index: part_borders(patches[index], part) for index in reasons}
+    ways = [(polar_pieces, POLAR_SPANS)] if any(_has_smooth_corner(patches[index]) for index in reasons) else []
+    for fit, counts in [*ways, (fitted_pieces, SPANS)]:
+        reached, history = (np.inf, np.inf, np.inf), [(np.inf, np.inf)] * 2
+        for spans in counts:
+            try:
+                found = {i: fit(patches[i], names[i], spans, halves[i], borders[i]) for i in reasons}
+            except DomainError:
+                break
+            error, gap, bend, least, lost = (
+                max(values) for values in zip(*(one[1:] for one in found.values()), strict=True)
+            )
+            history.append((bend, least))
+            wanted = angle if angle is not None else closest if lost < much else enough
+            is_met, pairs = max(bend, least) <= wanted, zip(history[-1], history[-3], strict=True)
+            if error <= allowed and gap <= gap_allowed and (is_met or bend + least <= sum(reached[1:])):
+                best, reached = found, (error, bend, least)
+            is_better = any(now > wanted and now <= before / 2 for now, before in pairs)
+            if best and (is_met or (angle is None and not is_better)):
+                break
+        if best:
             break
     if not best:
         off = f"{error:.3g} off, more than {allowed:.3g}" if error > allowed else f"{gap:.3g} off along edges"
@@ -92,3 +108,11 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None, angle: 
         *reached,
         tuple((name, reasons[index]) for index, name in names.items()),
     )
+
+
+def _has_smooth_corner(patch: Patch) -> bool:
+    """Return whether two edges of a patch run on into each other, nearly."""
+    nearly = 30  # degrees
+    curves = [patch.boundary(k) for k in range(len(patch.domain.vertices))]
+    ways = np.array([curve.tangents([0.0, curve.knots.max()]) for curve in curves])
+    return bool((angles_between(ways[:, 0], np.roll(ways[:, 1], 1, axis=0)) < nearly).any())

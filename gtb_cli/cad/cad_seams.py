@@ -8,6 +8,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, angles_between
 from gtb_cli.importers.cad_files import face_frames, kernel, uses_of_edges
 
+CLOSER = (1 - np.cos(np.pi * (np.arange(256) + 0.5) / 256)) / 2  # towards the ends, to 1e-5, where angles are largest
+
 
 class Seams(NamedTuple):
     """The largest angle in degrees, and the largest gap, of new faces to those of a part, and between new ones.
@@ -37,13 +39,12 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
     return Seams(*worst[True], *worst[False])
 
 
-def along_edge(edge: Any, face: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n, 3) points and unit normals of a face, on its outer side, and unit tangents, along an edge of it."""
+def along_edge(edge: Any, face: Any, shares: FloatArray = CLOSER) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (n, 3) points and unit normals of a face, on its outer side, and unit tangents, at shares of its edge."""
     curve, gp = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face), kernel("gp")
     first, last = curve.FirstParameter(), curve.LastParameter()
     rows = []
-    places = 256  # closer together towards the ends, where smooth corners leave the largest angles: down to 1e-5
-    for share in (1 - np.cos(np.pi * (np.arange(places) + 0.5) / places)) / 2:
+    for share in shares.tolist():
         place, way = gp.gp_Pnt2d(), gp.gp_Vec2d()
         curve.D1(first + share * (last - first), place, way)
         rows.append((place.X(), place.Y(), way.X(), way.Y()))

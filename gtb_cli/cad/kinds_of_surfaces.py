@@ -24,7 +24,7 @@ def encode_surfaces(
     Patches without exact pieces are fitted within the tolerance and angle (without these, see `spline_surfaces`).
     `closed` asks for solids: a `RequirementError` says that there are open shells. See `encode_cad` for a part.
     """
-    found = spline_surfaces(spec, tolerance, angle)
+    found = spline_surfaces(spec, tolerance, angle, part)
     body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", part)
     if closed and body.shells:
         raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")

@@ -1,4 +1,4 @@
-"""Lengths of curves, areas of surfaces and volumes inside closed surfaces, by quadrature."""
+"""Lengths, areas and volumes of curves, surfaces and closed surfaces, by quadrature; of meshes: `meshes.measures`."""
 
 from typing import NamedTuple
 

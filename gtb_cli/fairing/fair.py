@@ -162,8 +162,7 @@ def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
         points = found * size + middle
         points[kept] = patch.control_points[kept]
         patch = patch.replace(control_points=points)
-    first, last = before[0].scaled(size), after[0].scaled(size)
-    return Fairing(patch, first, last, error, len(free), len(folds(patch)), energies)
+    return Fairing(patch, before[0].scaled(size), after[0].scaled(size), error, len(free), len(folds(patch)), energies)
 
 
 def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray:
@@ -230,10 +229,8 @@ def agreed_text(value: float, error: float) -> str:
 def _least(matrix: FloatArray, given: FloatArray, free: IntArray) -> FloatArray:
     """Return control points of which the free ones make a quadratic form least."""
     points = given.copy()
-    if len(free):
-        ridge = RIDGE_FRACTION * np.trace(matrix) / len(matrix)
-        form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
-        points[free] -= np.linalg.solve(form, matrix[free] @ points)
+    ridge = RIDGE_FRACTION * np.trace(matrix) / len(matrix)
+    points[free] -= np.linalg.solve(matrix[np.ix_(free, free)] + ridge * np.eye(len(free)), matrix[free] @ points)
     return points
 
 

@@ -87,20 +87,15 @@ def fit(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
     # s = k log((t − a_0)/(a_n − t)); the ends are the points' own.
     parameters = a[0] + (a[-1] - a[0]) / (1 + np.exp(-s / scale))
     parameters[[0, -1]] = a[[0, -1]]
-    return _passed(curve, parameters, curve.basis(parameters), curve.control_points)
-
-
-def _passed(patch: Patch, parameters: FloatArray, matrix: FloatArray, points: FloatArray) -> Fit:
-    """Find control points with which a patch passes through points; `matrix` has the basis at the parameters."""
-    control = points.copy()
-    size = float(np.abs(points).max()) or 1.0
+    control, matrix = curve.control_points, curve.basis(parameters)
+    size = float(np.abs(places).max()) or 1.0
     for rounds in range(MAX_ROUNDS + 1):
-        missing = points - matrix @ control
+        missing = curve.control_points - matrix @ control
         distance = float(np.sqrt((missing**2).sum(axis=1)).max())
         if distance <= RESIDUAL_TOLERANCE * size:
-            return Fit(patch.replace(control_points=control), parameters, rounds, distance)
+            return Fit(curve.replace(control_points=control), parameters, rounds, distance)
         try:
-            control += missing if rounds < PLAIN_ROUNDS else np.linalg.solve(matrix, missing)
+            control = control + (missing if rounds < PLAIN_ROUNDS else np.linalg.solve(matrix, missing))
         except np.linalg.LinAlgError:
             break
     raise ToleranceError(f"the curve still misses a point by {distance:.3g} after {rounds} rounds: take other knots")

@@ -245,7 +245,7 @@ def _even_weights(net: Net) -> FloatArray:
     owners, sums = np.nonzero(corners[:, 5:] >= net.inner[0])
     tied, (first, other) = corners[owners, sums + 5], (corners[owners, pairs[sums, k]] for k in (0, 1))
     products = np.log(tie * np.where(first == other, 1, 2)) - logs[corners[owners, 0]]
-    free = np.concatenate([*net.rows, np.setdiff1d(net.inner, tied)])
+    free = np.concatenate([*net.rows, net.inner[~np.isin(net.inner, tied)]])
     ends = np.cumsum([len(row) for row in net.rows])
     columns = np.arange(len(free))
     s = None

@@ -8,9 +8,10 @@ least variation of curvature: in the metric of the domain, then in that of the s
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import islice
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
 from gtb_cli.fairing.metric import forms
 from gtb_cli.fairing.variation import bendings
+from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
@@ -32,6 +34,7 @@ from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
+from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
@@ -92,13 +95,7 @@ def fill_loop(
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
     attempt = partial(_attempt, unit, normals, np.flatnonzero(sound).tolist(), inner, fullness)
-    first, *others = _plans(unit, raises)
-    best = attempt(*first)
-    for plan in others:
-        if not best.faults and not best.after_others:
-            break
-        # Later patches of a plan are none better than one without faults.
-        best = min(best, attempt(*plan, None if best.faults else 1), key=lambda found: found[:2])
+    best = _best(attempt, _plans(unit, raises))
     patch, turns = best.patch, best.sharp_turns
     ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
     points = patch.control_points * size + middle
@@ -184,6 +181,28 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
     return plans
 
 
+def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -> _Attempt:
+    """Carry out the first plan and, if its first patch has faults, others whose rough patches have fewer.
+
+    Rough patches are made with a quarter of the samples, and mostly have faults where fine ones have some.
+    """
+    rank, clean, rough = itemgetter(slice(2)), (0, False), 16
+    best, left = attempt(*plans[0]), []
+    for plan in plans[1:]:
+        if rank(best) == clean:
+            break
+        # Later patches of a plan are none better than one without faults.
+        found = rank(attempt(*plan, 2 if best.faults else 1, rough))
+        if found == clean:
+            best = min(best, attempt(*plan, None if best.faults else 1), key=rank)
+        else:
+            left.append((found, plan))
+    for found, plan in sorted(left, key=itemgetter(0)):
+        if found < rank(best):
+            best = min(best, attempt(*plan), key=rank)
+    return best
+
+
 def _attempt(
     sides: Sequence[HoleSide],
     normals: Sequence[FloatArray | None],
@@ -193,6 +212,7 @@ def _attempt(
     least: int,
     single: bool,
     most: int | None = None,
+    samples_along: int = 32,
 ) -> _Attempt:
     """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
 
@@ -203,7 +223,7 @@ def _attempt(
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     found: list[_Attempt] = []
-    for patch in islice(_solved(edges, inner, fullness), most):
+    for patch in islice(_solved(edges, inner, fullness, samples_along), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
         turns = len(sharp_turns(patch))
@@ -213,11 +233,11 @@ def _attempt(
     return min(found, key=lambda each: each[:2])
 
 
-def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[Patch]:
+def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, samples_along: int) -> Iterator[Patch]:
     """Yield patches in units of the loop's size: the fairest, and others if that folds."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
-    resolution = math.ceil(math.sqrt(max(32**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
+    resolution = math.ceil(math.sqrt(max(samples_along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
     region = domain(shape.knots, "unit")
     knots, weights, s, areas = samples(region, shape.log_weights, resolution, NEARER)
     # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
@@ -229,20 +249,38 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[
         matrices = partial(forms, knots, weights, orders=(2, 3))
         # The search begins in the metric of the domain.
         second, third = matrices(s, zones[0], np.column_stack([knots, np.zeros(len(knots))]))
-        found = [least(third + 30 / areas.sum() * second)]
+        energies = [third + 30 / areas.sum() * second]
+        found = [least(energies[0])]
         area = measured(zones[:1], found)[0][0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
         # it varies less at the boundary, and more inside.
         seen = depths == 1  # where both weigh alike
         inside = matrices(s[:, seen], areas[seen], found[0])
-        for second, third in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
-            found += [least(third + factor / area * second) for factor in (0, 100, 400)]
-        bent, below = measured(np.stack([zones[0], areas]), found)
+        for second, stiff in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
+            energies += [stiff + factor / area * second for factor in (0, 100, 400)]
+        found += [least(energy) for energy in energies[1:]]
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         power = 0 if any(each.second for each in edges) else BENDING_POWER
-        scores = [b.energy**power * b.variation * math.sqrt(d.variation) for b, d in zip(bent, below, strict=True)]
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
-        best = int(np.argmin(scores)) if bent[0].energy > flat else 0
+
+        def scores(surfaces: Sequence[FloatArray]) -> list[float]:
+            pairs = zip(*measured(np.stack([zones[0], areas]), surfaces), strict=True)
+            return [b.energy**power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in pairs]
+
+        scored = scores(found)
+        best = int(np.argmin(scored))
+        unbound = least(energies[best], share=0.0)  # the bounds of corners make some patches bend more
+        if not np.array_equal(unbound, found[best]) and (score := scores([unbound])[0]) < scored[best]:
+            found[best], scored[best] = unbound, score
+        if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
+            # Fair surfaces bend less than one that is known: the fairest is moved onto it, smoothly.
+            rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
+            t, led = shares(exponents(knots, weights, s)), found[best]
+            form = (t * zones[1]) @ t.T + stiffness * stiff
+            for _ in range(rounds):
+                led = least(form, origin=led + np.linalg.solve(form, (t * zones[1]) @ surface.ways(t.T @ led)))
+            if scores([led])[0] <= worst * scored[best]:
+                yield Patch(shape.knots, led, log_weights=shape.log_weights)
         for k in dict.fromkeys((best, 0)):
             yield Patch(shape.knots, found[k], log_weights=shape.log_weights)
     # A thin plate overshoots least; a membrane is what was asked for.

@@ -1,4 +1,4 @@
-"""A second row of knots inside an edge, which gives the patch its neighbour's curvature across the edge.
+"""A second row of knots inside an edge for g2, the neighbour's curvature across it; `sides.met_with` decides on g2.
 
 Row 1 has weights w₁ C(m − 1, j) at height ε over the edge, row 2 has w₂ C(m − 2, j) at 2 ε, both times the Bézier
 weights of polars of the edge, and all else is at 3 ε or more. If V is the share of row 1 beside that of the edge, and

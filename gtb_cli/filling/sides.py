@@ -1,4 +1,4 @@
-"""Sides of a hole: rational Bézier curves in homogeneous coordinates, the field across each, and their loop."""
+"""Sides of a hole: rational Bézier curves, homogeneous, the field across each that spans its planes, and their loop."""
 
 import math
 from collections.abc import Sequence

@@ -69,8 +69,8 @@ def _touching(side: HoleSide, normals: FloatArray, counts: range) -> EdgeRows:
         degree = len(edge) - 2
         values = bernstein(degree, t)
         fields, height = fields_by_height(values, normals)
-        inexact = np.unique(height[(height > exact_residual) & (height <= fitted_residual)])
-        for bound in (exact_residual, *inexact.tolist()):
+        inexact = height[(height > exact_residual) & (height <= fitted_residual)].tolist()
+        for bound in (exact_residual, *sorted(set(inexact))):
             chosen = fields[height <= bound]
             if len(chosen) and crosses(((values @ chosen) * inward).sum(axis=2)):
                 found = EdgeRows(edge, normals, list(chosen))

@@ -1,4 +1,4 @@
-"""Meshes to files of each format: which axis is up, what a format leaves out, and where 32 bits move vertices."""
+"""Meshes to files of each format: what it leaves out, where 32 bits move vertices; axes: `vocabulary.FORMATS`."""
 
 import os
 from collections.abc import Iterable, Sequence

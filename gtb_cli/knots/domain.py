@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -266,7 +267,8 @@ def layers(heights: FloatArray) -> Iterator[IntArray]:
     """Yield the indices of the knots of equal positive height over an edge, lowest first: their shares vanish alike."""
     order = np.argsort(heights, kind="stable")
     order = order[heights[order] > 0]
-    yield from np.split(order, np.flatnonzero(np.diff(heights[order]) > LAYER_TOLERANCE * heights.max()) + 1)
+    steps = np.flatnonzero(np.diff(heights[order]) > LAYER_TOLERANCE * heights.max()) + 1
+    yield from (order[start:end] for start, end in pairwise([0, *steps.tolist(), len(order)]))
 
 
 def has_integer_corners(vertices: FloatArray) -> bool:

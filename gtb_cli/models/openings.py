@@ -1,4 +1,4 @@
-"""Reasons why a model is open, and seams that were welded."""
+"""Why a model is open, edge by edge, as `--require watertight` says it; and seams that were welded."""
 
 from collections.abc import Sequence
 

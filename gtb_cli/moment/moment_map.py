@@ -43,9 +43,9 @@ class MomentMap:
 
         A residual of `within` times the hull's size suffices. `numbers` says which of several weightings each point
         uses. `ToleranceError` is raised if |μ(s) − p| stays above `RESIDUAL` times the hull's size. The result is
-        read-only: the latest ones, of up to 4096 points each, are remembered.
+        read-only: the latest ones, of up to 8192 points each, are remembered.
         """
-        most_points, most_questions = 4096, 64  # they take 10 MB at most
+        most_points, most_questions = 8192, 32  # they take 10 MB at most
         if len(p) > most_points or numbers is not None:
             return self._inverse(p, within, start, numbers)
         arrays = (self.knots, self.log_weights, p, start)
@@ -93,7 +93,7 @@ class MomentMap:
         return s / self._extents[:, None], missing
 
     def _sum(self, numbers: IntArray | None) -> LogSum:
-        return self._one_sum if numbers is None else LogSum(self._unit_knots, self.log_weights[numbers].T)
+        return LogSum(self._unit_knots, self.log_weights if numbers is None else self.log_weights[numbers].T)
 
     def _unit(self, p: FloatArray) -> FloatArray:
         """Return (d, m) points in the coordinates of the solver."""
@@ -118,10 +118,6 @@ class MomentMap:
     @cached_property
     def _unit_knots(self) -> FloatArray:
         return np.asarray((self.knots - self._origin) / self._extents)
-
-    @cached_property
-    def _one_sum(self) -> LogSum:
-        return LogSum(self._unit_knots, self.log_weights)
 
 
 def layer_starts(knots: FloatArray, p: FloatArray) -> FloatArray:
@@ -162,8 +158,7 @@ def tame_starts(total: LogSum, p: FloatArray, start: FloatArray) -> FloatArray:
     t = tame / max(float(np.ptp(bends, axis=0).max()), tame)
     if t == 1:
         return start
-    s = before = start
-    power = 0.0
+    s, before, power = start, start, 0.0
     while t < 1:
         found, _ = solve(LogSum(total.knots, t * bends), p, s, 1e-3)
         following = min(2 * t, 1.0)

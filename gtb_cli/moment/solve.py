@@ -83,10 +83,6 @@ class State(NamedTuple):
         mean, spread, sums, shift = total.moments(s)
         return State(s, np.log(sums) + shift - column_dot(p, s), mean - p, spread)
 
-    def columns(self, rows: IntArray) -> State:
-        """Return some columns."""
-        return State(*(x[..., rows] for x in self))
-
 
 def solve(
     total: LogSum, p: FloatArray, start: FloatArray, target: float = TARGET_RESIDUAL
@@ -148,24 +144,25 @@ def _minimised(total: LogSum, p: FloatArray, start: FloatArray, target: float) -
     # Rounding of a determinant hides less; one unknown has none: between knots 1e-11 apart, the curvature is 1e-22.
     least = 1e-8 if len(p) == 2 else 0.0
     at = _drawn_in(total, p, State.at(total, p, start.copy()))
-    solution, residuals, active = at.s.copy(), _size(at.gradient), np.arange(p.shape[1])
+    solution, residuals, active = at.s.copy(), abs(at.gradient).max(axis=0), np.arange(p.shape[1])
     factor, refusals = np.full(len(active), first), np.zeros(len(active), dtype=np.int64)
     for _ in range(MAX_STEPS):
-        residual = _size(at.gradient)
+        residual = abs(at.gradient).max(axis=0)
         solution[:, active], residuals[active] = at.s, residual
         # Rounding may keep a residual above the target: then every step is refused.
         going = np.flatnonzero((residual > target) & (refusals < 4))
         if not len(going):
             break
         if len(going) < len(active):
-            at, p, total, active = at.columns(going), p[:, going], total.columns(going), active[going]
+            at = State(*(x[..., going] for x in at))
+            p, total, active = p[:, going], total.columns(going), active[going]
             factor, refusals, residual = factor[going], refusals[going], residual[going]
         step = _step(at.gradient, at.hessian, factor * residual, 1e-300)
         trial = State.at(total, p, at.s + step)
         slope = column_dot(at.gradient, step)
         # Below the rounding of the objective, only the gradient can identify a better point.
         rounding = -slope < 64 * EPS * (1 + np.abs(at.value) + column_dot(np.abs(p), np.abs(trial.s)))
-        lower = np.where(rounding, _size(trial.gradient) < residual, trial.value <= at.value + 1e-4 * slope)
+        lower = np.where(rounding, abs(trial.gradient).max(axis=0) < residual, trial.value <= at.value + 1e-4 * slope)
         at = State(*(np.where(lower, new, old) for new, old in zip(trial, at, strict=True)))
         factor = np.where(lower, np.maximum(factor / 16, least), np.clip(factor * 8, first, most))
         refusals = np.where(lower, 0, refusals + 1)
@@ -183,17 +180,12 @@ def _drawn_in(total: LogSum, p: FloatArray, at: State) -> State:
         curvature = column_dot(hessian[: len(s)], s**2)
         if len(s) == 2:
             curvature += 2 * hessian[2] * s[0] * s[1]
-        rows = np.flatnonzero((column_dot(at.gradient, s) > curvature) & (_size(s) > 1.0))
+        rows = np.flatnonzero((column_dot(at.gradient, s) > curvature) & (abs(s).max(axis=0) > 1.0))
         if not len(rows):
             break
         for old, new in zip(at, State.at(total.columns(rows), p[:, rows], s[:, rows] / 2), strict=True):
             old[..., rows] = new
     return at
-
-
-def _size(a: FloatArray) -> FloatArray:
-    """Return the largest absolute entry of each column: (d, m) → (m,)."""
-    return np.asarray(np.abs(a).max(axis=0))
 
 
 def _step(

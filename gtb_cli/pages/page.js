@@ -342,5 +342,3 @@ function start() {
   complain(data.error);
   if (data.watch !== undefined) watch(data.watch);
 }
-
-start();

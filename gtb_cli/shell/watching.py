@@ -1,4 +1,4 @@
-"""Files that `--watch` follows, and `gtb mesh`, which then makes its meshes again; for `gtb view` see `view_server`."""
+"""Files that `--watch` follows, and whether they have changed; `gtb mesh` then meshes again, `view_server` serves."""
 
 import functools
 import os

@@ -22,6 +22,7 @@ from gtb_cli.values import frozen
 from gtb_cli.vocabulary import Rim
 
 Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
+FEW_CELLS, MANY_CELLS = 5_000, 20_000  # up to which there is time for eight tries, and from which on only for one
 
 
 class Solid(NamedTuple):
@@ -58,11 +59,10 @@ class TubeMaker:
         """Name a smaller radius whose tube is solid, judged as one that is asked for; or say that none was found."""
 
         def is_solid(radius: float) -> bool:
-            try:
+            with suppress(DomainError, ToleranceError):
                 mesh, _, folds, _ = self.solid(curve, radius)
-            except (DomainError, ToleranceError):
-                return False
-            return not folds and not crossings_of(mesh, *held(mesh))
+                return not folds and not crossings_of(mesh, *held(mesh))
+            return False
 
         return _smaller("radius", radius, is_solid, len(curve.cells))
 
@@ -86,18 +86,17 @@ class WallMaker:
         return Solid(mesh, folded_places(surface), folds, thin + kept)
 
     def smaller(self, surface: Mesh, thickness: float, held: Held) -> str:
-        """Name a coarser mesh, or a smaller thickness, whose wall is found to be solid, judged as the one asked for."""
+        """Name a coarser mesh or a smaller thickness that is solid, judged as asked, and the other side if it is."""
 
         def is_solid(thickness: float, surface: Mesh = surface) -> bool:
             if offset_folds(self.spec, surface, thickness):
                 return False
-            try:
+            with suppress(DomainError, RequirementError):
                 wall, _ = self._rimmed(thicken(surface, thickness), thickness)
                 stored, coarse = held(wall)
                 require(("solid",), self.spec, wall, surface, crossings_of(wall, stored, coarse), (stored, coarse))
-            except (DomainError, RequirementError):
-                return False
-            return True
+                return True
+            return False
 
         if len(crossing_pairs(surface.vertices, surface.faces)[0]):
             return "no thickness is solid, as the surface passes through itself"
@@ -108,7 +107,9 @@ class WallMaker:
             coarse = tessellate(self.spec, None, tolerance, normals=True, max_faces=len(surface.cells))
             if is_solid(thickness, coarse):
                 return f"it is a matter of fineness: `tolerance` {tolerance:g} was tried and is solid"
-        return _smaller("thickness", thickness, is_solid, len(surface.cells))
+        found = _smaller("thickness", thickness, is_solid, len(surface.cells))
+        is_other = len(surface.cells) < MANY_CELLS and is_solid(-thickness)
+        return found + f"; on the other side `thickness` {-thickness:g} is solid" * is_other
 
     def _rimmed(self, wall: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         return (wall, []) if self.rim == "normal" else with_flat_rims(wall, thickness)
@@ -125,8 +126,7 @@ def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
 def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: int) -> str:
     """Name the largest of a few smaller values that make a solid, or say that none does."""
     # The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
-    few, many = 5_000, 20_000  # cells up to which there is time for eight tries, and from which on only for one
-    tries = 8 if cells < few else 4 if cells < many else 1
+    tries = 8 if cells < FEW_CELLS else 4 if cells < MANY_CELLS else 1
     low, high, tried = 0.0, value, 0
     while tried < (tries if low else min(tries, 4)):
         middle = float(f"{(low + high) / 2 if low else high / 2 ** (tried + 1):.3g}")

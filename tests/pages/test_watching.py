@@ -81,6 +81,9 @@ def test_sliders_ask_for_other_numbers_and_the_file_stays(spec):
     sliders = [(each["name"], each["value"], each["step"]) for each in news(watch)["data"]["numbers"]]
     assert sliders == [("sides", 3.0, 1.0), ("height", 2.0, 0.01)]
     assert '"given":{"sides":4.0}' in watch.page()
+    assert max(map(watch.page().rindex, ("\nconst ", "\nlet ", ".onclick = "))) < watch.page().index("\nstart();")
+    places = [watch.page().index(f'id="{name}"') for name in ("sliders", "remarks", "mode")]
+    assert places == sorted(places)  # what is wrong is said below the sliders, where it is seen while they move
     heights = {}
     for given in ((), ("sides=5",), ("height=9", "sides=2"), ("height=9", "sides=2")):
         made = news(watch, 0, *given, **({} if given else {"quick": "1"}))

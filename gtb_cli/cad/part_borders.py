@@ -1,0 +1,70 @@
+"""Edges of patches along open edges of a part: how far the points and planes of its faces are from the patch's.
+
+Sides of a hole are Bézier curves near edges that are splines: a file's surfaces come nearer to these.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.cad.cad_seams import along_edge
+from gtb_cli.importers.cad_files import kernel, uses_of_edges
+from gtb_cli.theory.patch import Patch
+
+
+class Border(NamedTuple):
+    """Differences of a part's points and unit normals from a patch's along an edge: (m, 6) Chebyshev coefficients."""
+
+    coefficients: FloatArray
+
+    def at(self, fractions: FloatArray) -> FloatArray:
+        """Return (n, 6) differences at (n,) fractions of the edge; those of points are 0 at its ends."""
+        return np.asarray(np.polynomial.chebyshev.chebval(2 * fractions - 1, self.coefficients).T)
+
+
+def part_borders(patch: Patch, part: Any) -> list[Border | None]:
+    """Return for each edge of a patch a border if it lies along an open edge of a part, a shape of the kernel."""
+    if part is None:
+        return [None] * len(patch.domain.vertices)
+    origin, gp, topology = patch.control_points.mean(axis=0), kernel("gp"), kernel("TopoDS").TopoDS
+    move, rows = gp.gp_Trsf(), list[FloatArray]()
+    move.SetTranslation(gp.gp_Vec(*(-origin).tolist()))  # near the origin, points keep their digits
+    location = kernel("TopLoc").TopLoc_Location(move)
+    for (edge, face), *others in uses_of_edges(part).values():
+        if not others and not kernel("BRep").BRep_Tool.Degenerated_s(edge):
+            pair = topology.Edge(edge.Moved(location)), topology.Face(face.Moved(location))
+            rows.append(np.hstack(along_edge(*pair, np.linspace(0, 1, 1001))[:2]))
+    return [_border(patch, k, origin, rows) for k in range(len(patch.domain.vertices))]
+
+
+def _border(patch: Patch, edge: int, origin: FloatArray, traced: list[FloatArray]) -> Border | None:
+    from scipy.interpolate import make_interp_spline
+
+    near, exact = 1e-3, 1e-8  # of the size of the edge: within them, it lies along the part's, and is the same
+    degree, count, rounds = 40, 160, 6  # least squares, as points far from the origin are rounded
+    x, shape = -np.cos(np.pi * (np.arange(count) + 0.5) / count), patch.domain
+    start, end = shape.vertices[edge], shape.vertices[(edge + 1) % len(shape.vertices)]
+    places, numbers = start + (x[:, None] + 1) / 2 * (end - start), np.full(count, shape.faces.edge(edge).number)
+    locations = [*patch.rational_basis.locations(places, "linear", numbers)]
+    points, normals = patch.points_at(locations, count) - origin, patch.normals_at(locations, count)
+    size = float(np.ptp(points, axis=0).max())
+    for rows in traced:
+        distances = np.linalg.norm(points[:, None] - rows[:, :3], axis=2)
+        if not np.isfinite(rows).all() or distances.min(axis=1).max() > 10 * near * size:
+            continue
+        curve = make_interp_spline(np.arange(len(rows)), rows, 5)
+        t, rates = distances.argmin(axis=1).astype(float), curve.derivative()
+        for _ in range(rounds):  # of Newton, towards the nearest points
+            ways = rates(t)[:, :3]
+            t = np.clip(t + ((points - curve(t)[:, :3]) * ways).sum(axis=1) / (ways**2).sum(axis=1), 0, len(rows) - 1)
+        found, faced = np.split(curve(t), 2, axis=1)
+        away, turned = found - points, faced * np.sign((faced * normals).sum(axis=1, keepdims=True)) - normals
+        if np.isfinite(turned).all() and (most := float(np.linalg.norm(away, axis=1).max())) <= near * size:
+            if most <= exact * size:
+                return None
+            series = np.polynomial.chebyshev.chebfit(x, np.hstack([away, turned]), degree)
+            first, last = Border(series).at(np.array([0.0, 1.0]))[:, :3]
+            series[:2, :3] -= (first + last) / 2, (last - first) / 2
+            return Border(series)
+    return None
