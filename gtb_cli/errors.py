@@ -34,9 +34,7 @@ class GtbError(Exception):
 
     def within(self, file: str) -> Self:
         """Return the same error of a file."""
-        return type(self)(
-            *(fault._replace(file=file) if fault.file is None else Fault(str(fault), file) for fault in self.faults)
-        )
+        return type(self)(*(Fault(str(f), file) if f.file is not None else f._replace(file=file) for f in self.faults))
 
 
 class SpecError(GtbError, ValueError):

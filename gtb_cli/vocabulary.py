@@ -85,9 +85,7 @@ class Format(NamedTuple):
     uv: bool
     attributes: bool
     text: Literal["always", "on request", "never"]  # on request, it reads back exactly
-    digits: Literal[
-        "9 at the model's size", "32 bits"
-    ]  # of coordinates in binary files, or in files that are always text
+    digits: Literal["9 at the model's size", "32 bits"]  # of coordinates in files that are binary, or always text
     up: Up  # the axis of files that stands for the spec's vertical z axis: glTF prescribes y
 
     def is_text(self, ascii: bool) -> bool:

@@ -117,10 +117,8 @@ def linear_precision(probe: Probe) -> Finding:
 def linear_precision_of_linear(probe: Probe) -> Finding:
     """Compare the patch with its knots as control points, in the linear parametrisation, with the identity."""
     domain, p = probe.patch.domain, probe.u[:: -(-len(probe.u) // 100)]
-    knots, expected = (
-        np.pad((places - domain.center) / domain.size, [(0, 0), (0, 3 - domain.dimension)])
-        for places in (domain.knots, p)
-    )
+    missing = [(0, 0), (0, 3 - domain.dimension)]
+    knots, expected = (np.pad((each - domain.center) / domain.size, missing) for each in (domain.knots, p))
     images = probe.patch.replace(control_points=knots).evaluate(p, "linear")
     bound = RESIDUAL + probe.knot_rounding + EPS * len(knots)
     reason = "largest |Σ T_i a_i − p| in the linear parametrization, of the hull's size"

@@ -38,28 +38,17 @@ def description(patch: Patch) -> Description:
     """Describe a patch (Sections 2 and 4 of the paper; Ex. 4.1)."""
     kind, degree = _kind(patch)
     shape = patch.domain
-    return Description(
-        kind=kind,
-        degree=degree,
-        edges=tuple(tuple(shape.edge_knots(edge).tolist()) for edge in range(len(shape.vertices))),
-        edge_normals=_edge_normals(patch),
-        bounding_box=bounds([patch]),
-        control_box=bounds_of(patch.control_points),
-        linear_precision_error=_linear_precision_error(patch.rational_basis),
-        repeated_knots=repeated(patch.knots),
-    )
+    edges = tuple(tuple(shape.edge_knots(edge).tolist()) for edge in range(len(shape.vertices)))
+    boxes, error = (bounds([patch]), bounds_of(patch.control_points)), _linear_precision_error(patch.rational_basis)
+    return Description(kind, degree, edges, _edge_normals(patch), *boxes, error, repeated(patch.knots))
 
 
 def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:
-    bezier_kinds: dict[int, Kind] = {
-        2: "rational Bézier curve",
-        3: "rational Bézier triangle",
-        4: "rational Bézier tensor product",
-    }
+    kinds: tuple[Kind, ...] = "rational Bézier curve", "rational Bézier triangle", "rational Bézier tensor product"
     lattice = lattice_of(patch.domain)
     if lattice is None:
         return ("toric" if (patch.knots == np.rint(patch.knots)).all() else "GT"), ()
-    return bezier_kinds[len(patch.domain.vertices)], tuple(direction.degree for direction in lattice)
+    return kinds[len(patch.domain.vertices) - 2], tuple(direction.degree for direction in lattice)
 
 
 def _edge_normals(patch: Patch) -> EdgeNormals | None:

@@ -37,10 +37,8 @@ def for_all_weights(probe: Probe) -> Finding:
         return number(0.0, "no: the control points are on a line")
     straight = int((signs == 0).sum())
     but = f"; {straight} on lines to rounding do not count" if straight else ""
-    return number(
-        1.0,
-        f"yes, inside the domain: all {total - straight} triples of knots turn their control points the same way{but}",
-    )
+    alike = f"all {total - straight} triples of knots turn their control points the same way"
+    return number(1.0, f"yes, inside the domain: {alike}{but}")
 
 
 def jacobian_sign(probe: Probe) -> Finding:

@@ -24,14 +24,12 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
     if welded:
         reason = f"largest distance of the {len(welded)} edges that were welded, of the model's size"
         found["welded edges"] = number(max(welded) / size, reason)
+    near = f"the {len(shared.almost)} pairs of edges that nearly coincide"
     found |= {
         "open edges": number(len(shared.open), f"number of {what} with no neighbour"),
         "crowded edges": number(len(shared.crowded), f"number of curves that more than two {what} share"),
         "orientation": number(len(shared.one_sided), "number of joints at which orientations cannot agree"),
-        "almost joined edges": number(
-            gap / size,
-            f"largest gap of the {len(shared.almost)} pairs of edges that nearly coincide, of the model's size",
-        ),
+        "almost joined edges": number(gap / size, f"largest gap of {near}, of the model's size"),
     }
     points = np.concatenate([patch.control_points for patch in model])
     seams = [seam for seam in model.seams if math.isfinite(seam.angle)]
@@ -40,7 +38,7 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
         where = f"where {worst.name(model)} meet, near {point_text(worst.place, points)}"
         reason = f"degrees, the largest angle between normals, {where}"
         found["angle of joints"] = number(worst.angle, reason)
-    bent = [(bend, seam) for seam, bend in zip(seams, bends(seams), strict=True) if math.isfinite(bend)]
+    bent = [(bend, seam) for seam, (bend, _) in zip(seams, bends(seams), strict=True) if math.isfinite(bend)]
     if bent:
         bend, most = max(bent, key=lambda pair: pair[0])
         where = f"where {most.name(model)} meet, near {point_text(most.bend_place, points)}"

@@ -23,10 +23,8 @@ def weights(probe: Probe) -> Finding:
     growth = (lifting - lifting.max()) / max(float(np.ptp(lifting)), tiny)
     shares = probe.basis * np.exp(growth)
     expected = (shares / shares.sum(axis=1, keepdims=True)) @ patch.control_points
-    value = max(
-        probe.distance(degenerate(patch, math.e, growth + common).evaluate(probe.u), expected)
-        for common in (0, common_factor_log)
-    )
+    grown = [degenerate(patch, math.e, growth + common) for common in (0, common_factor_log)]
+    value = max(probe.distance(each.evaluate(probe.u), expected) for each in grown)
     bound = 2 * probe.distance_rounding + common_factor_log * EPS * VALUE_ROUNDINGS
     of = "of weights e^λ ω, λ = 0 … −1, as the lifting has them" if patch.lifting is not None else "of other weights"
     return within_rounding(value, bound, f"largest distance from the basis times the factors {of}, of the extent")

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from typing import Literal
 
@@ -54,14 +55,9 @@ def number(value: float | None, reason: str) -> Finding:
     return Finding("measured", value, None, reason)
 
 
-def not_applicable(condition: str) -> Finding:
-    """Say that a property is not claimed for this patch, by the condition that fails."""
-    return Finding("not applicable", None, None, condition)
-
-
-def not_decided(reason: str) -> Finding:
-    """Say that a property could not be measured finely enough to tell whether it holds."""
-    return Finding("not decided", None, None, reason)
+# A property is not claimed for this patch, by the condition that fails; or not measured finely enough to tell.
+not_applicable = partial(Finding, "not applicable", None, None)
+not_decided = partial(Finding, "not decided", None, None)
 
 
 def counts(findings: Iterable[Finding]) -> str:

@@ -21,9 +21,8 @@ def total_positivity(probe: Probe) -> Finding:
     if not len(minors):
         return not_applicable(UNDERFLOW_NOTE)
     value = max(0.0, -float(minors.min()))
-    return within_rounding(
-        value, bound, f"largest negative minor of up to {MAX_MINOR_ORDER} rows, of its products' sum"
-    )
+    reason = f"largest negative minor of up to {MAX_MINOR_ORDER} rows, of its products' sum"
+    return within_rounding(value, bound, reason)
 
 
 def strict_total_positivity(probe: Probe) -> Finding:
@@ -93,9 +92,7 @@ def variation_diminishing(probe: Probe) -> Finding:
     """Compare how often lines (planes for a curve in space) cross the curve and its control polygon."""
     count = 100  # lines, or planes
     grazing_distance = 1e-6  # of the extent: lines as near to a control point are left out
-    control, points, flat = _in_principal_axes(
-        probe, 513
-    )  # between samples, crossings may be missed, but none are added
+    control, points, flat = _in_principal_axes(probe, 513)  # between samples, crossings may be missed, none are added
     random = np.random.default_rng(0)
     angle, place = 2 * np.pi * random.random(count), random.random((count, 1))
     z = np.zeros(count) if flat else random.uniform(-1, 1, count)

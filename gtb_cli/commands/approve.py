@@ -75,10 +75,9 @@ def approve(
 
 def _refuse_folders(golden: str, out: str) -> None:
     """Refuse what is not two folders apart; GOLDEN may be missing."""
-    if not os.path.isdir(out):
-        raise GtbError(f"{out}: is not a folder")
-    if os.path.lexists(golden) and not os.path.isdir(golden):
-        raise GtbError(f"{golden}: is not a folder")
+    for folder in (out, golden) if os.path.lexists(golden) else (out,):
+        if not os.path.isdir(folder):
+            raise GtbError(f"{folder}: is not a folder")
     places = [os.path.join(os.path.realpath(folder), "") for folder in (golden, out)]
     if places[0] == places[1]:
         raise click.UsageError("GOLDEN and OUT are the same folder")

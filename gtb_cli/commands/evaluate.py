@@ -110,27 +110,23 @@ def _parts(
 
     names = [f"T{i}" for i in range(len(patch.knots))] if basis else ["x", "y", "z"]
     evaluated, differentiated = (patch.basis, patch.basis_derivatives) if basis else (patch.evaluate, patch.derivatives)
+
+    def along(order: Any, ways: list[Any], u: FloatArray) -> FloatArray:
+        """Return the derivatives of an order along some ways, of axes, one way after another: (m, ways, k)."""
+        found = differentiated(u, order, parametrization)
+        return np.stack([found[..., *way] for way in ways], axis=1)
+
     parts = [_Part("basis" if basis else "points", names, lambda u: evaluated(u, parametrization))]
     for order, key in ((1, "derivatives"), (2, "second_derivatives"))[:derivatives]:
         ways = list(combinations_with_replacement(range(patch.dimension), order))
         columns = [f"{name}_{''.join(_axes(patch)[axis] for axis in way)}" for way in ways for name in names]
-        parts.append(_Part(key, columns, partial(_derivatives, differentiated, order, parametrization, ways)))
+        parts.append(_Part(key, columns, partial(along, order, ways)))
     if normals:
         parts.append(_Part("normals", ["n_x", "n_y", "n_z"], lambda u: patch.normals(u, parametrization)))
     if curvature:
         columns = ["gaussian_curvature", "mean_curvature"]
         parts.append(_Part("curvature", columns, lambda u: np.column_stack(patch.curvature(u, parametrization)) + 0.0))
     return parts
-
-
-def _derivatives(
-    of: Callable[..., FloatArray], order: int, parametrization: Parametrization, ways: list[Any], u: FloatArray
-) -> FloatArray:
-    """Return the derivatives of an order along some ways, of axes, one way after another: (m, ways, k)."""
-    import numpy as np
-
-    found = of(u, order, parametrization)
-    return np.stack([found[..., *way] for way in ways], axis=1)
 
 
 def _axes(patch: Patch) -> list[str]:

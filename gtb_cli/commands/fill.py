@@ -9,7 +9,7 @@ import click
 
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.messages import STANDARD, Console
-from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, reads, streams_options, weld_option
+from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_option, reads, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input, write_blocks, write_json
 from gtb_cli.shell.surface_files import surface_format
 from gtb_cli.vocabulary import CONTINUITIES, percentage
@@ -53,12 +53,7 @@ def _kinds(values: tuple[str, ...]) -> dict[str, str]:
     default="fair",
     help="Make the inside fair (curvature varies little), the default, or flat like a soap film.",
 )
-@click.option(
-    "--fullness",
-    callback=reads(length_of),
-    metavar="F",
-    help="Continue along the given tangent planes F times as far as is fair.",
-)
+@length_option("--fullness", metavar="F", help="Continue along the given tangent planes F times as far as is fair.")
 @click.option(
     "--elevate",
     "raises",
@@ -66,15 +61,8 @@ def _kinds(values: tuple[str, ...]) -> dict[str, str]:
     metavar="D",
     help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole.",
 )
-@click.option(
-    "--tolerance",
-    callback=reads(length_of),
-    metavar="T",
-    help="In a CAD file, fit within this distance (1e-4 of the size).",
-)
-@click.option(
-    "--angle", callback=reads(length_of), metavar="DEGREES", help="In a CAD file, keep tangent planes within this."
-)
+@length_option("--tolerance", metavar="T", help="In a CAD file, fit within this distance (1e-4 of the size).")
+@length_option("--angle", metavar="DEGREES", help="In a CAD file, keep tangent planes within this.")
 @click.option(
     "--g2-tolerance",
     callback=reads(lambda text: percentage(text) / 100),

@@ -6,15 +6,14 @@ import click
 
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.messages import STANDARD
-from gtb_cli.shell.options import INPUT, numbers_of, reads, streams_options
+from gtb_cli.shell.options import INPUT, numbers_option, streams_options
 from gtb_cli.shell.streams import Streams, about, input_stem, numbered_rows, opened, shown_input
 
 
 @click.command
 @click.argument("points", metavar="[POINTS]", default=STANDARD, type=INPUT)
-@click.option(
+@numbers_option(
     "--knots",
-    callback=reads(numbers_of),
     metavar="A,…",
     help="Ascending knots, one for each point. By default the length of the polygon up to the point.",
 )

@@ -140,7 +140,7 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
                 "place": seam.place.tolist(),
                 "curvature_difference": bend if math.isfinite(bend) else None,
             }
-            for seam, bend in zip(seams, bends(seams), strict=True)
+            for seam, (bend, _) in zip(seams, bends(seams), strict=True)
         ],
     }
 

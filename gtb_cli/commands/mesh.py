@@ -131,7 +131,7 @@ def mesh(
     errors: list[GtbError] = []  # of specs: none stops the others
     plan: list[Task] = []
     for path in paths:
-        task = attempted(path, lambda path: _planned(path, place, options, kind, streams, book), path)
+        task = attempted(path, partial(_planned, path, place, options, kind, streams, book))
         errors.append(task) if isinstance(task, GtbError) else plan.append(task)
     if folder is not None:
         _check_targets(plan)
@@ -230,9 +230,11 @@ def _check_targets(plan: Iterable[Task]) -> None:
 def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | GtbError:
     """Make a mesh and the bytes of its file; these as one block, which a process can send to another, if `whole`."""
 
-    def made(spec: Spec) -> Made:
+    def made() -> Made:
         from gtb_cli.formats.export import held
 
+        spec = task.spec
+        assert spec is not None
         with about(shown_input(task.path)):
             mesh, remarks = options.made(spec, kind)
             blocks = options.encoded(mesh, kind)
@@ -259,8 +261,7 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
         return Made(size, warnings, [b"".join(blocks)] if whole else blocks, facts, lines)
 
-    assert task.spec is not None
-    return attempted(task.path, made, task.spec)
+    return attempted(task.path, made)
 
 
 @contextmanager
@@ -295,9 +296,6 @@ def _written(task: Task, made: Made | GtbError, write: Write, book: Manifest | N
     if is_terminal(task.output) and made.lines > max_terminal_lines:
         raise ExportError(f"the mesh has {made.lines} lines, and standard output is a terminal: give -o FILE")
 
-    def written(made: Made) -> Made:
-        write(task.output, made.blocks if book is None else book.recorded(task.output, made.facts, made.blocks))
-        return made
-
     # Blocks are made as they are written: what is not an error in writing is this spec's.
-    return attempted(task.path, written, made, passing=(GtbError, OSError))
+    blocks = made.blocks if book is None else book.recorded(task.output, made.facts, made.blocks)
+    return attempted(task.path, partial(write, task.output, blocks), GtbError, OSError) or made

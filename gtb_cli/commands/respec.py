@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import SpecError
-from gtb_cli.shell.options import WholeNumber, numbers_of, reads, spec_argument, spec_from_spec, streams_options
+from gtb_cli.shell.options import WholeNumber, numbers_option, spec_argument, spec_from_spec, streams_options
 from gtb_cli.shell.streams import Spec, Streams, single
 from gtb_cli.vocabulary import ENERGIES, KEEPS
 
@@ -80,9 +80,8 @@ def boundary(spec: Spec, edge: int | None) -> Spec:
 
 @click.command
 @spec_argument
-@click.option(
+@numbers_option(
     "--split",
-    callback=reads(numbers_of),
     metavar="T",
     help="Split a curve at this parameter. By default where each T_i is the share of c_i ω_i in their sum.",
 )
@@ -118,9 +117,8 @@ def bezier(spec: str, split: tuple[float, ...] | None, streams: Streams) -> None
 
 @click.command
 @spec_argument
-@click.option(
+@numbers_option(
     "--at",
-    callback=reads(numbers_of),
     metavar="T,…",
     help="As many parameters as knots; for a surface u,v,u,v,… By default they are spread over the domain.",
 )

@@ -101,17 +101,14 @@ def knot_limit(spec: str, moves: dict[int, int], steps: tuple[float, ...], out: 
 
 def _pointwise(limit: KnotLimit) -> list[str]:
     """Return the messages that explain where the limit holds only at inner points."""
-    shape = limit.patch.domain
+    why = "the boundary there stays what it was, and as a set the limit is the merged patch with a film between the two"
+    shape, messages = limit.patch.domain, []
     r = len(shape.vertices)
-    messages = []
     for k, face in limit.arrivals.items():
         if shape.dimension == 1 or face > r:
             corner = shape.vertices[(face - 1) % r]
             place = f"the {'end' if shape.dimension == 1 else 'corner'} ({', '.join(f'{x:.6g}' for x in corner)})"
         else:
             place = f"edge {face - 1}"
-        messages.append(
-            f"knot {k} comes to {place}, where the limit is pointwise only: the boundary there stays what it was, and "
-            "as a set the limit is the merged patch with a film between the two"
-        )
+        messages.append(f"knot {k} comes to {place}, where the limit is pointwise only: {why}")
     return messages

@@ -168,12 +168,9 @@ class _Walk:
         shares = {i: sign * self.volume(tuple(knot if j == i else j for j in simplex)) for i in simplex}
         shares[knot] = -abs(whole)
         full = without_divisor([shares.get(i, 0) for i in range(self.n)])
-        return _Circuit(
-            frozenset(i for i, share in shares.items() if share),
-            frozenset(i for i, share in shares.items() if share < 0),
-            [full[i] for i in self.free],
-            -min(full),
-        )
+        knots = frozenset(i for i, share in shares.items() if share)
+        below = frozenset(i for i in knots if shares[i] < 0)
+        return _Circuit(knots, below, [full[i] for i in self.free], -min(full))
 
 
 class _Chamber:
@@ -248,10 +245,8 @@ class _Chamber:
         largest = [max(number(drop) / unit for drop, unit in zip(self._drops[ray], units, strict=True)) for ray in rays]
         scale = math.lcm(*(drop.numerator for drop in largest if isinstance(drop, Fraction)))
         lengths = [int(scale / drop) if walk.is_exact else float(1 / drop) for drop in largest]
-        inner = [
-            sum(length * self._rays[ray][k] for length, ray in zip(lengths, rays, strict=True))
-            for k in range(len(walk.free))
-        ]
+        parts = [(length, self._rays[ray]) for length, ray in zip(lengths, rays, strict=True)]
+        inner = [sum(length * ray[k] for length, ray in parts) for k in range(len(walk.free))]
         lifting = np.zeros(walk.n)
         if any(inner):
             inner = [*without_divisor(inner)]
@@ -261,10 +256,5 @@ class _Chamber:
         if not is_certain and regular_decomposition(walk.points, lifting).cells != cells:
             raise ToleranceError(f"knots: the lifting for {cells} does not induce them, as {TOO_NEAR}")
         present = {i for cell in cells for i in cell}
-        return LiftingCone(
-            cells=cells,
-            absent=tuple(i for i in range(walk.n) if i not in present),
-            lifting=read_only(lifting),
-            dimension=dimension,
-            flips=self.flips if face == self.whole else (),
-        )
+        absent = tuple(i for i in range(walk.n) if i not in present)
+        return LiftingCone(cells, absent, read_only(lifting), dimension, self.flips if face == self.whole else ())

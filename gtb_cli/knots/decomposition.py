@@ -105,19 +105,13 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     faces = upper_faces(lifted)
     cells = tuple(tuple(sorted(face.knots)) for face in faces)
     present = {i for cell in cells for i in cell}
-    planes = [face.affine() for face in faces]
+    gradients, offsets = map(read_only, zip(*(face.affine() for face in faces), strict=True))
     representative: dict[int, int] = {}
     for i in sorted(present):
         representative.setdefault(lifted.places[i], i)
-    return RegularDecomposition(
-        knots=lifted.points,
-        lifting=lifted.heights,
-        cells=cells,
-        absent=tuple(i for i in range(len(lifted.points)) if i not in present),
-        gradients=read_only([gradient for gradient, _ in planes]),
-        offsets=read_only([offset for _, offset in planes]),
-        polygons=tuple(tuple(representative[i] for i in face.polygon) for face in faces),
-    )
+    absent = tuple(i for i in range(len(lifted.points)) if i not in present)
+    polygons = tuple(tuple(representative[i] for i in face.polygon) for face in faces)
+    return RegularDecomposition(lifted.points, lifted.heights, cells, absent, gradients, offsets, polygons)
 
 
 def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:

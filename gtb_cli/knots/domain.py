@@ -87,11 +87,7 @@ class Domain:
         The relative error is below 1e-12 however near the edge is, and a few roundings for an edge along an axis.
         Raises `DomainError` for a parameter that is not finite or lies outside Δ.
         """
-        return np.ascontiguousarray(self.heights_of_columns(self.columns(u)).T)
-
-    def columns(self, u: ArrayLike) -> FloatArray:
-        """Return parameters as (m, d), like `grid`."""
-        return self.grid(u)[0]
+        return np.ascontiguousarray(self.heights_of_columns(self.grid(u)[0]).T)
 
     def grid(self, u: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
         """Return parameters, given as (…, d), as (m, d), and the shape of the grid in which they were given.

@@ -78,10 +78,8 @@ def _edge_binomials(domain: Domain) -> FloatArray:
         degree = _representable(len(members) - 1)
         if np.abs(degree * fractions - np.arange(degree + 1)).max() > LATTICE_TOLERANCE:
             places = " ".join(f"{fraction:.4g}" for fraction in fractions[:8])
-            raise DomainError(
-                f"coefficients: binomial needs equally spaced knots along each edge, those of edge {edge} are at "
-                f"{places}{' ...' * (len(members) > 8)} of it"
-            )
+            found = f"those of edge {edge} are at {places}{' ...' * (len(members) > 8)} of it"
+            raise DomainError(f"coefficients: binomial needs equally spaced knots along each edge, {found}")
         coefficients[members] = [math.comb(degree, k) for k in range(degree + 1)]
     return read_only(coefficients)
 

@@ -42,10 +42,9 @@ def _cut(rays: list[tuple[Vector, Bits]], drops: list[float], here: Bits, least:
 
     Neighbours are 0 on the same rows, at least so many, as no third ray.
     """
-    kept = [(x, zeros if drop else zeros | here) for (x, zeros), drop in zip(rays, drops, strict=True) if drop >= 0]
-    above, below = (
-        [(*ray, drop) for ray, drop in zip(rays, drops, strict=True) if sign * drop > 0] for sign in (1, -1)
-    )
+    pairs = list(zip(rays, drops, strict=True))
+    kept = [(x, zeros if drop else zeros | here) for (x, zeros), drop in pairs if drop >= 0]
+    above, below = ([(*ray, drop) for ray, drop in pairs if sign * drop > 0] for sign in (1, -1))
     for (x, x_zeros, up), (y, y_zeros, down) in product(above, below):
         common = x_zeros & y_zeros
         if common.bit_count() >= least and sum(zeros & common == common for _, zeros in rays) == 2:

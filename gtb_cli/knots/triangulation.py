@@ -113,9 +113,8 @@ def _triangle(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     kind = index_type(int(first[-1]))
     numbers = np.arange(first[-1], dtype=kind)
     s, t = (numbers - np.repeat(first[:-1], lengths)) / n, np.repeat(np.arange(n + 1) / n, lengths)
-    u, cells = np.empty((len(numbers), 2)), np.empty((n * n, 3), dtype=kind)
-    for column, (start, end, top) in zip(u.T, v.T.tolist(), strict=True):
-        column[:] = start + s * (end - start) + t * (top - start)
+    u = v[0] + s[:, None] * (v[1] - v[0]) + t[:, None] * (v[2] - v[0])
+    cells = np.empty((n * n, 3), dtype=kind)
     for row in range(n):
         here, above = numbers[first[row] : first[row + 1]], numbers[first[row + 1] : first[row + 2]]
         strip = cells[n * n - (n - row) ** 2 : n * n - (n - row - 1) ** 2]

@@ -69,16 +69,10 @@ def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
     residual = heights - design @ np.linalg.lstsq(design, heights, rcond=None)[0]
     inexact = [not _is_short(column) for column in rows.T]
     sizes = np.abs(rows).max(axis=0).tolist()
-    return Lifted(
-        points=points,
-        heights=heights,
-        exact=[tuple((numerator << bits) // denominator for numerator, denominator in row) for row in ratios],
-        bits=bits,
-        places=_places(points, heights, tolerance),
-        tolerance=tolerance,
-        floor=gap_tolerance * float(np.ptp(residual)) if any(inexact) else 0.0,
-        rounding=[rounding_ulps * EPS * size * off for size, off in zip(sizes, inexact, strict=True)],
-    )
+    exact = [tuple((numerator << bits) // denominator for numerator, denominator in row) for row in ratios]
+    floor = gap_tolerance * float(np.ptp(residual)) if any(inexact) else 0.0
+    rounding = [rounding_ulps * EPS * size * off for size, off in zip(sizes, inexact, strict=True)]
+    return Lifted(points, heights, exact, bits, _places(points, heights, tolerance), tolerance, floor, rounding)
 
 
 def _is_short(column: FloatArray) -> bool:

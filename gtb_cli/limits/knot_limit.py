@@ -94,11 +94,8 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
     """
     if not 0 <= step <= 1:
         raise DomainError(f"step: expected a number from 0 to 1, got {step!r}")
-    targets = ends_of_moves(patch, moves)
-    knots = patch.knots + step * (patch.knots[targets] - patch.knots)
-    if step == 1:
-        knots = patch.knots[targets]
-    return patch.replace(knots=knots)
+    ends = patch.knots[ends_of_moves(patch, moves)]
+    return patch.replace(knots=ends if step == 1 else patch.knots + step * (ends - patch.knots))
 
 
 def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
@@ -133,9 +130,8 @@ def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
             k = int(np.flatnonzero(members)[0])
             place = ", ".join(f"{x:g}" for x in corner)
             what = "end" if shape.dimension == 1 else "corner"
-            raise DomainError(
-                f"merging knot {k} -> {targets[k]} changes the hull: no other knot stays at its {what} ({place})"
-            )
+            why = f"no other knot stays at its {what} ({place})"
+            raise DomainError(f"merging knot {k} -> {targets[k]} changes the hull: {why}")
 
 
 @frozen

@@ -83,9 +83,8 @@ def _scales(one: Curve, other: Curve, tolerance: float) -> Iterator[tuple[float,
             for curve in sides:
                 offsets = np.linalg.norm(curve.points - curve.points[0], axis=1)
                 row = int((offsets > least).argmax())
-                terms.append(
-                    (float(curve.knots[row]), float(curve.log_weights[row] + np.log(max(offsets[row], least))))
-                )
+                log_term = curve.log_weights[row] + np.log(max(offsets[row], least))
+                terms.append((float(curve.knots[row]), float(log_term)))
             (a, first), (b, second) = terms
             if a and b and (pair := (a / b, way * (first - second) / b)) not in tried:
                 tried.add(pair)
@@ -128,10 +127,8 @@ def _longest(
         growth = np.expm1(min(float(gaps.max()) * reach, 1.0))
         if growth > 1:
             return np.inf, np.inf
-        bounds = [
-            bound + growth * float(np.abs(part).max())
-            for bound, part in zip(bounds, (np.linalg.norm(values[:, :3], axis=1), values[:, 3]), strict=True)
-        ]
+        parts = np.linalg.norm(values[:, :3], axis=1), values[:, 3]
+        bounds = [bound + growth * float(np.abs(part).max()) for bound, part in zip(bounds, parts, strict=True)]
     return bounds[0], bounds[1]
 
 

@@ -37,7 +37,10 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
         raise DomainError("patches: curves and surfaces cannot be joined")
     is_surface = patches[0].dimension == 2
     refs = [(p, e) for p, patch in enumerate(patches) for e in range(len(patch.domain.vertices))]
-    edges = _EdgeCurves(edge_curves(patches, refs), _curve_tolerance(patches), weld or 0.0)
+    points = np.concatenate([patch.control_points for patch in patches])
+    size = float(np.ptp(points, axis=0).max()) or 1.0
+    tolerance = max(CURVE_TOLERANCE * size, FAR_ROUNDING * float(np.abs(points).max()))  # of points that are one
+    edges = _EdgeCurves(edge_curves(patches, refs), tolerance, weld or 0.0)
     near = edges.near if is_surface else {}
     followers = edges.followers(near)
     shared = tuple(
@@ -58,13 +61,6 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
         flipped=flipped,
         one_sided=one_sided,
     )
-
-
-def _curve_tolerance(patches: Sequence[Patch]) -> float:
-    """Return the distance up to which points are one, in model units."""
-    points = np.concatenate([patch.control_points for patch in patches])
-    size = float(np.ptp(points, axis=0).max()) or 1.0
-    return max(CURVE_TOLERANCE * size, FAR_ROUNDING * float(np.abs(points).max()))
 
 
 class _Follower(NamedTuple):

@@ -116,5 +116,4 @@ def with_weld(shape: Shape, weld: float | str | None) -> Shape:
 
 def diagonal_of(patches: Sequence[Patch]) -> float:
     """Diagonal of the bounding box of all control points, in model units."""
-    points = np.concatenate([patch.control_points for patch in patches])
-    return float(np.linalg.norm(np.ptp(points, axis=0)))
+    return float(np.linalg.norm(np.ptp(np.concatenate([patch.control_points for patch in patches]), axis=0)))

@@ -84,7 +84,7 @@ class Seam:
 
     @cached_property
     def _most_bent(self) -> tuple[float, int]:
-        return _bends([self])[0]
+        return bends([self])[0]
 
     def name(self, model: Iterable[Patch]) -> str:
         """Return the names of both edges, for messages."""
@@ -112,13 +112,8 @@ def seams_of(patches: Sequence[Patch], joints: Joints) -> tuple[Seam, ...]:
     )
 
 
-def bends(seams: Sequence[Seam]) -> list[float]:
-    """Measure `Seam.bend` of each seam; rims at the same places of one basis are measured together."""
-    return [bend for bend, _ in _bends(seams)]
-
-
-def _bends(seams: Sequence[Seam]) -> list[tuple[float, int]]:
-    """Return the bend of each seam, and the number of the place that has it."""
+def bends(seams: Sequence[Seam]) -> list[tuple[float, int]]:
+    """Return `Seam.bend` of each seam, and the number of its place; rims at the same places of one basis together."""
     alike: dict[tuple[RationalBasis, Face, bytes], list[_SeamRim]] = {}
     for rim in (rim for seam in seams if seam._smooth.any() for rim in seam._rims):
         alike.setdefault((rim.patch.rational_basis, rim.place.face, rim.place.s.tobytes()), []).append(rim)

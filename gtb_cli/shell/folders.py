@@ -72,9 +72,8 @@ def pairs(a: str, b: str) -> tuple[dict[str, tuple[str | None, str | None]], dic
         raise GtbError(f"{a}: has no files to compare with")
     meshes = [any(suffix_of(name) in FORMATS for name in files) for files in (first, second)]
     if meshes[0] != meshes[1] and _specs(first if meshes[1] else second):
-        first, second = (
-            _by_stem(files if own else _specs(files)) for files, own in zip((first, second), meshes, strict=True)
-        )
+        both = zip((first, second), meshes, strict=True)
+        first, second = (_by_stem(files if own else _specs(files)) for files, own in both)
         unreadable = {os.path.splitext(name)[0]: message for name, message in unreadable.items()}
     hidden = tuple(f"{name}{os.sep}" for name in unreadable)  # what is in folders that cannot be read
     names = sorted(name for name in {*first, *second} - unreadable.keys() if not name.startswith(hidden))

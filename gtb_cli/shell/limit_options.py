@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.shell.gathering import gathered
-from gtb_cli.shell.options import numbers_of, reads
+from gtb_cli.shell.options import numbers_of, numbers_option, reads
 
 if TYPE_CHECKING:
     from gtb_cli.plots.panels import Approach
@@ -62,7 +62,7 @@ def _approach(
 x_option = partial(click.option, "-x", "--x", callback=reads(xs_of), multiple=True, metavar="X")
 heights_option = partial(click.option, "--lifting", callback=reads(lifting_from), metavar="L,…")
 merge_option = partial(click.option, "--merge", callback=reads(moves_of), multiple=True, metavar="K:Q")
-steps_option = partial(click.option, "--steps", callback=reads(numbers_of), metavar="S,…")
+steps_option = partial(numbers_option, "--steps", metavar="S,…")
 limit_options = gathered(
     "limit",
     _approach,

@@ -110,8 +110,7 @@ def input_sums(path: str, spec_format: Format | None) -> dict[str, str]:
     from gtb_cli.language.includes import sources
 
     start = len(path) - len(os.path.basename(path))
-    files = sources(path, spec_format)
-    sums = {file[start:].replace(os.sep, "/"): _sum_of(file) for file in files}
+    sums = {file[start:].replace(os.sep, "/"): _sum_of(file) for file in sources(path, spec_format)}
     return {name: found for name, found in sums.items() if found is not None} if all(sums.values()) else {}
 
 

@@ -42,14 +42,9 @@ class MeshOptions:
         """Return the options on which a file may depend, as plain data."""
         recipe = self.recipe
         taken = {field.name: getattr(recipe, field.name) for field in fields(recipe)}
-        return taken | {
-            "resolution": recipe.resolution if recipe.tolerance is None else None,
-            "format": self.format,
-            "uv": self.uv,
-            "ascii": self.ascii,
-            "up": self.up or FORMATS[self.format or "obj"].up,
-            "unit": self.unit,
-        }
+        taken["resolution"] = recipe.resolution if recipe.tolerance is None else None
+        own = {name: getattr(self, name) for name in ("format", "uv", "ascii", "up", "unit")}
+        return taken | own | {"up": self.up or FORMATS[self.format or "obj"].up}
 
     def made(self, spec: Spec, kind: str) -> tuple[Mesh, list[str]]:
         """Make a mesh for a format, and remarks; refuse a tolerance of curves that the file's numbers cannot hold."""

@@ -93,15 +93,12 @@ class Console:
         self.quiet = quiet
         self._width = 0  # of the counter on the last line of a terminal
 
-    def note(self, message: str) -> None:
-        """Print what was done."""
-        self._tell(message)
-
     def warn(self, message: str) -> None:
         """Print what the user might not expect."""
-        self._tell(in_options(message), "warning")
+        self.note(in_options(message), "warning")
 
-    def _tell(self, message: str, severity: str = "note") -> None:
+    def note(self, message: str, severity: str = "note") -> None:
+        """Print what was done."""
         if not self.quiet:
             self._show("")
             tell(message, severity)

@@ -75,6 +75,9 @@ def length_of(text: str) -> float:
     return number
 
 
+length_option = functools.partial(click.option, callback=reads(length_of))
+numbers_option = functools.partial(click.option, callback=reads(numbers_of))
+
 # Names of files that a command reads, and that it writes; - is a standard stream
 INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
 
@@ -217,15 +220,13 @@ tolerance_option = click.option(
 
 # Those that make a solid of a curve or surface
 solid_options = (
-    click.option(
+    length_option(
         "--radius",
-        callback=reads(length_of),
         metavar="R",
         help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not checked.",
     ),
-    click.option(
+    length_option(
         "--thickness",
-        callback=reads(length_of),
         metavar="D",
         help="Make a solid of this thickness, in model units, on the side of the normals, or the other if "
         "negative. A message reports folds, and distant parts that meet.",
@@ -247,9 +248,8 @@ max_faces_option = click.option(
     help=f"Refuse to make more faces than this; {MAX_FACES} without this option.",
 )
 
-lifting_option = click.option(
+lifting_option = numbers_option(
     "--lifting",
-    callback=reads(numbers_of),
     metavar="L,…",
     help="A lifting value for each knot, instead of the spec's. Expressions such as 4*sqrt(2) may be used.",
 )

@@ -19,7 +19,6 @@ from gtb_cli.shell.workers import Workers, jobs_option
 from gtb_cli.vocabulary import printable, without_commands
 
 Found = TypeVar("Found")
-Task = TypeVar("Task")
 
 
 def inputs_of(specs: Sequence[str], output: str, meshes: bool = False) -> tuple[str, ...]:
@@ -31,12 +30,10 @@ def inputs_of(specs: Sequence[str], output: str, meshes: bool = False) -> tuple[
     return found
 
 
-def attempted(
-    spec: str, function: Callable[[Task], Found], task: Task, passing: tuple[type[Exception], ...] = ()
-) -> Found | GtbError:
-    """Return ``function(task)`` or its error, which names the spec; errors of the kinds in `passing` are raised."""
+def attempted(spec: str, function: Callable[[], Found], *passing: type[Exception]) -> Found | GtbError:
+    """Return ``function()`` or its error, which names the spec; errors of the kinds in `passing` are raised."""
     try:
-        return function(task)
+        return function()
     except passing:
         raise
     except GtbError as error:
@@ -46,7 +43,7 @@ def attempted(
 
 
 def _reported(spec: str, report: Callable[[str], Found]) -> Found | GtbError:
-    return attempted(spec, report, spec)
+    return attempted(spec, partial(report, spec))
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,8 @@ def _stamp(path: str) -> object:
     """Return a value that changes when a file, or a file in a folder, changes."""
     try:
         inner = [os.path.join(path, name) for name in sorted(os.listdir(path))] if os.path.isdir(path) else [path]
-        return [
-            (name, status.st_mtime_ns, status.st_size, status.st_ino) for name in inner for status in [os.stat(name)]
-        ]
+        stamps = [(name, os.stat(name)) for name in inner]
+        return [(name, status.st_mtime_ns, status.st_size, status.st_ino) for name, status in stamps]
     except OSError as error:
         return str(error)
 

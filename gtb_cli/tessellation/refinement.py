@@ -39,12 +39,8 @@ def refine(
     sampler takes linear parameters: toric ones are too close to tell apart where exponents are small. Segments are
     certified. Triangles are sampled at the quarters of their sides, at their centroids, and at and between knots; on a
     lattice of `FINE_LATTICE_STEPS` steps, if samples differ from a quadratic surface; and, if cells are few, on a
-    lattice on which all have about `points_in_all` points.
-
-    Raises
-    ------
-    ToleranceError
-        More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached.
+    lattice on which all have about `points_in_all` points. `ToleranceError` is raised if more than `max_cells` cells
+    would be needed, or the tolerance is below rounding, and says what was reached.
     """
     mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all).finished()
     return mesh.result(), mesh.points
@@ -137,9 +133,8 @@ class _Refinement:
         sides = self.mesh.cells.sides.take(failing[~self.mesh.has_mark(marked, failing)], axis=0)
         length, error = self.mesh.lengths(sides), self.mesh.edges.error[sides]
         # If all edges hold, the longest: errors are then rounding.
-        rank = np.where(error > 0.05 * self.tolerance, error, 0.0) + 1e-6 * self.tolerance * (
-            length / np.maximum(length.max(axis=1, keepdims=True), np.finfo(float).tiny)
-        )
+        share = length / np.maximum(length.max(axis=1, keepdims=True), np.finfo(float).tiny)
+        rank = np.where(error > 0.05 * self.tolerance, error, 0.0) + 1e-6 * self.tolerance * share
         marked[sides[np.arange(len(sides)), rank.argmax(axis=1)]] = True
 
     def heights(self, rows: IntArray) -> FloatArray:

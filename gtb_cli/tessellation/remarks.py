@@ -47,10 +47,8 @@ def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
     crowded = len(mesh.crowded_sides) - resolution * len(model.joints.crowded)
     if crowded <= 0:
         return []
-    return [
-        f"with `resolution` {resolution} edges of patches that have the same ends are one: {crowded} sides have more "
-        "than two faces; `resolution` 3 keeps them apart"
-    ]
+    why = f"edges of patches that have the same ends are one: {crowded} sides have more than two faces"
+    return [f"with `resolution` {resolution} {why}; `resolution` 3 keeps them apart"]
 
 
 def offset_folds(spec: Patch | Model, mesh: Mesh, thickness: float) -> list[str]:
@@ -60,9 +58,8 @@ def offset_folds(spec: Patch | Model, mesh: Mesh, thickness: float) -> list[str]
     radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
     facts = [where(mesh, folded)] if len(folded) else []
     if radius < math.inf:
-        facts.append(
-            f"the surface bends to that side with a radius of {radius:.3g} near {point_text(place, mesh.bounds)}"
-        )
+        near = point_text(place, mesh.bounds)
+        facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {near}")
     extents = mesh.bounds[1] - mesh.bounds[0]
     if facts and abs(thickness) > extents.max():
         size = " × ".join(f"{extent:.3g}" for extent in extents)
@@ -76,11 +73,8 @@ def thin_wall(solid: Mesh, thickness: float) -> list[str]:
     share, place = thinnest_wall(solid, thickness)
     if share >= thick_enough:
         return []
-    near = f"near {point_text(place, solid.bounds)}"
-    return [
-        f"the wall {near} is {share:.0%} of the thickness or less, as normals turn within a face: "
-        "more faces make it thicker where the surface is smooth"
-    ]
+    wall = f"the wall near {point_text(place, solid.bounds)} is {share:.0%} of the thickness or less"
+    return [f"{wall}, as normals turn within a face: more faces make it thicker where the surface is smooth"]
 
 
 def sharpest_bend(

@@ -75,9 +75,8 @@ def _folded_patches(spec: Patch | Model) -> list[str]:
 def _pieces(mesh: Mesh) -> list[str]:
     """Say in how many pieces a mesh is, if it is not one, and where the smallest is; places count as one vertex."""
     vertex = numbered_places(mesh.vertices)[1]
-    names, sizes = np.unique(
-        components_of(vertex[mesh.cells], len(mesh.vertices))[vertex[mesh.cells[:, 0]]], return_counts=True
-    )
+    piece = components_of(vertex[mesh.cells], len(mesh.vertices))
+    names, sizes = np.unique(piece[vertex[mesh.cells[:, 0]]], return_counts=True)
     if len(names) < 2:
         return []
     smallest = point_text(mesh.vertices[names[sizes.argmin()]], mesh.bounds)
@@ -126,11 +125,9 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     joints = spec.joints if isinstance(spec, Model) else find_joints(patches)
     lines = obstacles(joints, patches)
     if not isinstance(spec, Model):
-        lines += [
-            f"{edge_name(patches, joint.first)} and edge {joint.second[1]} are the same curve, but only the edges of "
-            "models are joined: write the patch as [[patches]]"
-            for joint in joints.shared
-        ]
+        why = "are the same curve, but only the edges of models are joined: write the patch as [[patches]]"
+        pairs = [f"{edge_name(patches, joint.first)} and edge {joint.second[1]}" for joint in joints.shared]
+        lines += [f"{pair} {why}" for pair in pairs]
     return lines or [f"{count} sides of triangles are open"]
 
 

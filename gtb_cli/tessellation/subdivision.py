@@ -153,15 +153,9 @@ class Subdivision:
             self._collapse(old, vertex[chosen])
         self.vertices = joined([self.vertices, Vertices(old.patch, old.middles, old.face, old.middle, old.guess)])
         self.points = self.vertices.points
-        halves = [
-            _unknown_edges(
-                np.stack([old.ends[:, end], vertex[chosen]], axis=1),
-                old.patch,
-                np.stack([old.parameters[:, end], old.middles], axis=1),
-                old.face,
-            )
-            for end in (0, 1)
-        ]
+        ends = [np.stack([end, vertex[chosen]], axis=1) for end in old.ends.T]
+        places = [np.stack([old.parameters[:, end], old.middles], axis=1) for end in (0, 1)]
+        halves = [_unknown_edges(ends[k], old.patch, places[k], old.face) for k in (0, 1)]
         self.edges.error[chosen] = 0.0
         self.edges = joined([self.edges, *halves])
         pieces, made = self._divided(rows, vertex, child)
@@ -304,12 +298,8 @@ def _edges_of(start: Complex, domains: Sequence[Domain], kinds: IntArray) -> tup
 def _turned(whole: Cells, rows: IntArray, first: IntArray) -> Cells:
     """Return some triangles, each from the given corner on."""
     order = 3 * rows[:, None] + (first[:, None] + np.arange(3)) % 3
-    return _new_cells(
-        whole.cells.ravel().take(order),
-        whole.sides.ravel().take(order),
-        whole.corners.reshape(-1, 2).take(order, axis=0),
-        whole.patch.take(rows),
-    )
+    corners = whole.corners.reshape(-1, 2).take(order, axis=0)
+    return _new_cells(whole.cells.take(order), whole.sides.take(order), corners, whole.patch.take(rows))
 
 
 def _slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -77,7 +77,7 @@ def unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray
         u = domain.center + domain.size / 2 * np.cos(angle)[:, None]
     elif u is None:
         u = domain.knots + 0.1 * (domain.center - domain.knots)
-    parameters = domain.columns(u)
+    parameters, _ = domain.grid(u)
     if len(parameters) != n:
         raise DomainError(f"parameters: expected {n}, one per knot, got {len(parameters)}")
     matrix = gt_bernstein(domain, np.ones(n), parameters)
@@ -88,9 +88,8 @@ def unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray
     columns = (matrix / rows).max(axis=0)
     scaled = matrix / rows / columns
     if np.linalg.matrix_rank(scaled) < n:
-        raise DomainError(
-            "coefficients: partition of unity has no unique solution to rounding (repeated or too many knots?)"
-        )
+        why = "no unique solution to rounding (repeated or too many knots?)"
+        raise DomainError(f"coefficients: partition of unity has {why}")
     solution = np.linalg.solve(scaled, 1.0 / rows[:, 0])
     c = solution / columns
     # Entries are powers, and the error is that of their logarithms; Skeel's bound limits the error of the solution.

@@ -57,9 +57,8 @@ def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     steps = [np.where(incidence[:, 1 - k] & (h > 0), h, np.inf).min() for k, h in enumerate(heights.T)]
     gaps = LAYER_TOLERANCE * heights.max(axis=0) / steps
     place, own = alike((heights / steps).T, gaps), incidence.all(axis=1).argmax()
-    tops, sums = summed(
-        place, log_weights, np.column_stack([np.ones(len(place)), heights / steps, points - points[own]])
-    )
+    factors = np.column_stack([np.ones(len(place)), heights / steps, points - points[own]])
+    tops, sums = summed(place, log_weights, factors)
     means, logs, here = sums[:, 1:] / sums[:, :1], tops + np.log(sums[:, 0]), place[own]
     means, logs = np.delete(means - means[here], here, axis=0), np.delete(logs - logs[here], here)
     rounding = coordinate_rounding(points)

@@ -24,7 +24,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -190,7 +190,7 @@ def _with_curvature(
         apart = determinants(i, knots.x, knots.gaps) != 0
         tilt = min(tilt, _least_power(knots, sector, knots.x[off & apart] - j))
         forms = volumes.forms(knots, sector)
-        for form, bound in zip(forms, (3 * i + j, 2 * i + 2 * j, i + 3 * j), strict=True):
+        for form, bound in zip(forms, _orders(i, j), strict=True):
             growth = min(growth, _least_power(knots, sector, form.x - bound))
         if is_plane and growth == 0:
             limits.append(_curvatures(knots, area, sector, forms))
@@ -198,14 +198,13 @@ def _with_curvature(
         return replace(found, normal_exponent=tilt, curvature=math.inf, curvature_exponent=growth)
     gaussian, mean = np.concatenate(limits, axis=1)
     largest = float((np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))).max())
-    return replace(
-        found,
-        normal_exponent=tilt,
-        curvature=largest / extent,
-        curvature_exponent=0.0,
-        gaussian=_single(gaussian, largest**2) / extent / extent,
-        mean=_single(mean, largest) / extent,
-    )
+    single = _single(gaussian, largest**2) / extent / extent, _single(mean, largest) / extent
+    return CornerLimits(found.normals, tilt, largest / extent, 0.0, *single, found.folds)
+
+
+def _orders(i: Any, j: Any) -> tuple[Any, Any, Any]:
+    """Return the orders of ⟨P_s × P_t, P_vv⟩, P_vw and P_ww where curvature is bounded."""
+    return 3 * i + j, 2 * i + 2 * j, i + 3 * j
 
 
 def _single(values: FloatArray, size: float) -> float:
@@ -310,9 +309,8 @@ class _Volumes:
             terms = square[self._sets] * self._minors
             det = terms.sum(axis=1)
             det[np.abs(det) <= 1e-9 * np.abs(terms).sum(axis=1)] = 0.0
-            tops, sums = summed(
-                self._number, self._logs, np.stack([det * self._volumes, np.abs(det) * self._unsure], 1)
-            )
+            factors = np.stack([det * self._volumes, np.abs(det) * self._unsure], axis=1)
+            tops, sums = summed(self._number, self._logs, factors)
             found.append(rows_of(Powers(self._x, tops, sums[:, :1]), np.abs(sums[:, 0]) > sums[:, 1]))
         return found
 
@@ -337,18 +335,12 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
         leading.append(rows_of(every, along))
     i, j = knots.x[[sector.first, sector.second]] @ ray
     area = area.of_order(i + j, ray, gaps)
-    limits = [
-        form.of_order(order, ray, gaps)
-        for form, order in zip(forms, (3 * i + j, 2 * i + 2 * j, i + 3 * j), strict=True)
-    ]
+    limits = [form.of_order(order, ray, gaps) for form, order in zip(forms, _orders(i, j), strict=True)]
     places = turning_places(ray, [*leading, area, *limits])
     a, b = (sums.logarithms(places).max(axis=0) for sums in leading)
     first, second = (sums.at(places, shift) for sums, shift in zip(leading, (a, b), strict=True))
     length = np.linalg.norm(area.at(places, a + b), axis=1)
-    xx, xy, yy = (
-        form.at(places, shift)[:, 0] / length
-        for form, shift in zip(limits, (3 * a + b, 2 * a + 2 * b, a + 3 * b), strict=True)
-    )
+    xx, xy, yy = (form.at(places, shift)[:, 0] / length for form, shift in zip(limits, _orders(a, b), strict=True))
     e, f, g = dot(first, first), dot(first, second), dot(second, second)
     det = (cross(first, second) ** 2).sum(axis=1)  # e g − f² without cancellation
     return np.stack([(xx * yy - xy**2) / det, (2 * f * xy - g * xx - e * yy) / (2 * det)])

@@ -222,11 +222,8 @@ def _power_terms(powers: FloatArray, zero: BoolArray, e: FloatArray, directions:
         for bend, (a, b) in zip(bends, ways, strict=True):
             both = directions[i, a] * directions[after, b] + directions[after, a] * directions[i, b]
             bend += factors @ np.concatenate([directions[i : i + 1, a] * directions[i, b], both])
-    return Terms(
-        f * on_face[:, None],
-        tuple(f * (slopes @ directions[:, a]) for a in range(d)),
-        tuple(f * bend for bend in bends),
-    )
+    rates = tuple(f * (slopes @ directions[:, a]) for a in range(d))
+    return Terms(f * on_face[:, None], rates, tuple(f * bend for bend in bends))
 
 
 def _unlimited(powers: FloatArray, order: int) -> BoolArray:

@@ -62,10 +62,8 @@ class Curve:
         # Where knots crowd, so do features of the curve; where weights vary, a knot matters far out on the torus.
         regularity = np.diff(self.knots).min() * (count - 1) if count > 1 else 1.0
         regularity /= 1.0 + np.abs(self.log_weights).max()
-        return bool(
-            np.abs(self.knots - other.knots).max() <= CURVE_TOLERANCE * regularity
-            and np.abs(self.log_weights - other.log_weights).max() <= CURVE_TOLERANCE
-        )
+        has_same_knots = np.abs(self.knots - other.knots).max() <= CURVE_TOLERANCE * regularity
+        return bool(has_same_knots and np.abs(self.log_weights - other.log_weights).max() <= CURVE_TOLERANCE)
 
     def points_at(self, fractions: FloatArray) -> FloatArray:
         """Return points at fractions of the knots' hull, between its ends: (m,) → (m, 3)."""

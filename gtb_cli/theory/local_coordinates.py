@@ -98,14 +98,12 @@ class Local(NamedTuple):
         """Return terms at (n, m) logarithms of T relative to knot k, so scaled that the pivots' terms have slope 1."""
         logs = [e[pivot, np.arange(e.shape[1])] for pivot in self.pivots]
         pairs = combinations_with_replacement(range(len(self.axes)), 2)
-        return Terms(
-            _weighted(e, layers.point, 0.0, 1.0),
-            tuple(map(_weighted, [e] * len(self.axes), layers.first, logs, self.axes)),
-            tuple(
-                _weighted(e, members, logs[a] + logs[b], self.axes[a] * (self.axes[b] - (a == b)))
-                for members, (a, b) in zip(layers.second, pairs, strict=True)
-            ),
-        )
+        first = tuple(map(_weighted, [e] * len(self.axes), layers.first, logs, self.axes))
+        second = [
+            _weighted(e, members, logs[a] + logs[b], self.axes[a] * (self.axes[b] - (a == b)))
+            for members, (a, b) in zip(layers.second, pairs, strict=True)
+        ]
+        return Terms(_weighted(e, layers.point, 0.0, 1.0), first, tuple(second))
 
 
 def neighbourhoods(

@@ -151,10 +151,9 @@ def _at_corner(patch: Blend, face: Face) -> FloatArray:
     before, after, at_corner = face.index - 1, face.index, np.flatnonzero(face.knots)
     deltas = offsets_from(patch.control_points, int(at_corner[0]))
     if not face_layers(shape, face).slow.any():
-        ends = [
-            next(layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0)))
-            for edge, other in ((after, before), (before, after))
-        ]
+        edges = (after, before), (before, after)
+        rises = [np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0) for edge, other in edges]
+        ends = [next(layers(rise)) for rise in rises]
         middle, *ways = (deltas[knots].T @ shares(log_weights[knots, None]) for knots in (at_corner, *ends))
         rounding = coordinate_rounding(patch.control_points)
         normal = _unit_cross(*(cleared(way - middle, rounding) for way in ways))[0][0]

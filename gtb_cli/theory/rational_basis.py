@@ -40,7 +40,7 @@ class RationalBasis:
         `DomainError` is raised if a parameter lies outside Δ or the parametrisation is unknown, `ToleranceError` if a
         linear one was not found to `RESIDUAL`.
         """
-        columns = self.domain.columns(u)
+        columns, _ = self.domain.grid(u)
         if parametrization == "toric":
             return toric_locations(self.domain, columns, faces)
         if parametrization == "linear":

@@ -36,9 +36,7 @@ def both_weights(weights: ArrayLike | None, logarithms: ArrayLike | None, n: int
         powers = read_only(np.exp(logarithms))
         weights = powers if weights is None else read_only(weights)
         if weights.shape == powers.shape:  # others are refused later
-            equal = (weights == powers) | (
-                np.abs(weights - powers) <= 1e-9 * np.minimum(weights, powers) + np.finfo(float).tiny
-            )
-            if not equal.all():
+            rounding = 1e-9 * np.minimum(weights, powers) + np.finfo(float).tiny
+            if not ((weights == powers) | (np.abs(weights - powers) <= rounding)).all():
                 raise DomainError("weights: disagree with log_weights; `Patch.replace` changes both")
     return weights, logarithms

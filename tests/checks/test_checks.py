@@ -83,9 +83,8 @@ def test_they_hold_at_any_size_and_place(index, name):
     ]
     patch = spec(name)
     for scale, shift, points_scale, points_shift in (scales[3 * (index % 2)], scales[(1, 2, 4)[index % 3]]):
-        moved = patch.replace(
-            knots=patch.knots * scale + shift, control_points=patch.control_points * points_scale + points_shift
-        )
+        points = patch.control_points * points_scale + points_shift
+        moved = patch.replace(knots=patch.knots * scale + shift, control_points=points)
         report = check_patch(moved)
         assert report.holds
         # Even then most of it can be told.
@@ -361,9 +360,8 @@ def test_a_patch_without_points_fails(name, kind):
 def test_progressive_iteration_of_the_bernstein_basis():
     """The Bernstein operator of degree n has the eigenvalues n!/((n − k)! nᵏ)."""
     for n in (2, 3, 5):
-        patch = Patch(
-            range(n + 1), [[i, i * i] for i in range(n + 1)], coefficients=[math.comb(n, i) for i in range(n + 1)]
-        )
+        points, binomials = [[i, i * i] for i in range(n + 1)], [math.comb(n, i) for i in range(n + 1)]
+        patch = Patch(range(n + 1), points, coefficients=binomials)
         found = finding(patch, "progressive iteration")
         assert found.status == "holds"
         assert found.value == pytest.approx(1 - math.factorial(n) / n**n, abs=SOLVED)

@@ -75,9 +75,8 @@ def test_a_process_that_crashes_is_one_line_and_leaves_nothing(tmp_path):
 
 @pytest.mark.parametrize("format", mostly_long(["obj", "stl"]))
 def test_what_needs_more_memory_is_refused(format, tmp_path):
-    assert refused(tmp_path, "--max-memory", "400M", *HUGE, "-f", format, "-o", "old.obj").endswith(
-        ": not enough memory for this within --max-memory 400M\n"
-    )
+    text = refused(tmp_path, "--max-memory", "400M", *HUGE, "-f", format, "-o", "old.obj")
+    assert text.endswith(": not enough memory for this within --max-memory 400M\n")
 
 
 @long
@@ -100,9 +99,8 @@ def test_within_its_bounds_a_command_does_what_it_does_without(tmp_path):
     words = ("mesh", PENTAGON, BICUBIC, "-n", "2", "-o")
     gtb(*words, f"{plain}/", status=0)
     assert process(*bounds, *words, f"{within}/", "-j", "2").status == 0
-    assert [path.read_bytes() for path in sorted(plain.iterdir())] == [
-        path.read_bytes() for path in sorted(within.iterdir())
-    ]
+    one, other = ([path.read_bytes() for path in sorted(folder.iterdir())] for folder in (plain, within))
+    assert one == other
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -57,6 +57,5 @@ def test_eval_names_the_wrong_line_of_many(text, message, parametrization):
 def test_eval_of_many_lines():
     u = np.random.default_rng(5).uniform(0, 3, (2 * BATCH_LINES + 3, 2))
     text = b"".join(b"%r %r\n" % tuple(row) for row in u.tolist())
-    np.testing.assert_allclose(
-        rows(gtb("eval", BICUBIC, stdin=text).out), gtb_cli.load(BICUBIC).evaluate(u), rtol=0, atol=1e-14
-    )
+    found = rows(gtb("eval", BICUBIC, stdin=text).out)
+    np.testing.assert_allclose(found, gtb_cli.load(BICUBIC).evaluate(u), rtol=0, atol=1e-14)

@@ -42,10 +42,8 @@ def brute_force(knots, lifting):
         if d == 1:
             gradient = [Fraction(rises[0]) / determinant]
         else:
-            gradient = [
-                Fraction(rises[0] * rows[1][1] - rises[1] * rows[0][1]) / determinant,
-                Fraction(rises[1] * rows[0][0] - rises[0] * rows[1][0]) / determinant,
-            ]
+            minors = rises[0] * rows[1][1] - rises[1] * rows[0][1], rises[1] * rows[0][0] - rises[0] * rows[1][0]
+            gradient = [Fraction(minor) / determinant for minor in minors]
         gaps = [
             lifting[a] + sum(g * (q - p) for g, p, q in zip(gradient, knots[a], knot, strict=True)) - value
             for knot, value in zip(knots, lifting, strict=True)

@@ -147,9 +147,8 @@ def test_any_hull_is_convex_and_holds_its_knots(patch):
     edges = np.roll(v, -1, axis=0) - v
     following = np.roll(edges, -1, axis=0)
     assert (edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0] > 0).all()
-    turn = np.arctan2(
-        edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0], (edges * following).sum(axis=1)
-    ).sum()
+    crosses = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    turn = np.arctan2(crosses, (edges * following).sum(axis=1)).sum()
     assert turn == pytest.approx(2 * math.pi)
     assert (shape.heights >= 0).all()
     assert ((shape.heights == 0) == shape.incidence).all()
@@ -366,13 +365,8 @@ def test_a_curves_parameters_are_checked_alike():
 
 
 def test_parameters_of_a_curve_are_a_grid_of_numbers_and_those_of_a_surface_one_of_pairs():
-    assert [domain([0, 1, 3]).grid(u)[1] for u in (1, [1, 2], [[1], [2]], [[1, 2]], [[[1], [2]]])] == [
-        (),
-        (2,),
-        (2,),
-        (1, 2),
-        (1, 2),
-    ]
+    grids = [domain([0, 1, 3]).grid(u)[1] for u in (1, [1, 2], [[1], [2]], [[1, 2]], [[[1], [2]]])]
+    assert grids == [(), (2,), (2,), (1, 2), (1, 2)]
     assert [domain(SQUARE).grid(u)[1] for u in ([1, 1], [[1, 1]], np.ones((3, 4, 2)))] == [(), (1,), (3, 4)]
 
 

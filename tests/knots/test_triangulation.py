@@ -168,9 +168,8 @@ def test_moved_vertices_never_turn_cells_over_around_the_centre(corners, resolut
             part = part.moved(shape.vertices, edge, fractions)
             usual = usual.moved(shape.vertices, edge, fractions)
             start, end = shape.vertices[edge], shape.vertices[(edge + 1) % corners]
-            np.testing.assert_array_equal(
-                part.parameters[part.side(edge)[:-1]], start + fractions[:-1, None] * (end - start)
-            )
+            expected = start + fractions[:-1, None] * (end - start)
+            np.testing.assert_array_equal(part.parameters[part.side(edge)[:-1]], expected)
         assert not part.is_turned_over()
         turned += usual.is_turned_over()
     assert turned == 0 if corners == 5 or resolution == 1 else turned > 0 or resolution == 2

@@ -140,9 +140,8 @@ def test_limits_of_example_34(lifting, knots):
     """Also property (g): one weight alone gives the polyline b_0 b_i b_n."""
     patch = irrational_curve()
     model = regular_control_surface(patch, lifting)
-    assert [part.control_points.tolist() for part in model.patches] == [
-        patch.control_points[cell].tolist() for cell in knots
-    ]
+    expected = [patch.control_points[cell].tolist() for cell in knots]
+    assert [part.control_points.tolist() for part in model.patches] == expected
 
 
 def test_the_limit_for_small_x_is_that_of_the_opposite_lifting():
@@ -209,9 +208,8 @@ def test_a_merged_patch_is_the_patch_with_repeated_knots(order, count, seed):
     patch = bicubic()
     inner = [k for k in order if k not in (0, 3, 12, 15)]
     moves = {inner[i]: inner[rng.integers(i + 1, len(inner))] for i in range(count)}
-    patch = patch.replace(
-        weights=rng.uniform(0.5, 2, 16), coefficients=rng.uniform(0.5, 2, 16), edge_scale=[1, 2, 0.5, 1]
-    )
+    weights, coefficients = rng.uniform(0.5, 2, (2, 16))
+    patch = patch.replace(weights=weights, coefficients=coefficients, edge_scale=[1, 2, 0.5, 1])
     u = np.concatenate([rng.uniform(0, 3, (20, 2)), [[0, 0], [3, 1.5], [1, 0], [0, 2.5], [3, 3]]])
     points = move_knots(patch, moves, 1).evaluate(u)
     np.testing.assert_allclose(merge_knots(patch, moves).evaluate(u), points, atol=1e-13)

@@ -114,9 +114,8 @@ def test_edges_become_one_only_if_each_two_are_near():
     """Eight edges, each 0.09 from the next, became one, and moved by 0.315."""
     ways = [(np.cos(k), np.sin(k), 0.0) for k in range(8)]
     fan = [Patch(SQUARE, np.outer(SQUARE[:, 1], (0, 0, 1)) + np.outer(SQUARE[:, 0], way)) for way in ways]
-    fan = [
-        patch.replace(control_points=patch.control_points + np.array([0, 0, 0.09 * k])) for k, patch in enumerate(fan)
-    ]
+    lifts = np.outer(0.09 * np.arange(8), (0, 0, 1))
+    fan = [patch.replace(control_points=patch.control_points + lift) for patch, lift in zip(fan, lifts, strict=True)]
     joints = find_joints(fan, weld=0.1)
     assert {joint.second[0] - joint.first[0] for joint in joints.shared} == {1}
     assert not joints.crowded
@@ -132,9 +131,8 @@ def test_each_edge_is_almost_the_same_as_those_nearest_to_it():
     turns = np.radians(0.01 * np.arange(40))
     row = [Patch(SQUARE, np.column_stack([SQUARE @ [[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]])) for a in turns]
     almost = find_joints(row).almost
-    assert {(a, b, i) for (i, a), (j, b), _ in almost if j == i + 1 and a == b} == {
-        (k, k, i) for k in range(4) for i in range(39)
-    }
+    following = {(a, b, i) for (i, a), (j, b), _ in almost if j == i + 1 and a == b}
+    assert following == {(k, k, i) for k in range(4) for i in range(39)}
     assert len(almost) < 200
 
 
@@ -219,8 +217,6 @@ def test_knots_are_compared_more_closely_where_weights_vary():
     points = np.array([[0, 0, 0], [1, 1, 0], [0, 1, 0.5], [1, 0, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
     beside = points * [1, 1, -1] + [0, 0, 1] * (points[:, 2:] == 0.5)
     for off, count in ((0, 1), (1e-12, 1), (0.95e-9, 0)):
-        one, other = (
-            Patch([[0, 0], [1 / 3, 0], [2 / 3 + shift, 0], [1, 0], [0, 1], [1, 1]], own, weights)
-            for shift, own in ((0, points), (off, beside))
-        )
+        knots = [[[0, 0], [1 / 3, 0], [2 / 3 + shift, 0], [1, 0], [0, 1], [1, 1]] for shift in (0, off)]
+        one, other = Patch(knots[0], points, weights), Patch(knots[1], beside, weights)
         assert len(find_joints([one, other]).shared) == count

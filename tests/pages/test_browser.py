@@ -191,9 +191,8 @@ def test_keys_do_what_the_page_says(browser, show):
         after = browser.run("return {...state}")
         assert [other for other in before if before[other] != after[other]] == [name]
     help_ = browser.run("return document.getElementById('panel').textContent")
-    assert [
-        word for word in ("Arrows", "+ −", "1–7", "c n k e o p a", "Space", "[ ]", "d: dark") if word not in help_
-    ] == []
+    words = "Arrows", "+ −", "1–7", "c n k e o p a", "Space", "[ ]", "d: dark"
+    assert [word for word in words if word not in help_] == []
 
 
 def test_a_switch_that_has_the_focus_takes_the_space_bar(browser, show):
@@ -295,12 +294,10 @@ def test_a_link_shows_the_same(browser, show):
     image = browser.picture()[:, 270:]
     browser.open(browser.run("return location.href"))
     assert changed(image, browser.picture()[:, 270:]) < 0.001
-    browser.open(
-        address.partition("#")[0] + "#mode=none&section=w&at=x&zoom=&explode=1e99&from=1,2&frame=NaN&nothing=1"
-    )
-    assert browser.run("return [state.mode, state.section, state.at, state.explode, measured()]") == [
-        *("shaded", "", 0.5, 1, None)
-    ]
+    wrong = "mode=none&section=w&at=x&zoom=&explode=1e99&from=1,2&frame=NaN&nothing=1"
+    browser.open(f"{address.partition('#')[0]}#{wrong}")
+    seen = browser.run("return [state.mode, state.section, state.at, state.explode, measured()]")
+    assert seen == ["shaded", "", 0.5, 1, None]
 
 
 def test_patches_part_and_come_back(browser, show):
@@ -346,16 +343,13 @@ def test_a_mode_that_a_page_lacks_is_named(browser, show):
     show("plate", mode="zebra")
     assert browser.run("return $('remarks').textContent") == ""
     show("plate", mode="mean")
-    assert browser.run("return [state.mode, $('remarks').textContent]") == [
-        *("shaded", "The address asks for mean curvature, which is shown of a spec's surface alone.")
-    ]
+    remark = "The address asks for mean curvature, which is shown of a spec's surface alone."
+    assert browser.run("return [state.mode, $('remarks').textContent]") == ["shaded", remark]
     show("bicubic", mode="wall")
-    assert "wall thickness, which is shown of a closed mesh, and this is none" in browser.run(
-        "return $('remarks').textContent"
-    )
-    assert browser.run("return [...$('mode').options].filter(o => o.disabled).map(o => o.value)") == [
-        *("wall", "overhangs")
-    ]
+    remarks = browser.run("return $('remarks').textContent")
+    assert "wall thickness, which is shown of a closed mesh, and this is none" in remarks
+    disabled = browser.run("return [...$('mode').options].filter(o => o.disabled).map(o => o.value)")
+    assert disabled == ["wall", "overhangs"]
 
 
 def test_a_picture_has_twice_the_size_and_no_background_if_asked(browser, show):
@@ -367,9 +361,8 @@ def test_a_picture_has_twice_the_size_and_no_background_if_asked(browser, show):
     assert browser.run(corner)[3] == 255
     browser.run("set({back: false})")
     assert browser.run(corner) == [0, 0, 0, 0]
-    browser.run(
-        "HTMLAnchorElement.prototype.click = function () { window.saved = [this.download, this.href]; }; save()"
-    )
+    click = "function () { window.saved = [this.download, this.href]; }"
+    browser.run(f"HTMLAnchorElement.prototype.click = {click}; save()")
     end = time.monotonic() + 20
     while not (saved := browser.run("return window.saved")) and time.monotonic() < end:
         time.sleep(0.05)
@@ -459,9 +452,8 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
     try:
         browser.open(re.search(r"http://127\.0\.0\.1:\d+/", server.stderr.readline())[0])
         rows = "[...$('sliders').children]"
-        assert browser.run(f"return {rows}.map(row => row.dataset.name)") == [
-            *("sides", "width", "height", "foot", "belly", "roundness")
-        ]
+        names = browser.run(f"return {rows}.map(row => row.dataset.name)")
+        assert names == ["sides", "width", "height", "foot", "belly", "roundness"]
         assert browser.run(f"return {rows}[3].querySelector('input').value") == "50"
         before, turns = browser.picture(), {"sides": 7, "width": 100, "height": 70, "foot": 40, "roundness": 1}
         for name, value in turns.items():

@@ -30,9 +30,8 @@ def bent(angle: float) -> Model:
     a = math.radians(angle)
     far = np.array([math.cos(a), 0, -math.sin(a)])
     left = Patch([[0, 0], [1, 0], [0, 1], [1, 1]], [[-1, 0, 0], [0, 0, 0], [-1, 1, 0], [0, 1, 0]], name="left")
-    right = Patch(
-        [[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 0, 0], far, [0, 1, 0], far + np.array([0, 1, 0])], name="right"
-    )
+    points = [[0, 0, 0], far, [0, 1, 0], far + np.array([0, 1, 0])]
+    right = Patch([[0, 0], [1, 0], [0, 1], [1, 1]], points, name="right")
     return Model((left, right), name="bent")
 
 
@@ -55,9 +54,8 @@ def test_a_mesh_has_each_patch_s_normals_at_its_corners(angle):
     assert (len(mesh.vertices), len(mesh.normals)) == (45, 45 + (seam if angle else 0))
     assert mesh.exact_normals
     for (_, start, stop), normal in zip(mesh.groups, own(angle), strict=True):
-        np.testing.assert_allclose(
-            mesh.normals[mesh.normal_of[start:stop]], normal + np.zeros((stop - start, 3, 3)), atol=1e-12
-        )
+        expected = np.broadcast_to(normal, (stop - start, 3, 3))
+        np.testing.assert_allclose(mesh.normals[mesh.normal_of[start:stop]], expected, atol=1e-12)
     assert mesh.largest_split == pytest.approx(angle, abs=1e-9)
     split = mesh.split
     assert (split.vertices[split.cells] == mesh.vertices[mesh.cells]).all()
@@ -153,11 +151,8 @@ def test_a_page_of_a_written_solid_is_closed_and_has_no_folds(tmp_path):
         path = tmp_path / f"solid.{kind}"
         write_mesh(mesh, path)
         content = content_of_mesh(read_mesh(path), "solid")
-        assert {name: len(lines) for name, lines in content.lines.items() if name != "border"} == {
-            "open": 0,
-            "folds": 0,
-            "net": 0,
-        }
+        counts = {name: len(lines) for name, lines in content.lines.items() if name != "border"}
+        assert counts == {"open": 0, "folds": 0, "net": 0}
         assert "open" not in page_data(content)["facts"]
 
 

@@ -111,11 +111,8 @@ def test_the_page_says_whether_normals_are_exact():
     even = Patch(square, [[x, y, x * y] for x, y in square])
     fold = Patch([[i, j] for i in range(3) for j in (0, 1)], [[abs(i - 1), j, 0] for i in range(3) for j in (0, 1)])
     mesh = gtb_cli.tessellate(even, 2)
-    exact, partly, bare = (
-        content_of(even, Recipe(2)),
-        content_of(fold, Recipe(2)),
-        content_of_mesh(Mesh(mesh.vertices, mesh.cells), ""),
-    )
+    exact, partly = (content_of(shape, Recipe(2)) for shape in (even, fold))
+    bare = content_of_mesh(Mesh(mesh.vertices, mesh.cells), "")
     assert [each.normals for each in (exact, partly)] == ["exact at vertices", "not all exact"]
     assert joined([exact, partly]).normals == joined([partly, exact]).normals == "not all exact"
     assert joined([exact, bare]).normals == f"exact at vertices and {bare.normals}"
@@ -210,9 +207,8 @@ def test_patches_are_taken_apart_and_the_section_is_flipped():
     code += "\n".join(["const state = {at: 0.25, section: ''};", *pieces, ""])
     for options in ("explode: 0", "explode: 0.5", 'section: "x", flip: false', 'section: "x", flip: true'):
         code += f"Object.assign(state, {{{options}}}); found.push([...shiftOf(0), cutPlane().n[0], cutPlane().d]);\n"
-    done = subprocess.run(
-        ["node", "-e", f"{code}console.log(JSON.stringify(found))"], stdout=subprocess.PIPE, check=True
-    )
+    program = f"{code}console.log(JSON.stringify(found))"
+    done = subprocess.run(["node", "-e", program], stdout=subprocess.PIPE, check=True)
     found = np.array(json.loads(done.stdout))
     np.testing.assert_allclose(found[:2, :3], [[0, 0, 0], [0.5, 1, 1.5]])
     np.testing.assert_allclose(found[2:, 3:], [[1, 1], [-1, -1]], atol=1e-6)

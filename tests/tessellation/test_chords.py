@@ -33,9 +33,8 @@ def dense_points(curve: Patch) -> np.ndarray:
     for _ in range(3):
         steps = np.linalg.norm(np.diff(points(s), axis=0), axis=1)
         pieces = np.clip(steps / steps.sum() * SAMPLES, 1, 16).astype(int)
-        s = np.append(
-            np.concatenate([np.linspace(*ends, n, False) for *ends, n in zip(s, s[1:], pieces, strict=False)]), s[-1]
-        )
+        parts = [np.linspace(*ends, n, False) for *ends, n in zip(s, s[1:], pieces, strict=False)]
+        s = np.concatenate([*parts, s[-1:]])
     return points(s)
 
 

@@ -247,9 +247,8 @@ def test_curves_are_refined_where_they_bend():
         assert largest_distance(shape, mesh) <= tolerance * (1 + SLACK)
         assert (mesh.edges[:, 1] - mesh.edges[:, 0] != 0).all()
         order = np.argsort(mesh.parameters[:, 0])
-        assert sorted(map(tuple, mesh.edges.tolist())) == sorted(
-            zip(order[:-1].tolist(), order[1:].tolist(), strict=True)
-        )
+        steps = zip(order[:-1].tolist(), order[1:].tolist(), strict=True)
+        assert sorted(map(tuple, mesh.edges.tolist())) == sorted(steps)
 
 
 def nearest_distance(shape: Patch, mesh: Mesh, samples: int = 4000) -> float:

@@ -157,10 +157,8 @@ def test_a_straight_edge_is_joined_whatever_its_speed():
 def test_three_representations_on_one_edge_meet_in_the_same_vertices():
     one = curve(ARC, [1, 0.5**0.5, 1])
     ways = np.array([[1.0, 1, 0], [-1.0, -1, 1], [0, 0, 1.0]])
-    fan = [
-        loft(side, 0 * UP, way)
-        for side, way in zip((one, represented(one, 3, 1), represented(one, 0.2, 2)), ways, strict=True)
-    ]
+    sides = one, represented(one, 3, 1), represented(one, 0.2, 2)
+    fan = [loft(side, 0 * UP, way) for side, way in zip(sides, ways, strict=True)]
     model = Model(tuple(fan))
     assert model.joints.crowded == (((0, 0), (1, 0), (2, 0)),)
     for options in ({"resolution": 5}, {"tolerance": 1e-3}):

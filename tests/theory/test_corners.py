@@ -50,9 +50,8 @@ def corner_patch(kind: str, seed: int) -> Patch:
 
 def jet(patch: Patch, s: Any, t: Any) -> tuple[float, Any, Any]:
     """Distance from the corner, sine of the normal's angle with z, and largest curvature, at torus coordinates."""
-    knots, points = (
-        [[MP.mpf(v) for v in row] for row in table.tolist()] for table in (patch.knots, patch.control_points)
-    )
+    tables = patch.knots.tolist(), patch.control_points.tolist()
+    knots, points = ([[MP.mpf(v) for v in row] for row in table] for table in tables)
     e = [MP.exp(x * s + y * t + MP.mpf(float(w))) for (x, y), w in zip(knots, patch.log_products, strict=True)]
     total = sum(e)
     e = [value / total for value in e]

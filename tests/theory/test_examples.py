@@ -64,9 +64,8 @@ def test_example_2_2_basis():
     beta = gt_bernstein(patch.domain, np.ones(8), points)
     assert beta == pytest.approx(printed, rel=10 * FORMULA_ERROR)
     unweighted = patch.replace(weights=np.ones(8))
-    assert unweighted.basis(points) == pytest.approx(
-        printed / printed.sum(axis=1, keepdims=True), rel=10 * FORMULA_ERROR
-    )
+    expected = printed / printed.sum(axis=1, keepdims=True)
+    assert unweighted.basis(points) == pytest.approx(expected, rel=10 * FORMULA_ERROR)
 
 
 def test_example_3_1_curve():
