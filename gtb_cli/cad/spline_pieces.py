@@ -105,15 +105,12 @@ def corner_pieces(
     ends = np.array([0.5 if pair[0] is None else pair[0].end for pair in pairs])[:, None]
     middles, pieces = (1 - ends) * v + ends * np.roll(v, -1, axis=0), []
     for k in range(len(v)):
+        own, before = (k, pairs[k][0], borders[k]), ((k - 1) % len(v), pairs[k - 1][1], borders[k - 1])
         corners = [[v[k], middles[k - 1]], [middles[k], v.mean(axis=0)]]
-        given: list[tuple[Any, Any]] = [
-            (k, (k - 1) % len(v)),
-            (pairs[k][0], pairs[k - 1][1]),
-            (borders[k], borders[k - 1]),
-        ]
+        sides: list[Any] = [*zip(own, before, 3 * [None], strict=True)]
         if is_polar:
             corners = [[v[k], v[k]], [middles[k], middles[k - 1]]]
-        sides = [(one, None, other) if is_polar else (one, other, None) for one, other in given]
+            sides = [*zip(own, 3 * [None], before, strict=True)]
         pieces.append(Piece(np.array(corners), k, *sides))
     return pieces, middles
 
