@@ -144,16 +144,9 @@ def fill(
                 streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
             return
         name = None if isinstance(found, Model) else named or input_stem(loop)
-        filling = filled(
-            found,
-            hole,
-            name,
-            continuity=continuity,
-            inner=inner,
-            fullness=fullness or 1.0,
-            raises=raises,
-            g2_tolerance=g2_tolerance,
-        )
+        options = {"continuity": continuity, "inner": inner, "fullness": fullness or 1.0, "raises": raises}
+        with streams.console.clock("fill"):
+            filling = filled(found, hole, name, **options, g2_tolerance=g2_tolerance)
     if kind is not None and not filling.fault:
         from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
 

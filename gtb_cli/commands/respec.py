@@ -177,7 +177,8 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
 
     with streams.spec_of(spec) as loaded:
         model = loaded if isinstance(loaded, Model) else None
-        found = made_fair(model, energy, keep) if model else (made_fair(single(loaded), energy, keep),)
+        with streams.console.clock("fair"):
+            found = made_fair(model, energy, keep) if model else (made_fair(single(loaded), energy, keep),)
         text = dump(model.replace(patches=tuple(part.patch for part in found)) if model else found[0].patch)
     streams.write(text)
     names = [f"{patch_name(part.patch, index)}: " if model else "" for index, part in enumerate(found)]

@@ -93,16 +93,8 @@ def fill(
         source = os.fspath(loop)
         found, named = read_loop(read_file(source, MAX_BYTES + 1), source)
         name = name or named
-    return filled(
-        found,
-        hole,
-        name,
-        continuity=continuity,
-        inner=inner,
-        fullness=fullness,
-        raises=raises,
-        g2_tolerance=g2_tolerance,
-    )
+    options = {"continuity": continuity, "inner": inner, "fullness": fullness, "raises": raises}
+    return filled(found, hole, name, **options, g2_tolerance=g2_tolerance)
 
 
 def filled(found: Sequence[HoleSide] | Model | Part, hole: str | None, name: str | None, **options: Any) -> Filling:

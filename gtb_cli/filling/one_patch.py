@@ -24,6 +24,7 @@ from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
 from gtb_cli.fairing.metric import forms
 from gtb_cli.fairing.variation import bendings
+from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
@@ -33,12 +34,17 @@ from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
+from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
 VISIBLE, NEARER = LEFT_OUT
 """Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
+
+
+FLAT_BEND = 1e-9
+"""Curvature of a flat neighbour, by rounding, of 1 / size."""
 
 
 class _Attempt(NamedTuple):
@@ -68,16 +74,7 @@ def fill_loop(
     tangent planes or curvatures.
     """
     sides = met_with(continuity, sides)
-    if inner not in ("fair", "flat"):
-        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
-    if not 0 < fullness <= 1000:
-        raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
-    if fullness != 1 and all(side.across is None for side in sides):
-        raise DomainError("fullness: continues along tangent planes, and no side has any")
-    if not g2_tolerance > 0:
-        raise DomainError(f"g2_tolerance: must be positive, got {g2_tolerance!r}")
-    if raises is not None and (isinstance(raises, bool) or raises < 0):
-        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
+    _check_options(sides, inner, fullness, raises, g2_tolerance)
     max_sides = 24  # with more, there are too few inner knots for the corners
     quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
     disagreeing = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
@@ -94,32 +91,17 @@ def fill_loop(
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
     attempt = partial(_attempt, unit, normals, np.flatnonzero(sound).tolist(), inner, fullness)
     best = _best(attempt, _plans(unit, raises))
-    patch, turns = best.patch, best.sharp_turns
+    patch = best.patch
     ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
-    bends = corner_bends(unit, normals)
     largest = max((np.abs(side.bend).max() for side in unit if side.bend is not None), default=0.0)
-    rounding = 1e-9  # of curvatures, of 1 / size: those of flat neighbours
-    for k in np.flatnonzero(bends > 1e-6 * largest + rounding):  # of what is extrapolated
-        remarks.append(
-            f"{ordered[k - 1].name} and {ordered[k].name}: mean curvatures of their neighbours differ by "
-            f"{bends[k] / size:.2g} at their corner"
-        )
-    if any(best.raises):
-        remarks.append(f"degrees of the sides are raised by {', '.join(map(str, best.raises))}")
-    for side, n in zip(ordered, normals, strict=True):
-        turn = 0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min()))
-        if turns and turn > 90:  # a patch that follows such planes faces the other way, and then back
-            remarks.append(
-                f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply "
-                "there"
-            )
+    remarks += _remarks(unit, normals, size, largest, best)
     contacts = tuple(contact(patch, k, side, n) for k, (side, n) in enumerate(zip(ordered, normals, strict=True)))
     for side, found in zip(ordered, contacts, strict=True):
-        if found.bend * size > g2_tolerance * largest + rounding and side.bend is not None:
-            share = found.bend * size / max(largest, rounding)
+        if found.bend * size > g2_tolerance * largest + FLAT_BEND and side.bend is not None:
+            share = found.bend * size / max(largest, FLAT_BEND)
             raise DomainError(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
@@ -135,9 +117,47 @@ def fill_loop(
         tuple(corner_limits(patch, edge_of(patch, k)) for k in range(len(ordered))),
         best.raises,
         best.folds,
-        0 if best.folds else turns,
+        0 if best.folds else best.sharp_turns,
         tuple(remarks),
     )
+
+
+def _check_options(
+    sides: Sequence[HoleSide], inner: str, fullness: float, raises: int | None, g2_tolerance: float
+) -> None:
+    if inner not in ("fair", "flat"):
+        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
+    if not 0 < fullness <= 1000:
+        raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
+    if fullness != 1 and all(side.across is None for side in sides):
+        raise DomainError("fullness: continues along tangent planes, and no side has any")
+    if not g2_tolerance > 0:
+        raise DomainError(f"g2_tolerance: must be positive, got {g2_tolerance!r}")
+    if raises is not None and (isinstance(raises, bool) or raises < 0):
+        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
+
+
+def _remarks(
+    sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], size: float, largest: float, best: _Attempt
+) -> list[str]:
+    """Say where neighbours' curvatures disagree, how degrees are raised, and along which sides planes turn over."""
+    bends, alike = corner_bends(sides, normals), 1e-6 * largest + FLAT_BEND  # of what is extrapolated
+    remarks = [
+        f"{sides[k - 1].name} and {sides[k].name}: mean curvatures of their neighbours differ by "
+        f"{bend / size:.2g} at their corner"
+        for k, bend in enumerate(bends.tolist())
+        if bend > alike
+    ]
+    if any(best.raises):
+        remarks.append(f"degrees of the sides are raised by {', '.join(map(str, best.raises))}")
+    for side, n in zip(sides, normals, strict=True):
+        turn = 0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min()))
+        if best.sharp_turns and turn > 90:  # a patch that follows such planes faces the other way, and then back
+            remarks.append(
+                f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply "
+                "there"
+            )
+    return remarks
 
 
 def met_with(continuity: str | Mapping[str, str], sides: Sequence[HoleSide]) -> list[HoleSide]:
@@ -247,20 +267,38 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, samples_alon
         matrices = partial(forms, knots, weights, orders=(2, 3))
         # The search begins in the metric of the domain.
         second, third = matrices(s, zones[0], np.column_stack([knots, np.zeros(len(knots))]))
-        found = [least(third + 30 / areas.sum() * second)]
+        energies = [third + 30 / areas.sum() * second]
+        found = [least(energies[0])]
         area = measured(zones[:1], found)[0][0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
         # it varies less at the boundary, and more inside.
         seen = depths == 1  # where both weigh alike
         inside = matrices(s[:, seen], areas[seen], found[0])
-        for second, third in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
-            found += [least(third + factor / area * second) for factor in (0, 100, 400)]
-        bent, below = measured(np.stack([zones[0], areas]), found)
+        for second, stiff in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
+            energies += [stiff + factor / area * second for factor in (0, 100, 400)]
+        found += [least(energy) for energy in energies[1:]]
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         power = 0 if any(each.second for each in edges) else BENDING_POWER
-        scores = [b.energy**power * b.variation * math.sqrt(d.variation) for b, d in zip(bent, below, strict=True)]
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
-        best = int(np.argmin(scores)) if bent[0].energy > flat else 0
+
+        def scores(surfaces: Sequence[FloatArray]) -> list[float]:
+            pairs = zip(*measured(np.stack([zones[0], areas]), surfaces), strict=True)
+            return [b.energy**power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in pairs]
+
+        scored = scores(found)
+        best = int(np.argmin(scored))
+        unbound = least(energies[best], share=0.0)  # the bounds of corners make some patches bend more
+        if not np.array_equal(unbound, found[best]) and (score := scores([unbound])[0]) < scored[best]:
+            found[best], scored[best] = unbound, score
+        if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
+            # Fair surfaces bend less than one that is known: the fairest is moved onto it, smoothly.
+            rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
+            t, led = shares(exponents(knots, weights, s)), found[best]
+            form = (t * zones[1]) @ t.T + stiffness * stiff
+            for _ in range(rounds):
+                led = least(form, origin=led + np.linalg.solve(form, (t * zones[1]) @ surface.ways(t.T @ led)))
+            if scores([led])[0] <= worst * scored[best]:
+                yield Patch(shape.knots, led, log_weights=shape.log_weights)
         for k in dict.fromkeys((best, 0)):
             yield Patch(shape.knots, found[k], log_weights=shape.log_weights)
     # A thin plate overshoots least; a membrane is what was asked for.

@@ -57,12 +57,15 @@ class Rows:
             moves[np.ix_(own, members)] = rates / weights
         return points, moves
 
-    def fairest(self, matrix: FloatArray, fullness: float) -> FloatArray:
-        """Return the (n, 3) control points with the least energy, a quadratic form; fields are longer by a factor.
+    def fairest(
+        self, matrix: FloatArray, fullness: float, origin: FloatArray | float = 0.0, share: float = 0.9
+    ) -> FloatArray:
+        """Return the (n, 3) control points with the least form of ways from an origin; fields are longer by a factor.
 
         Second rows depend on the factors: the form is minimised with them free, then by Gauss's and Newton's method,
         which has converged to eight digits in two steps. Then factors move as little as they can, in the metric of
-        the form, to fulfil the bounds of smooth corners, and inner points to fulfil the equations of corners.
+        the form, to fulfil the bounds of corners, and inner points to fulfil the equations of corners. Rows cross edges
+        at corners by this `share`, at least, of what they do in the image of the domain with the corner's edges.
         """
         rounds = 2
         matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
@@ -73,19 +76,20 @@ class Rows:
             forms = [_Form(matrix, free), *[final] * rounds]
         factors = np.zeros(self._count)
         for form in forms:
-            factors = factors + form.least(*self._at(factors))[1][: self._count]
+            points, moves = self._at(factors)
+            factors = factors + form.least(points - origin, moves)[1][: self._count]
         turning, soft = set[int](), None
         for _ in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             turning |= self._turning(points)
-            table, least = self._bounds(turning)
+            table, least = self._bounds(turning, share)
             if not len(table):
                 break
             if soft is None or self._seconds:  # moves depend on factors where there are second rows
                 soft = final.soft(moves[: self._count])
             factors = factors + soft @ table.T @ _multipliers(table @ soft @ table.T, least - table @ factors)
         points, moves = self._at(fullness * factors)
-        points = final.least(points, moves[self._count :])[0]
+        points = final.least(points - origin, moves[self._count :])[0] + origin
         given = np.array([n is not None for n in self._normals])
         for _ in range(rounds if given.all() else 4):  # coefficients follow free rows
             points = final.moved(points, CornerForms.of(points, self._net.log_weights, self._net.corners, given))
@@ -105,11 +109,8 @@ class Rows:
         turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
         return {corner for corner, turn in enumerate(turns) if turn.min() <= 0}
 
-    def _bounds(self, turning: set[int]) -> tuple[FloatArray, FloatArray]:
-        """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows at some corners cross their edges, and do not meet.
-
-        These are smooth corners, and those that turn back.
-        """
+    def _bounds(self, turning: set[int], share: float) -> tuple[FloatArray, FloatArray]:
+        """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows cross their edges, and do not meet."""
         rounding = 1e-3  # of fields: some cross an edge, but not near its end
         smooth_cosine = np.cos(np.radians(150))  # in space: there, rows that ran along their edges would fold
         # Least distances of a row from its edge, of the edge's first leg, and from the way midway between the edges
@@ -119,21 +120,26 @@ class Rows:
             legs, normals = self._legs(self._given, corner)
             lengths = np.linalg.norm(legs[[0, 3]], axis=1)
             smooth = legs[0] @ legs[3] <= smooth_cosine * lengths.prod()
-            if not (smooth or corner in turning) or lengths.min() <= POINT * lengths.max():
+            if lengths.min() <= POINT * lengths.max():
                 continue
+            crossings = np.full(2, crossing)
+            if not (smooth or corner in turning):
+                knots = self._net.knots[self._net.corners[corner, :5]]
+                parts = np.linalg.solve((knots[[4, 1]] - knots[0]).T, (knots[[2, 3]] - knots[0]).T)
+                crossings = share * np.diag(parts) * np.linalg.norm(np.cross(legs[0], legs[3])) / lengths**2
             middle = legs[0] / lengths[0] + legs[3] / lengths[1]
             convex = np.cross(legs[0], legs[3]) @ normals.sum(axis=0) > 0
             for knot, end, normal, sign in zip((2, 3), (0, 1), normals, (1, -1), strict=True):
                 if self._normals[corner - end] is None:
                     continue
                 own = self._moves[: self._count, self._net.corners[corner, knot]]
-                ways = [(np.cross(normal, legs[3 * end] / lengths[end]), crossing)]
+                ways = [(np.cross(normal, legs[3 * end] / lengths[end]), crossings[end])]
                 if corner in turning and convex and not smooth:
                     ways.append((np.cross(middle / np.linalg.norm(middle), normal), apart))
-                for way, share in ways:
+                for way, height in ways:
                     if np.abs(own @ way).max(initial=0.0) > rounding * np.abs(own).max(initial=0.0):
                         rows.append(sign * own @ way)
-                        least.append(share * lengths[end] - sign * legs[knot - 1] @ way)
+                        least.append(height * lengths[end] - sign * legs[knot - 1] @ way)
         return np.array(rows).reshape(len(rows), self._count), np.array(least)
 
 

@@ -117,8 +117,7 @@ class Console:
     @contextmanager
     def counter(self, total: int | None) -> Iterator[Callable[[str], None]]:
         """Give a function that shows on a terminal, after two seconds, which thing of how many is being made."""
-        visible = not self.quiet and sys.stderr is not None and sys.stderr.isatty()
-        start, begun = time.monotonic(), 0
+        visible, start, begun = self._visible(), time.monotonic(), 0
 
         def begin(label: str) -> None:
             nonlocal begun
@@ -130,6 +129,33 @@ class Console:
             yield begin
         finally:
             self._show("")
+
+    @contextmanager
+    def clock(self, label: str, after: float = 2.0) -> Iterator[None]:
+        """Show on a terminal, after some seconds, how many of them something takes."""
+        import threading
+
+        done, start = threading.Event(), time.monotonic()
+
+        def tick() -> None:
+            pause = after
+            while not done.wait(pause):
+                self._show(f"{label}: {time.monotonic() - start:.0f} s")
+                pause = 1.0
+
+        thread = threading.Thread(target=tick, daemon=True)
+        if not self._visible():
+            done.set()
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
+            self._show("")
+
+    def _visible(self) -> bool:
+        return not self.quiet and sys.stderr is not None and sys.stderr.isatty()
 
     def _show(self, text: str) -> None:
         """Show a text in the place of the last one."""

@@ -1,0 +1,64 @@
+"""The quadric, cubic or quartic on which sides of a hole lie with their planes; where there is one, fills follow it."""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.filling.sides import points_and_tangents, stations
+from gtb_cli.filling.tangent_rows import EdgeRows
+from gtb_cli.values import frozen
+
+
+@frozen
+class AlgebraicSurface:
+    """The zeros of F, the sum of monomials with (k, 3) powers of coordinates times (k,) factors."""
+
+    powers: IntArray
+    factors: FloatArray
+
+    def ways(self, points: FloatArray) -> FloatArray:
+        """Return (m, 3) ways from (m, 3) points near the surface to it, along gradients."""
+        found = points
+        for _ in range(5):  # of Newton's method, which has converged after three
+            value, *slope = _monomials(found, self.powers) @ self.factors
+            with np.errstate(all="ignore"):  # where it has no gradient, NaN is far away
+                found = found - (value / np.square(slope).sum(axis=0) * np.array(slope)).T
+        return found - points
+
+
+def algebraic_surface(edges: Sequence[EdgeRows]) -> AlgebraicSurface | None:
+    """Find F of least degree that has the curves and planes of all edges of a hole of size 1, if there is one.
+
+    It has the least Σ F² + ⟨∇F, N × T⟩², T the tangent, for a given Σ ⟨∇F, N⟩².
+    """
+    apart = 1e-3  # singular values of it and of others: what it may be off inside, of the hole's size
+    least_slope = 0.1  # of the largest slope across: with less, the surface is singular near an edge
+    rounding = 1e-10  # of singular values of F that vanish twice on all edges
+    each = slice(None, None, 4)  # of the stations, which are more than such a surface needs
+    given = [edge.normals[each] for edge in edges if edge.normals is not None]
+    if len(given) < len(edges):
+        return None
+    at = [points_and_tangents(edge.curve, stations()[each]) for edge in edges]
+    points, tangents, normals = (np.concatenate(part) for part in (*zip(*at, strict=True), given))
+    across = np.cross(normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True))
+    for degree in (2, 3, 4):  # that of a torus
+        powers = np.array([p for p in product(range(degree + 1), repeat=3) if sum(p) <= degree])
+        value, *slope = _monomials(points, powers)
+        along, rise = (np.einsum("kmp,mk->mp", np.stack(slope), way) for way in (across, normals))
+        table, singular, basis = np.linalg.svd(np.concatenate([value, along, rise]), full_matrices=False)
+        known = singular > rounding * singular[0]
+        _, off, best = np.linalg.svd(table[: -len(rise), known])
+        factors = (best[-1] / singular[known]) @ basis[known]
+        rises = rise @ factors
+        if off[-1] <= apart * off[-2] and np.min(rises * np.sign(rises.sum())) > least_slope * np.abs(rises).max():
+            return AlgebraicSurface(powers, factors)
+    return None
+
+
+def _monomials(points: FloatArray, powers: IntArray) -> FloatArray:
+    """Return (4, m, k) monomials of (m, 3) points and their derivatives."""
+    own = points[:, None] ** powers
+    rates = powers * points[:, None] ** np.maximum(powers - 1, 0)
+    return np.stack([own.prod(axis=2), *(np.where(np.arange(3) == k, rates, own).prod(axis=2) for k in range(3))])
