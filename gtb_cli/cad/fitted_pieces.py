@@ -10,13 +10,14 @@ from gtb_cli.cad.spline_pieces import (
     FittedPieces,
     Piece,
     Splines,
+    corner_pieces,
     edge_normals,
     fit_inside,
     grid,
     largest_angle,
+    measured_surfaces,
     normals_at,
     points_at,
-    surface_of,
 )
 from gtb_cli.theory.patch import Patch
 
@@ -31,22 +32,8 @@ def fitted_pieces(
     Edges interpolate the patch's, or are their exact halves, or borders of a part; seams are shared. The rest is least
     squares of positions, and of n · ∂S = 0 across edges and seams with the normals n there.
     """
-    v = patch.domain.vertices
     splines = Splines(DEGREE, np.linspace(0.0, 1.0, spans + 1) ** 2)  # denser at edges: derivatives may have no bound
-    r = len(v)
-    pairs = [pair or (None, None) for pair in halves]
-    ends = np.array([0.5 if pair[0] is None else pair[0].end for pair in pairs])[:, None]
-    middles, center = (1 - ends) * v + ends * np.roll(v, -1, axis=0), v.mean(axis=0)
-    quarters = [
-        Piece(
-            np.array([[v[k], middles[k - 1]], [middles[k], center]]),
-            k,
-            (k, (k - 1) % r, None),
-            (pairs[k][0], pairs[k - 1][1], None),
-            (borders[k], borders[k - 1], None),
-        )
-        for k in range(r)
-    ]
+    quarters, _ = corner_pieces(patch, halves, borders, is_polar=False)
     low, high = patch.control_points.min(axis=0), patch.control_points.max(axis=0)
     origin, size = (low + high) / 2, float((high - low).max())
     zero, one = np.zeros(1), np.ones(1)
@@ -67,20 +54,15 @@ def fitted_pieces(
     given = [np.where(kept[..., None], last, np.nan) for kept, last in zip(followed, planes[1::2], strict=True)]
     for k, net in enumerate(nets):
         fit_inside(net, (splines, splines), (fitted[k] - origin) / size, [normals[k] for normals in given], 3.0)
-    values = splines.values(splines.between)
-    error = gap = bend = angle = 0.0
+    bend = angle = 0.0
     normals = [[edge_normals(net, axis, last, splines) for axis, last in EDGES] for net in nets]
-    surfaces = []
-    for k, net in enumerate(nets):
-        found = np.einsum("si,tj,ijx->stx", values, values, net, optimize=True).reshape(-1, 4)
-        away = found[:, :3] / found[:, 3:] * size + origin - between[k]
-        error = max(error, float(np.sqrt((away**2).sum(axis=1)).max()))
+    for k in range(len(nets)):
         angle = max(angle, largest_angle(normals[k][0], first[k]), largest_angle(normals[k][1], second[k]))
-        bend = max(bend, largest_angle(normals[k][3], normals[(k + 1) % r][2]))
-        surface, apart = surface_of(name, quarters[k], net, (splines, splines), origin, size)
-        surfaces.append(surface)
-        gap = max(gap, apart)
-    return FittedPieces(tuple(surfaces), error, gap, bend, angle, 1 - float(np.mean(followed)))
+        bend = max(bend, largest_angle(normals[k][3], normals[(k + 1) % len(nets)][2]))
+    made = [(piece, net, (splines, splines)) for piece, net in zip(quarters, nets, strict=True)]
+    surfaces, away, gap = measured_surfaces(name, made, between, origin, size)
+    error = max(float(np.sqrt((each**2).sum(axis=1)).max()) for each in away)
+    return FittedPieces(surfaces, error, gap, bend, angle, 1 - float(np.mean(followed)))
 
 
 def _frames(quarters: list[Piece], splines: Splines, rims: list[FloatArray], ways: FloatArray) -> list[FloatArray]:

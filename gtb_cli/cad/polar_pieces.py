@@ -19,13 +19,14 @@ from gtb_cli.cad.spline_pieces import (
     FittedPieces,
     Piece,
     Splines,
+    corner_pieces,
     edge_normals,
     fit_inside,
     grid,
     largest_angle,
+    measured_surfaces,
     normals_at,
     points_at,
-    surface_of,
 )
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
@@ -99,21 +100,9 @@ def polar_pieces(
     v = patch.domain.vertices
     r = len(v)
     half, whole = (Splines(DEGREE, np.linspace(0.0, 1.0, count + 1), conditions=8) for count in (spans, 2 * spans))
-    pairs = [pair or (None, None) for pair in halves]
-    ends = np.array([0.5 if pair[0] is None else pair[0].end for pair in pairs])[:, None]
-    middles, center = (1 - ends) * v + ends * np.roll(v, -1, axis=0), v.mean(axis=0)
+    polar, middles = corner_pieces(patch, halves, borders, is_polar=True)
     joints = (middles + np.roll(middles, 1, axis=0)) / 2
-    polar = [
-        Piece(
-            np.array([[v[k], v[k]], [middles[k], middles[k - 1]]]),
-            k,
-            (k, None, (k - 1) % r),
-            (pairs[k][0], None, pairs[k - 1][1]),
-            (borders[k], None, borders[k - 1]),
-        )
-        for k in range(r)
-    ]
-    inner = [Piece(np.array([[middles[k], joints[k]], [joints[(k + 1) % r], center]])) for k in range(r)]
+    inner = [Piece(np.array([[middles[k], joints[k]], [joints[(k + 1) % r], v.mean(axis=0)]])) for k in range(r)]
     corners = patch.evaluate(v)
     origin, size = (corners.min(axis=0) + corners.max(axis=0)) / 2, float(np.ptp(corners, axis=0).max())
     zero, one = np.zeros(1), np.ones(1)
@@ -141,7 +130,7 @@ def polar_pieces(
     _bend([], [(spoke, -1) for spoke in spokes])
     for spoke in spokes:
         spoke.fit()
-    angle = bend = error = gap = 0.0
+    angle = bend = 0.0
     faced = []
     for k, net in enumerate(nets):
         tip = tips[k, 0]
@@ -163,17 +152,11 @@ def polar_pieces(
         (rim,), before, here, after = faced[k], faced[r + (k - 1) % r], faced[r + k], faced[r + (k + 1) % r]
         bend = max(bend, largest_angle(rim[:count], here[1]), largest_angle(rim[: count - 2 : -1], before[0]))
         bend = max(bend, largest_angle(here[3], after[2]))
-    surfaces = []
-    for k, (piece, net) in enumerate(zip([*polar, *inner], nets, strict=True)):
-        splines = (half, whole) if k < r else (half, half)
-        here = np.einsum("si,tj,ijx->stx", *(each.values(each.between) for each in splines), net, optimize=True)
-        here = here.reshape(-1, 4)
-        away = here[:, :3] / here[:, 3:] * size + origin - [*between, *more[1]][k]
-        error = max(error, float(np.abs((away * [*faces, *more_faces][k]).sum(axis=1)).max()))
-        surface, apart = surface_of(name, piece, net, splines, origin, size)
-        surfaces.append(surface)
-        gap = max(gap, apart)
-    return FittedPieces(tuple(surfaces), error, gap, bend, angle, 0.0)
+    made = [*zip([*polar, *inner], nets, r * [(half, whole)] + r * [(half, half)], strict=True)]
+    surfaces, away, gap = measured_surfaces(name, made, [*between, *more[1]], origin, size)
+    pairs = zip(away, [*faces, *more_faces], strict=True)
+    error = max(float(np.abs((each * towards).sum(axis=1)).max()) for each, towards in pairs)
+    return FittedPieces(surfaces, error, gap, bend, angle, 0.0)
 
 
 def _fit(

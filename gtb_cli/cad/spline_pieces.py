@@ -1,7 +1,7 @@
 """B-spline pieces of patches: where they are fitted, with which conditions, and what is measured of them."""
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -94,6 +94,25 @@ class Piece(NamedTuple):
         x, y = x + moves[0] + moves[2], y + moves[1]
         shares = np.array([[(1 - x) * (1 - y), (1 - x) * y], [x * (1 - y), x * y]])
         return np.asarray(np.einsum("ijn,ijx->nx", shares, self.corners))
+
+
+def corner_pieces(
+    patch: Patch, halves: list[list[HalfEdge] | None], borders: list[Border | None], *, is_polar: bool
+) -> tuple[list[Piece], FloatArray]:
+    """Return a piece at each corner, to the centroid of Δ unless it is polar, and the (r, 2) middles of edges."""
+    v = patch.domain.vertices
+    pairs = [pair or (None, None) for pair in halves]
+    ends = np.array([0.5 if pair[0] is None else pair[0].end for pair in pairs])[:, None]
+    middles, pieces = (1 - ends) * v + ends * np.roll(v, -1, axis=0), []
+    for k in range(len(v)):
+        own, before = (k, pairs[k][0], borders[k]), ((k - 1) % len(v), pairs[k - 1][1], borders[k - 1])
+        corners = [[v[k], middles[k - 1]], [middles[k], v.mean(axis=0)]]
+        sides: list[Any] = [*zip(own, before, 3 * [None], strict=True)]
+        if is_polar:
+            corners = [[v[k], v[k]], [middles[k], middles[k - 1]]]
+            sides = [*zip(own, 3 * [None], before, strict=True)]
+        pieces.append(Piece(np.array(corners), k, *sides))
+    return pieces, middles
 
 
 def sides_of(places: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
@@ -222,17 +241,27 @@ def largest_angle(one: FloatArray, other: FloatArray) -> float:
     return float(np.nan_to_num(angles_between(one, other)).max())
 
 
-def surface_of(
-    name: str, piece: Piece, net: FloatArray, splines: tuple[Splines, Splines], origin: FloatArray, size: float
-) -> tuple[SplineSurface, float]:
-    """Return a piece as a surface, and the largest distance of its edges from exact halves."""
-    points, gap = np.dstack([net[..., :3] / net[..., 3:] * size + origin, net[..., 3]]), 0.0
-    sides = zip(piece.halves, piece.borders, (points[:, 0], points[0], points[:, -1]), (0, 1, 0), strict=True)
-    for half, border, rows, along in sides:
-        places = splines[along].along
-        if half is not None and border is None and (exact := half.at(places)[0]) is not None:
-            shares = splines[along].values(places) * rows[:, 3]
-            curve = shares @ rows[:, :3] / shares.sum(axis=1, keepdims=True)
-            gap = max(gap, float(np.linalg.norm(curve - exact, axis=1).max()))
-    first, second = splines
-    return SplineSurface(name, (first.degree, second.degree), (first.knots, second.knots), points), gap
+def measured_surfaces(
+    name: str,
+    made: Iterable[tuple[Piece, FloatArray, tuple[Splines, Splines]]],
+    between: Iterable[FloatArray],
+    origin: FloatArray,
+    size: float,
+) -> tuple[tuple[SplineSurface, ...], list[FloatArray], float]:
+    """Return pieces as surfaces, how far these are from points between those fitted, and their edges from halves."""
+    surfaces, away, gap = [], list[FloatArray](), 0.0
+    for (piece, net, splines), wanted in zip(made, between, strict=True):
+        found = np.einsum("si,tj,ijx->stx", *(each.values(each.between) for each in splines), net, optimize=True)
+        found = found.reshape(-1, 4)
+        away.append(found[:, :3] / found[:, 3:] * size + origin - wanted)
+        points = np.dstack([net[..., :3] / net[..., 3:] * size + origin, net[..., 3]])
+        sides = zip(piece.halves, piece.borders, (points[:, 0], points[0], points[:, -1]), (0, 1, 0), strict=True)
+        for half, border, rows, along in sides:
+            places = splines[along].along
+            if half is not None and border is None and (exact := half.at(places)[0]) is not None:
+                shares = splines[along].values(places) * rows[:, 3]
+                curve = shares @ rows[:, :3] / shares.sum(axis=1, keepdims=True)
+                gap = max(gap, float(np.linalg.norm(curve - exact, axis=1).max()))
+        first, second = splines
+        surfaces.append(SplineSurface(name, (first.degree, second.degree), (first.knots, second.knots), points))
+    return tuple(surfaces), away, gap

@@ -57,10 +57,8 @@ def single_half_steps(largest: FloatArray) -> FloatArray:
 
 def first_beyond(rows: FloatArray, limit: float) -> int | None:
     """Return the first of (m, k) rows with a number that is not finite or larger than a limit."""
-    # Two reductions are the cheapest look at every number, and NaN spoils both.
-    if -limit <= rows.min(initial=0.0) and rows.max(initial=0.0) <= limit:
-        return None
-    return int(np.flatnonzero(~(np.abs(rows) <= limit).all(axis=1))[0])
+    beyond = np.flatnonzero(~(np.abs(rows) <= limit).all(axis=1))
+    return int(beyond[0]) if len(beyond) else None
 
 
 def faulty_point(points: FloatArray) -> tuple[int, str] | None:

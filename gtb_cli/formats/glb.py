@@ -176,12 +176,6 @@ def _check_size(length: int) -> None:
         raise ExportError(f"GLB: holds no more than 4 GB, and this has {length / 1e9:.1f}")
 
 
-def read_glb(data: bytes) -> FileArrays:
-    """Read a GLB file. Its y axis, glTF's vertical one, becomes z, unless the file states another vertical axis."""
-    with _tree_faults():
-        return _content(*glb_chunks(data))
-
-
 @contextmanager
 def _tree_faults() -> Iterator[None]:
     """Turn what a wrong type raises, as the tree may hold anything anywhere, into a `GtbError`."""
@@ -191,7 +185,10 @@ def _tree_faults() -> Iterator[None]:
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
 
-def _content(tree: dict[str, Any], binary: bytes) -> FileArrays:
+@_tree_faults()
+def read_glb(data: bytes) -> FileArrays:
+    """Read a GLB file. Its y axis, glTF's vertical one, becomes z, unless the file states another vertical axis."""
+    tree, binary = glb_chunks(data)
     # Many nodes may share one mesh: vertices and corners of cells are counted before they are made.
     most = 2 * len(binary) + 20_000_000
     effort = 400  # vertices that take as long as a primitive without any

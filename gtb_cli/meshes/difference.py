@@ -16,7 +16,7 @@ from gtb_cli.meshes.corner_values import unlike_values
 from gtb_cli.meshes.correspondence import Lone, lone_faces, matching, unlike
 from gtb_cli.meshes.hausdorff import Distance, Farthest, mesh_distance
 from gtb_cli.meshes.measures import Measures, measure
-from gtb_cli.meshes.mesh import FACETS, NORMALS, KnownMesh, Mesh
+from gtb_cli.meshes.mesh import FACETS, NORMALS, KnownMesh, Mesh, vertices_to_measure
 from gtb_cli.meshes.motions import told_motion
 from gtb_cli.vocabulary import percentage
 
@@ -148,11 +148,8 @@ def difference(
     `matching` says when two meshes have the same cells. Surfaces with other cells may be the same: an edge that is cut
     on both its sides, or the other diagonal of a flat quadrilateral, is not a difference; all that `unlike` finds is.
     """
-    for mesh in (a.mesh, b.mesh):
-        if not len(mesh.cells):
-            raise DomainError("mesh: has no cells, so that nothing can be compared")
-        if not np.isfinite(mesh.used).all():
-            raise DomainError("mesh: vertices must be finite")
+    for each in (a, b):
+        vertices_to_measure(each.mesh, "nothing can be compared")
     diagonal, smaller = min(((_diagonal(each.mesh.used), each.mesh) for each in (a, b)), key=itemgetter(0))
     resolution = math.hypot(*(a.half_steps + b.half_steps).tolist())
     asked, allowed = allowed_for(tolerance, diagonal, resolution)

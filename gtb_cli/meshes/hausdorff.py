@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, joined, rows_of
-from gtb_cli.errors import DomainError
 from gtb_cli.meshes.frame import Frame
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import Mesh, vertices_to_measure
 from gtb_cli.meshes.nearest import NearestCells, spatial_order
 from gtb_cli.meshes.overlay import CellParts
 from gtb_cli.meshes.topology import are_used
@@ -78,17 +77,10 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     by then: the distance itself for meshes of up to some ten thousand cells; only about the length of the cells for two
     meshes of a million cells each that do not match.
     """
-    used, distinct = [], []
-    for mesh in (a, b):
-        if not len(mesh.cells):
-            raise DomainError("mesh: has no cells, so that no distance can be measured")
-        used.append(mesh.used)
-        if not np.isfinite(used[-1]).all():
-            raise DomainError("mesh: vertices must be finite")
-        distinct.append(_distinct(mesh.cells, len(used[-1])))
+    used = [vertices_to_measure(mesh, "no distance can be measured") for mesh in (a, b)]
     frame = Frame.around(*used)
     first, second, allowed = frame.inside(a.vertices), frame.inside(b.vertices), float(frame.length(accuracy, -1))
-    cells, others = distinct
+    cells, others = (_distinct(mesh.cells, len(rows)) for mesh, rows in zip((a, b), used, strict=True))
     searches = _directed(first, cells, second[others], allowed), _directed(second, others, first[cells], allowed)
     forward, backward = (
         Farthest(float(frame.length(found.found)), tuple(frame.outside(found.place).tolist())) for found in searches

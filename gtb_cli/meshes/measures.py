@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from gtb_cli.arrays import bounds_of, cross, dot
-from gtb_cli.errors import DomainError
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import Mesh, vertices_to_measure
 from gtb_cli.meshes.topology import are_proper, are_used, component_count, sides_of
 
 
@@ -76,17 +75,12 @@ def measure(mesh: Mesh) -> Measures:
 
     Raises `DomainError` for a mesh without cells, or with vertices that are not finite.
     """
-    if not len(mesh.cells):
-        raise DomainError("mesh: has no cells, so that there is nothing to measure")
-    used = np.flatnonzero(are_used(mesh.cells, len(mesh.vertices)))
-    points = mesh.vertices[used]
+    points = vertices_to_measure(mesh, "there is nothing to measure")
     low, high = bounds_of(points)
-    if not (np.isfinite(low) & np.isfinite(high)).all():
-        raise DomainError("mesh: vertices must be finite")
     frame = Frame.around(points)
     first, labels = numbered_places(points)
     place = np.zeros(len(mesh.vertices), dtype=np.int64)
-    place[used] = labels
+    place[are_used(mesh.cells, len(mesh.vertices))] = labels
     cells = place[mesh.cells]
     proper = are_proper(cells)
     cells = cells[proper]

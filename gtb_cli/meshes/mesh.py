@@ -291,6 +291,15 @@ def _view(values: ArrayLike, kind: type) -> NDArray[Any]:
     return view
 
 
+def vertices_to_measure(mesh: Mesh, otherwise: str) -> FloatArray:
+    """Return the vertices that cells use; a `DomainError` refuses none, with what follows, or those not finite."""
+    if not len(mesh.cells):
+        raise DomainError(f"mesh: has no cells, so that {otherwise}")
+    if not np.isfinite(used := mesh.used).all():
+        raise DomainError("mesh: vertices must be finite")
+    return used
+
+
 @frozen
 class KnownMesh:
     """A mesh, and how accurately its coordinates are known."""

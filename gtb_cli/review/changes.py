@@ -44,11 +44,6 @@ class Change:
     scale: str = ""  # why the two frames differ, in words
 
     @property
-    def name(self) -> str:
-        """The name of the file."""
-        return self.verdict.name
-
-    @property
     def found(self) -> Difference | None:
         """How two meshes differ."""
         return self.verdict.found
@@ -123,7 +118,7 @@ def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
         while sum(map(_shown_faces, kept)) > MAX_ALL_FACES and most > 1:
             most //= 2
             kept = [_at_most(one, most) for one in kept]
-    kept.sort(key=lambda each: (REPORTED.index(each.verdict.word), -each.amount, each.name))
+    kept.sort(key=lambda each: (REPORTED.index(each.verdict.word), -each.amount, each.verdict.name))
     return Review(names, tuple(kept), same)
 
 

@@ -26,7 +26,7 @@ def markdown(review: Review, page: str = "") -> str:
     table = f"\n| {' | '.join(head)} |\n|{'---|' * len(head)}\n" if tables else ""
     below = ""
     for k, (change, numbers) in enumerate(zip(review.changes, tables, strict=True)):
-        cells = [_code(change.name).replace("|", "\\|"), change.verdict.word, amount(change)]
+        cells = [_code(change.verdict.name).replace("|", "\\|"), change.verdict.word, amount(change)]
         cells.append("" if change.found is None else f"{change.found.tolerance:.3g}")
         for label in labels:
             row = numbers.get(label)
@@ -47,7 +47,7 @@ def _about(change: Change) -> str:
     lines = [_code(reason) for reason in change.reasons]
     if change.largest is not None:
         lines.append(f"most at ({' '.join(f'{x:.6g}' for x in change.largest)})")
-    return f"\n{_code(change.name)}: {'; '.join(lines)}\n" if lines else ""
+    return f"\n{_code(change.verdict.name)}: {'; '.join(lines)}\n" if lines else ""
 
 
 def _code(text: str) -> str:

@@ -48,7 +48,7 @@ def _data(change: Change) -> dict[str, Any]:
     if change.found is not None and not change.found.same_kind:
         uncoloured = "no distances of a curve from a surface"
     data: dict[str, Any] = {
-        "name": printable(change.name),
+        "name": printable(change.verdict.name),
         "verdict": change.verdict.word,
         "approvable": len({*map(suffix_of, change.verdict.paths)}) == 1,  # a spec does not take a mesh's place
         "reasons": [printable(reason) for reason in change.reasons],

@@ -32,15 +32,8 @@ from tests.tools.mutations import mutated
 SINGLE = 2.0**-24  # relative error of rounding to a 32-bit number
 
 
-OPTIONS = [
-    ("obj", {}),
-    ("ply", {}),
-    ("ply", {"ascii": True}),
-    ("stl", {}),
-    ("stl", {"ascii": True}),
-    ("glb", {}),
-    ("3mf", {}),
-]
+TEXT = {"ascii": True}
+OPTIONS = [("obj", {}), ("ply", {}), ("ply", TEXT), ("stl", {}), ("stl", TEXT), ("glb", {}), ("3mf", {})]
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -53,6 +46,11 @@ def with_z_up(points) -> np.ndarray:
 
 def decoded(data: bytes | str, format: str | None = None) -> Mesh:
     return decode_mesh(data.encode() if isinstance(data, str) else data, "file", format).mesh
+
+
+def is_triangle(data: bytes | str, format: str | None = None) -> bool:
+    read = decoded(data, format)
+    return np.array_equal(read.vertices, TRIANGLE) and read.cells.tolist() == [[0, 1, 2]]
 
 
 def refusal(data: bytes | str, format: str | None = None) -> str:
@@ -167,9 +165,7 @@ def test_nodes_of_a_scene_as_trimesh_places_them():
     ],
 )
 def test_obj_as_programs_write_it(text):
-    read = decoded(text, "obj")
-    assert np.array_equal(read.vertices, TRIANGLE)
-    assert read.cells.tolist() == [[0, 1, 2]]
+    assert is_triangle(text, "obj")
 
 
 def test_obj_polygons_and_references_backwards():
@@ -226,9 +222,7 @@ def test_ply_binary_of_both_orders_and_any_type(order, name, kind, letter):
     rows = b"".join(struct.pack(f"{order}{letter}B{letter}{letter}", int(x), 7, int(y), int(z)) for x, y, z in TRIANGLE)
     body = rows + struct.pack(f"{order}H3I", 3, 0, 1, 2)
     face = ("element face 1", "property list ushort uint vertex_index")
-    read = decoded(ply(body, *lines, *face, format=f"binary_{name}_endian"))
-    assert np.array_equal(read.vertices, TRIANGLE)
-    assert read.cells.tolist() == [[0, 1, 2]]
+    assert is_triangle(ply(body, *lines, *face, format=f"binary_{name}_endian"))
 
 
 def test_ply_with_polygons_of_several_sizes_and_other_lists():
@@ -309,9 +303,7 @@ def facet(points: np.ndarray = TRIANGLE) -> str:
     ],
 )
 def test_stl_text_as_programs_write_it(text):
-    read = decoded(text, "stl")
-    assert np.array_equal(read.vertices, TRIANGLE)
-    assert read.cells.tolist() == [[0, 1, 2]]
+    assert is_triangle(text, "stl")
 
 
 @pytest.mark.parametrize("start", [b"solid x", b"\xef\xbb\xbf"])
@@ -594,9 +586,7 @@ def test_vertices_with_lists_of_several_lengths():
     lines = [XYZ[0], "property uchar a", "property list uchar short more", *XYZ[1:]]
     body = b"".join(bytes([7, k]) + bytes(2 * k) + point.astype("<f4").tobytes() for k, point in enumerate(TRIANGLE))
     body += bytes([3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0])
-    read = decoded(ply(body, *lines, *FACE, format="binary_little_endian"))
-    assert np.array_equal(read.vertices, TRIANGLE)
-    assert read.cells.tolist() == [[0, 1, 2]]
+    assert is_triangle(ply(body, *lines, *FACE, format="binary_little_endian"))
 
 
 def test_a_small_file_cannot_stand_for_a_mesh_that_fills_the_memory():

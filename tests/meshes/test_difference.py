@@ -16,8 +16,7 @@ RNG = np.random.default_rng(3)
 
 FORMATS = ("spec", "obj", "ply", "stl", "glb")
 
-OFFSET = 4096.0
-"""Far enough from the origin that 32-bit numbers are 2⁻¹¹ to 2⁻¹² apart."""
+OFFSET = 4096.0  # far enough from the origin that 32-bit numbers are 2⁻¹¹ to 2⁻¹² apart
 
 
 def through(mesh: Mesh, kind: str) -> KnownMesh:

@@ -17,8 +17,7 @@ from tests.shell import SPECS
 from tests.specs import load
 from tests.tiny_meshes import curve, surface
 
-ROUNDING = 1e-13
-"""Error for meshes of size 1 to 10."""
+ROUNDING = 1e-13  # error for meshes of size 1 to 10
 
 
 def moved(mesh: Mesh, *by: float) -> Mesh:

@@ -7,8 +7,7 @@ from trimesh.triangles import closest_point
 from gtb_cli.meshes.nearest import BLOCK_POINTS, NearestCells, cell_distances
 from tests.tiny_meshes import surface
 
-ROUNDING = 1e-12
-"""Error for coordinates of size 1 to 10."""
+ROUNDING = 1e-12  # error for coordinates of size 1 to 10
 
 
 def triangles(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -15,8 +15,7 @@ POLYGONS = {
 
 SMALLEST = STRIDE * MIN_COARSE_STEPS + 3
 
-ROUNDING = 1e-11
-"""Error of polynomials of size 10 that are extrapolated by half a dozen nodes, twice."""
+ROUNDING = 1e-11  # error of polynomials of size 10 that are extrapolated by half a dozen nodes, twice
 
 
 def inner(shape, resolution):
@@ -61,8 +60,7 @@ def off(name, values, p, last):
     return np.sort(error)[: len(error) - int(short * len(error))].max(initial=0.0)
 
 
-SHORT = 10 * STRIDE
-"""Steps from a corner of a triangle: lines of six nodes, and what is interpolated from shorter ones."""
+SHORT = 10 * STRIDE  # steps from a corner of a triangle: lines of six nodes, and what is interpolated from shorter ones
 
 
 def test_a_coarse_lattice_is_not_worth_it():

@@ -22,8 +22,7 @@ EPS = float(np.finfo(np.float64).eps)
 SHARED_ERROR = 1e-12
 """Error of points of size 1 on an edge that two patches share: the residual twice, and the slope there."""
 
-STEPS = 60
-"""Evaluations of μ for a point, on the average of a few hundred: a tenth of it where weights are tame."""
+STEPS = 60  # evaluations of μ for a point, on the average of a few hundred: a tenth of it where weights are tame
 
 
 def error(patch, p):
@@ -170,8 +169,7 @@ def test_corners_are_exactly_the_corners(name):
 
 # Even meshes
 
-RESOLUTION = 70
-"""Segments of an edge at which a mesh is found from a coarser one; with fewer it is not."""
+RESOLUTION = 70  # segments of an edge at which a mesh is found from a coarser one; with fewer it is not
 
 
 def hostile(name):

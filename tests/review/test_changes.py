@@ -109,7 +109,7 @@ def test_the_largest_change_comes_first_and_errors_before_it():
         None,
     ]
     made = review(("a", "b"), iter(changes))
-    assert [each.name for each in made.changes] == ["unreadable", "much", "little", "missing"]
+    assert [each.verdict.name for each in made.changes] == ["unreadable", "much", "little", "missing"]
     assert made.counts == {"same": 1, "different": 2, "missing": 1, "unreadable": 1}
 
 
