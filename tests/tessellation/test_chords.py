@@ -139,20 +139,6 @@ def test_the_bound_is_not_met_by_a_chord_that_is_too_far():
     assert not arc.failing(ends, chords, 0.52).any()
 
 
-def test_what_is_certified_and_what_is_sampled_is_said(tmp_path):
-    curve, surface = SPECS / "example-2.1.toml", SPECS / "bicubic.toml"
-    for spec, options, word in (
-        (curve, [], "certified"),
-        (surface, [], "sampled"),
-        (curve, ["--radius", "0.1"], "sampled"),
-    ):
-        manifest = tmp_path / "m.json"
-        result = gtb("mesh", spec, "--tolerance", "3%", *options, "-o", tmp_path / "x.obj", "--manifest", manifest)
-        assert result.err.rstrip().endswith(f", tolerance {word}")
-        assert f'"assurance": "{word}"' in manifest.read_text()
-    assert "tolerance" not in gtb("mesh", curve, "-n", "3", "-o", tmp_path / "x.obj").err
-
-
 def test_a_tube_that_is_too_fine_is_refused_before_its_curve_is_made(tmp_path):
     """That took 14 seconds and 2.2 gigabytes; the polygon around it has 384,765 sides."""
     options = ["--radius", "0.01", "--tolerance", "1e-12", "-o", tmp_path / "x.stl"]
