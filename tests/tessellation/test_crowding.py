@@ -8,7 +8,7 @@ from gtb_cli.meshes.measures import measure
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.remarks import crowding
 from gtb_cli.theory.patch import Patch
-from tests.shell import SPECS, gtb
+from tests.shell import SPECS
 from tests.specs import GOOD_SPECS
 
 DOME = """
@@ -39,18 +39,6 @@ def test_the_units_of_the_knots_do_not_count(dome):
     assert np.abs(tessellate(metres, 16).vertices - mesh.vertices).max() < 1e-9 * 90
     crowded = tessellate(patch, 16, parametrization="toric")
     assert measure(crowded).area < 0.75 * AREA
-
-
-def test_a_mesh_whose_vertices_crowd_says_what_helps(dome, tmp_path):
-    for n in (8, 16):
-        result = gtb("mesh", dome, "-n", n, "--parametrization", "toric", "-o", tmp_path / "out.obj")
-        assert result.status == 0
-        (warning,) = [line for line in result.err.splitlines() if "warning" in line]
-        assert "toric parameters crowd: " in warning
-        assert f" of {5 * n * n} faces have corners at one point" in warning
-        assert ("one side of a face spans" in warning) == (n >= 16)
-        assert warning.endswith("; leave out --parametrization toric")
-    assert "warning" not in gtb("mesh", dome, "-n", 16, "-o", tmp_path / "out.obj").err
 
 
 def test_no_spec_crowds_by_default():
