@@ -27,7 +27,7 @@ def folds(patch: Patch) -> FloatArray:
     place whose normal is rounding has none, as where an edge is one point.
     """
     halvings, part = 10, 0.45  # of the way from a place to the next; folds of symmetric surfaces are at its half
-    turned_over = -0.99  # a cosine: at a fold P_s × P_t goes through 0
+    turned_over = -0.99  # a cosine, where rounding hides what is between: at a fold P_s × P_t goes through 0
     points = patch.control_points - patch.control_points.mean(axis=0)
     size = np.abs(points).max() or 1.0
     knots, weights, s = _places(patch)
@@ -54,15 +54,17 @@ def folds(patch: Patch) -> FloatArray:
     )
     pairs = pairs[turns(*np.moveaxis(normals[pairs], 1, 0)) < 0]
     start, end, before, after = s[:, pairs[:, 0]], s[:, pairs[:, 1]], normals[pairs[:, 0]], normals[pairs[:, 1]]
+    most = np.zeros(len(pairs))  # of cosines at a fold
     for _ in range(halvings):
         middle = start + part * (end - start)
         between = directions(middle)
         turns_first = turns(before, between) <= turns(between, after)  # more than after the middle
         known = between.any(axis=1)
+        most[~known] = turned_over
         late, early = known & ~turns_first, known & turns_first
         start, before = np.where(late, middle, start), np.where(late[:, None], between, before)
         end, after = np.where(early, middle, end), np.where(early[:, None], between, after)
-    found = turns(before, after) < turned_over
+    found = turns(before, after) < most
     return np.asarray((patch.control_points.T @ shares(exponents(knots, weights, end[:, found]))).T)
 
 

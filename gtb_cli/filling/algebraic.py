@@ -35,7 +35,7 @@ def algebraic_surface(edges: Sequence[EdgeRows]) -> AlgebraicSurface | None:
     """
     apart = 1e-3  # singular values of it and of others: what it may be off inside, of the hole's size
     least_slope = 0.1  # of the largest slope across: with less, the surface is singular near an edge
-    rounding = 1e-10  # of singular values of F that vanish twice on all edges
+    rounding = 1e-10  # of singular values
     each = slice(None, None, 4)  # of the stations, which are more than such a surface needs
     given = [edge.normals[each] for edge in edges if edge.normals is not None]
     if len(given) < len(edges):
@@ -48,9 +48,10 @@ def algebraic_surface(edges: Sequence[EdgeRows]) -> AlgebraicSurface | None:
         value, *slope = _monomials(points, powers)
         along, rise = (np.einsum("kmp,mk->mp", np.stack(slope), way) for way in (across, normals))
         table, singular, basis = np.linalg.svd(np.concatenate([value, along, rise]), full_matrices=False)
-        known = singular > rounding * singular[0]
-        _, off, best = np.linalg.svd(table[: -len(rise), known])
-        factors = (best[-1] / singular[known]) @ basis[known]
+        if singular[-1] <= rounding * singular[0]:  # F that vanish twice on all edges, as a plane's square
+            return None
+        _, off, best = np.linalg.svd(table[: -len(rise)])
+        factors = (best[-1] / singular) @ basis
         rises = rise @ factors
         if off[-1] <= apart * off[-2] and np.min(rises * np.sign(rises.sum())) > least_slope * np.abs(rises).max():
             return AlgebraicSurface(powers, factors)

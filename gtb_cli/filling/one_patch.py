@@ -200,21 +200,19 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
 
 
 def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -> _Attempt:
-    """Carry out the first plan and, if its first patch has faults, others whose rough patches have fewer.
+    """Carry out two plans and, if their patches have faults, others whose rough patches have fewer.
 
     Rough patches are made with a quarter of the samples, and mostly have faults where fine ones have some.
     """
     rank, clean, rough = itemgetter(slice(2)), (0, False), 16
     best, left = attempt(*plans[0]), []
-    for plan in plans[1:]:
+    for number, plan in enumerate(plans[1:]):
         if rank(best) == clean:
             break
-        # Later patches of a plan are none better than one without faults.
-        found = rank(attempt(*plan, 2 if best.faults else 1, rough))
-        if found == clean:
-            best = min(best, attempt(*plan, None if best.faults else 1), key=rank)
-        else:
+        if number and best.faults and (found := rank(attempt(*plan, 2, rough))) != clean:
             left.append((found, plan))
+        else:  # later patches of a plan are none better than one without faults
+            best = min(best, attempt(*plan, None if best.faults else 1), key=rank)
     for found, plan in sorted(left, key=itemgetter(0)):
         if found < rank(best):
             best = min(best, attempt(*plan), key=rank)
@@ -297,7 +295,8 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, samples_alon
             form = (t * zones[1]) @ t.T + stiffness * stiff
             for _ in range(rounds):
                 led = least(form, origin=led + np.linalg.solve(form, (t * zones[1]) @ surface.ways(t.T @ led)))
-            if scores([led])[0] <= worst * scored[best]:
+            farther = np.abs([surface.ways(t.T @ each) for each in (led, found[best])]).max(axis=(1, 2))
+            if farther[0] < farther[1] and scores([led])[0] <= worst * scored[best]:
                 yield Patch(shape.knots, led, log_weights=shape.log_weights)
         for k in dict.fromkeys((best, 0)):
             yield Patch(shape.knots, found[k], log_weights=shape.log_weights)

@@ -320,13 +320,14 @@ def test_plans_end_where_none_of_their_patches_can_win(monkeypatch):
     ("rough", "fine", "made"),
     [
         ([0, 0, 0], [0, 0, 0], [0]),
-        ([9, 2, 0, 0], [9, 0, 0, 0], [0, 2]),
-        ([9, 5, 3, 20], [9, 0, 4, 0], [0, 2]),
-        ([9, 5, 3, 20], [9, 4, 6, 0], [0, 2, 1]),
+        ([9, 9, 0], [9, 0, 0], [0, 1]),
+        ([9, 9, 2, 0, 0], [9, 9, 0, 0, 0], [0, 1, 3]),
+        ([9, 9, 5, 3, 20], [9, 9, 0, 4, 0], [0, 1, 3]),
+        ([9, 9, 5, 3, 20], [9, 9, 4, 6, 0], [0, 1, 3, 2]),
     ],
 )
 def test_plans_whose_rough_patch_has_more_faults_are_not_carried_out(rough, fine, made):
-    """If all rough patches have faults, the plans of those with the fewest are carried out first."""
+    """Two plans are, then a clean one or, if all rough patches have faults, those with the fewest first."""
     carried_out = []
 
     def attempt(plan, single, most=None, samples_along=32):
