@@ -48,9 +48,10 @@ FLAT_BEND = 1e-9
 
 
 class _Attempt(NamedTuple):
-    """A patch in units of the loop's size; how many faults it has, and whether fairer ones have some."""
+    """A patch in units of the loop's size; its faults, its score, and whether a much fairer one has some."""
 
     faults: int
+    score: float
     after_others: bool
     folds: int
     sharp_turns: int
@@ -204,17 +205,18 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
 
     Rough patches are made with a quarter of the samples, and mostly have faults where fine ones have some.
     """
-    rank, clean, rough = itemgetter(slice(2)), (0, False), 16
+    rank, rough = itemgetter(slice(2)), 16
     best, left = attempt(*plans[0]), []
     for number, plan in enumerate(plans[1:]):
-        if rank(best) == clean:
+        if not best.faults and not best.after_others:
             break
-        if number and best.faults and (found := rank(attempt(*plan, 2, rough))) != clean:
-            left.append((found, plan))
+        found = attempt(*plan, 2, rough) if number and best.faults else None
+        if found and (found.faults or found.after_others):
+            left.append((rank(found), plan))
         else:  # later patches of a plan are none better than one without faults
             best = min(best, attempt(*plan, None if best.faults else 1), key=rank)
-    for found, plan in sorted(left, key=itemgetter(0)):
-        if found < rank(best):
+    for (faults, _), plan in sorted(left):
+        if faults < best.faults:
             best = min(best, attempt(*plan), key=rank)
     return best
 
@@ -238,19 +240,24 @@ def _attempt(
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
+    much = 10.0  # times the score of the fairest: with less, other plans have little to win
     found: list[_Attempt] = []
-    for patch in islice(_solved(edges, inner, fullness, samples_along), most):
+    for patch, score in islice(_solved(edges, inner, fullness, samples_along), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
         turns = len(sharp_turns(patch))
-        found.append(_Attempt(turns + 1000 * (folds + turned), bool(found), folds, turns, raises, patch))
+        faults = turns + 1000 * (folds + turned)
+        worse = bool(found) and score > much * found[0].score
+        found.append(_Attempt(faults, score, worse, folds, turns, raises, patch))
         if not found[-1].faults:
             break
     return min(found, key=lambda each: each[:2])
 
 
-def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, samples_along: int) -> Iterator[Patch]:
-    """Yield patches in units of the loop's size: the fairest, and others if that folds."""
+def _solved(
+    edges: Sequence[EdgeRows], inner: str, fullness: float, samples_along: int
+) -> Iterator[tuple[Patch, float]]:
+    """Yield patches in units of the loop's size, with their scores: the fairest, and others if that folds."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
     resolution = math.ceil(math.sqrt(max(samples_along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
@@ -280,29 +287,33 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, samples_alon
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
 
         def scores(surfaces: Sequence[FloatArray]) -> list[float]:
-            pairs = zip(*measured(np.stack([zones[0], areas]), surfaces), strict=True)
-            return [b.energy**power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in pairs]
+            both = zip(*measured(np.stack([zones[0], areas]), surfaces), strict=True)
+            return [b.energy**power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in both]
 
         scored = scores(found)
         best = int(np.argmin(scored))
-        unbound = least(energies[best], share=0.0)  # the bounds of corners make some patches bend more
-        if not np.array_equal(unbound, found[best]) and (score := scores([unbound])[0]) < scored[best]:
-            found[best], scored[best] = unbound, score
+        unbound = least(energies[best], share=0.0)  # the bounds of corners make some patches bend more, or fold
+        pairs = [(scored[best], found[best])]
+        if not np.array_equal(unbound, found[best]):
+            pairs = sorted([*pairs, (scores([unbound])[0], unbound)], key=itemgetter(0))
+        score, fairest = pairs[0]
+        if best:
+            pairs.append((scored[0], found[0]))
         if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
             # Fair surfaces bend less than one that is known: the fairest is moved onto it, smoothly.
             rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
-            t, led = shares(exponents(knots, weights, s)), found[best]
+            t, led = shares(exponents(knots, weights, s)), fairest
             form = (t * zones[1]) @ t.T + stiffness * stiff
             for _ in range(rounds):
                 led = least(form, origin=led + np.linalg.solve(form, (t * zones[1]) @ surface.ways(t.T @ led)))
-            farther = np.abs([surface.ways(t.T @ each) for each in (led, found[best])]).max(axis=(1, 2))
-            if farther[0] < farther[1] and scores([led])[0] <= worst * scored[best]:
-                yield Patch(shape.knots, led, log_weights=shape.log_weights)
-        for k in dict.fromkeys((best, 0)):
-            yield Patch(shape.knots, found[k], log_weights=shape.log_weights)
+            farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
+            if farther[0] < farther[1] and scores([led])[0] <= worst * score:
+                pairs.insert(0, (score, led))
+        for score, points in pairs:
+            yield Patch(shape.knots, points, log_weights=shape.log_weights), score
     # A thin plate overshoots least; a membrane is what was asked for.
     points = least(energy_at(knots, weights, s, areas, "thin-plate" if inner == "fair" else "dirichlet"))
-    yield Patch(shape.knots, points, log_weights=shape.log_weights)
+    yield Patch(shape.knots, points, log_weights=shape.log_weights), scores([points])[0] if inner == "fair" else 0.0
 
 
 def _depths(vertices: FloatArray, places: FloatArray) -> FloatArray:

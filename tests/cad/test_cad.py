@@ -366,8 +366,7 @@ def test_y_is_up_where_it_is_asked_for(kind: str, tmp_path: Path) -> None:
     """A patch, and a model; the kernel's box of the surfaces is the turned one of the mesh."""
     write(box(), tmp_path / "pillow.toml")
     for spec in (INTEGERS, tmp_path / "pillow.toml"):
-        result = gtb("mesh", spec, "-f", kind, "--up", "y", "-o", tmp_path / "up.cad")
-        assert result.status == 0, result.err
+        gtb("mesh", spec, "-f", kind, "--up", "y", "-o", tmp_path / "up.cad", status=0)
         shape = read((tmp_path / "up.cad").read_bytes(), kind, tmp_path)
         mesh = tessellate(load(spec), 48)
         low, high = mesh.bounds
@@ -379,8 +378,7 @@ def test_y_is_up_where_it_is_asked_for(kind: str, tmp_path: Path) -> None:
 
 
 def test_on_the_command_line(tmp_path: Path) -> None:
-    result = gtb("mesh", INTEGERS, "-o", tmp_path / "x.stp")
-    assert result.status == 0, result.err
+    result = gtb("mesh", INTEGERS, "-o", tmp_path / "x.stp", status=0)
     assert result.err.endswith("x.stp: 5 exact faces, 1 open shell\n")
     assert (tmp_path / "x.stp").read_bytes().startswith(b"ISO-10303-21;")
     printed = gtb("mesh", INTEGERS, "-f", "brep", "-q")

@@ -152,8 +152,7 @@ def test_a_model_with_a_patch_without_pieces_names_it() -> None:
 
 
 def test_on_the_command_line(tmp_path: Path) -> None:
-    result = gtb("mesh", SPECS / "bicubic.toml", "-o", tmp_path / "x.vtu")
-    assert result.status == 0, result.err
+    result = gtb("mesh", SPECS / "bicubic.toml", "-o", tmp_path / "x.vtu", status=0)
     assert result.err.endswith("x.vtu: 1 exact cell\n")
     assert gtb("mesh", SPECS / "bicubic.toml", "-f", "vtu").out == (tmp_path / "x.vtu").read_bytes()
     y_up = gtb("mesh", SPECS / "bicubic.toml", "-f", "vtu", "--up", "y").out

@@ -87,8 +87,7 @@ def test_errors_of_the_system_are_said_in_words_of_what_they_are_about(error, wo
 
     monkeypatch.setattr("gtb_cli.language.loading.parse", broken)
     monkeypatch.setattr("gtb_cli.commands.cli.abandon", lambda stream: None)
-    result = gtb("elevate", PENTAGON)
-    assert result.status == 2
+    result = gtb("elevate", PENTAGON, status=2)
     assert result.err.startswith(f"gtb: error: {words}")
 
 
@@ -97,8 +96,7 @@ def test_a_question_of_no_shell_is_a_usage_error(variables, monkeypatch):
     monkeypatch.setenv("_GTB_COMPLETE", "bash_complete")
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    result = gtb()
-    assert result.status == 2
+    result = gtb(status=2)
     assert result.err == "gtb: error: _GTB_COMPLETE is for shells, which also set COMP_WORDS and COMP_CWORD\n"
 
 

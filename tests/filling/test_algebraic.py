@@ -20,8 +20,8 @@ def arc_side(curve: np.ndarray, across: np.ndarray) -> HoleSide:
 
 
 def known(kind: str) -> list[HoleSide]:
-    if kind == "cubic":
-        return graph_sides(7, *cubic(7))
+    if kind in ("cubic", "random"):
+        return graph_sides(7, *cubic(7)) if kind == "cubic" else random_sides(5, 0)
     if kind == "page":  # folded in the middle: its planes are a quadric
         curves = [homogeneous(PAGE[[k, (k + 1) % 6]]) for k in range(6)]
         inward = [[0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, -1, 0], [0, 0, -1], [0, 1, 0]]
@@ -31,9 +31,10 @@ def known(kind: str) -> list[HoleSide]:
         arcs = [np.column_stack([ARC[:, :3] @ turn, ARC[:, 3]]) for turn in turns]
         return [arc_side(arc, np.eye(3)[(k + 2) % 3]) for k, arc in enumerate(arcs)]
     x, y, _, w = ARC.T
-    if kind == "pipe":  # its end, which no cylinder closes
-        quarters = [(x, y), (-y, x), (-x, -y), (y, -x)]
-        return [arc_side(np.column_stack([*at, 0 * w, w]), np.eye(3)[2]) for at in quarters]
+    if kind in ("pipe", "cap"):  # the end of a cylinder, which does not close it, and of cones, which are many quadrics
+        quarters = [np.column_stack([*at, 0 * w, w]) for at in ((x, y), (-y, x), (-x, -y), (y, -x))]
+        inwards = kind == "cap"
+        return [arc_side(c, np.eye(3)[2] - inwards * points_and_tangents(c, stations())[0]) for c in quarters]
     up, low = np.column_stack([x + 2 * w, 0 * w, y, w]), np.column_stack([3 * x, 3 * y, 0 * w, w])
     high = np.column_stack([2 * x, 2 * y, w, w])[::-1]
     outward = points_and_tangents(high, stations())[0] * [1, 1, 0]
@@ -42,11 +43,10 @@ def known(kind: str) -> list[HoleSide]:
 
 
 @pytest.mark.parametrize(
-    ("sides", "degree"),
-    [(known("sphere"), 2), (known("cubic"), 3), (known("torus"), 4), (known("page"), 0), (random_sides(5, 0), 0)],
+    ("kind", "degree"), [("sphere", 2), ("cubic", 3), ("torus", 4), ("page", 0), ("cap", 0), ("random", 0)]
 )
-def test_sides_tell_of_the_surface_on_which_they_lie(sides, degree):
-    found = algebraic_surface([EdgeRows(side.curve, side_normals(side), None) for side in sides])
+def test_sides_tell_of_the_surface_on_which_they_lie(kind, degree):
+    found = algebraic_surface([EdgeRows(side.curve, side_normals(side), None) for side in known(kind)])
     assert (0 if found is None else found.powers.sum(axis=1).max()) == degree
 
 

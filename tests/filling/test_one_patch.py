@@ -281,7 +281,7 @@ def test_corners_with_folds_are_faults(inner, folded, monkeypatch):
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], inner])
     patch = Patch([[0, 0], [1, 0], [1, 1], [0, 1], [0.3, 0.3]], points)
     assert limits_of_normals(patch, 0).folds == corner_limits(patch, 0).folds == folded
-    monkeypatch.setattr(one_patch, "_solved", lambda *_: iter([patch]))
+    monkeypatch.setattr(one_patch, "_solved", lambda *_: iter([(patch, 0.0)]))
     monkeypatch.setattr(one_patch, "fold_places", lambda _: [])
     assert bool(fill_loop(plane_sides(points[:4], [1] * 4), raises=0).folds) == folded
 
@@ -307,9 +307,9 @@ def test_plans_end_where_none_of_their_patches_can_win(monkeypatch):
     points[4:] += np.random.default_rng(0).normal(size=points[4:].shape)
 
     def patches(edges, *_):
-        for patch in (good.replace(control_points=points), good):
+        for patch, score in ((good.replace(control_points=points), 1.0), (good, 11.0)):
             tried.append((len(edges[0].curve) - 2, len(edges[0].fields) == 1))
-            yield patch
+            yield patch, score
 
     monkeypatch.setattr(one_patch, "_solved", patches)
     assert fill_loop(sides, raises=1).raises == (1, 1, 1, 1)
@@ -334,11 +334,19 @@ def test_plans_whose_rough_patch_has_more_faults_are_not_carried_out(rough, fine
         if samples_along == 32:
             carried_out.append(plan)
         faults = (fine if samples_along == 32 else rough)[plan]
-        return one_patch._Attempt(faults, single, 0, faults, (plan,), None)
+        return one_patch._Attempt(faults, 0.0, single, 0, faults, (plan,), None)
 
     best = one_patch._best(attempt, [(plan, False) for plan in range(len(fine))])
     assert carried_out == made
     assert best.faults == min(fine[plan] for plan in made)
+
+
+def test_of_patches_without_faults_the_one_with_the_best_score_is_taken():
+    """The second plan's is not, though its plan has no fairer one with faults."""
+    attempts = [one_patch._Attempt(0, score, k == 0, 0, 0, (k,), None) for k, score in enumerate((2.0, 9.0, 1.0))]
+    for count, taken in ((2, 0), (3, 2)):
+        plans = [(plan, False) for plan in range(count)]
+        assert one_patch._best(lambda plan, *_: attempts[plan], plans).raises == (taken,)
 
 
 def test_corners_where_ribbons_disagree_are_said():
