@@ -23,9 +23,9 @@ POLAR_SPANS = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
 class SplineSurfaces(NamedTuple):
     """Surfaces for CAD, in the order of the patches, and how good the `fitted` ones are, at sample points.
 
-    `error` is their largest distance from the patches; `angle` the largest angle in degrees to the tangent planes of a
-    patch along its edges, and `bend` that between two pieces of one patch along their common edge. `reasons` are the
-    names of fitted patches, and why they are fitted.
+    `error` is their largest distance from the patches, of polar pieces along normals; `angle` the largest angle in
+    degrees to the tangent planes of a patch along its edges, and `bend` that between two pieces of one patch along
+    their common edge. `reasons` are the names of fitted patches, and why they are fitted.
     """
 
     surfaces: tuple[SplineSurface, ...]
