@@ -42,7 +42,7 @@ GROUPS = {
         "import": "Turn files of other programs into specs.",
         "expand": "Print a spec with names, copies and included files carried out.",
         "bezier": "Divide patches and curves into exact rational Bézier pieces.",
-        "schema": "Print the JSON Schema of a spec, or of what programs read.",
+        "schema": "Print the JSON Schema of a spec, for editors and programs.",
     },
     "Mathematics": {
         "eval": "Evaluate points, or the basis, at given parameters.",

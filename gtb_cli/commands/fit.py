@@ -6,7 +6,7 @@ import click
 
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.messages import STANDARD
-from gtb_cli.shell.options import INPUT, numbers_option, streams_options
+from gtb_cli.shell.options import INPUT, numbers_option, output_options
 from gtb_cli.shell.streams import Streams, about, input_stem, numbered_rows, opened, shown_input
 
 
@@ -17,7 +17,7 @@ from gtb_cli.shell.streams import Streams, about, input_stem, numbered_rows, ope
     metavar="A,…",
     help="Ascending knots, one for each point. By default the length of the polygon up to the point.",
 )
-@streams_options
+@output_options
 def fit(points: str, knots: tuple[float, ...] | None, streams: Streams) -> None:
     """\b
     Example: printf '0 0\\n1 2\\n3 1\\n4 3\\n' | gtb fit
