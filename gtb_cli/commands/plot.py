@@ -54,7 +54,7 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
 @spec_argument
 @output_to(
     metavar="FIG",
-    default=STANDARD,
+    default=[STANDARD],
     help="Write to this file: PNG, SVG, PDF or a film, by its suffix. Without it, or with -, to standard output.",
 )
 @click.option(

@@ -23,6 +23,8 @@ _WORDS = re.compile(
 # Signs of other programs, and of web pages
 _HINTS = {"^": "powers are written **", "°": "degrees are written *deg", "\xa0": "type a plain blank"}
 _HINTS |= dict.fromkeys("×·", "a product is written *") | dict.fromkeys("−–", "a minus sign is -")
+_WORD_HINTS = dict.fromkeys(("mm", "cm", "m", "inch", "in"), "lengths are numbers without a unit")
+_WORD_HINTS |= {COUNTER: "which is the number of a copy, in copies with `repeat` alone", "pow": _HINTS["^"]}
 _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]] = {
     ast.Add: ("+", operator.add),
     ast.Sub: ("-", operator.sub),
@@ -88,10 +90,8 @@ def names_in(text: str) -> list[str]:
 def _unknown(word: str, names: Mapping[str, float]) -> str:
     import difflib
 
-    if word in ("mm", "cm", "m", "inch", "in"):
-        return f"unknown name {word!r}, lengths are numbers without a unit"
-    if word == COUNTER:
-        return f"unknown name {word!r}, which is the number of a copy, in copies with `repeat` alone"
+    if word in _WORD_HINTS:
+        return f"unknown name {word!r}, {_WORD_HINTS[word]}"
     if likely := difflib.get_close_matches(word, names, n=1):
         return f"unknown name {word!r}, did you mean {likely[0]}?"
     known = (*FUNCTIONS, *CONSTANTS, *names)

@@ -119,7 +119,13 @@ def _parse(
             return () if found is None else found.patches
 
         given = let if len(readers) == 1 else NO_LET
-        return ModelReader(Values(faults, budget), include, row, given).spec(document.data, stem_of(readers[-1]))
+        values = Values(faults, budget)
+        found = ModelReader(values, include, row, given).spec(document.data, stem_of(readers[-1]))
+        if given and found is not None and not faults.count:
+            from gtb_cli.language.sliders import out_of_range
+
+            faults.doubt = faults.doubt or out_of_range(document, {name: values.names[name] for name in given})
+        return found
 
     result = spec(text, format, (source,))
     if result is None or any(faults.count for faults in files):

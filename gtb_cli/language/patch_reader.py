@@ -1,5 +1,6 @@
 """The keys that a spec may have, and the reader of a patch, which turns plain data to a `Patch` and notes faults."""
 
+import re
 from typing import Any, get_args
 
 import numpy as np
@@ -24,6 +25,7 @@ MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
 _OF_A_FILE = "is that of the whole file, and stands before [let] and [[patches]], which take all keys that follow"
 AT_THE_TOP = dict.fromkeys(MODEL_KEYS - {"name"}, _OF_A_FILE)
 MAX_KNOTS = 5000  # knots of a patch: a tensor product patch of degree 69 × 69
+GRID = "grid ([2-9]|[1-9][0-9]{1,2})x([2-9]|[1-9][0-9]{1,2})"  # its rows, and the knots of each
 MAX_UNITY = 300  # knots for "partition-of-unity", which solves a dense linear system
 
 
@@ -93,7 +95,7 @@ class Reader:
     def _check_keys(self, table: Table) -> None:
         """Note keys of a patch that are unknown, belong elsewhere, or are missing."""
         knots = table.entries.get("knots")
-        is_surface = isinstance(knots, list) and bool(knots) and isinstance(knots[0], list)
+        is_surface = isinstance(knots, str) or (isinstance(knots, list) and bool(knots) and isinstance(knots[0], list))
         known = PATCH_KEYS | {"hidden"} if table.path else PATCH_KEYS | MODEL_KEYS - {"weld"}
         if self._row is not None and not is_surface:
             known |= {*RIBBONS}
@@ -119,9 +121,12 @@ def _knots(table: Table) -> tuple[FloatArray | None, int | None]:
     if "knots" not in table.entries:
         return None, None
     entries = table.entries["knots"]
+    if isinstance(entries, str) and (grid := re.fullmatch(GRID, entries)):
+        entries = [[i, j] for i in range(int(grid[1])) for j in range(int(grid[2]))]
     surface = isinstance(entries, list) and bool(entries) and isinstance(entries[0], list)
     if not isinstance(entries, list) or len(entries) < (3 if surface else 2):
         expected = "a list of at least 2 numbers (curve) or 3 pairs of numbers (surface)"
+        expected += ', or such as "grid 3x4"' * isinstance(entries, str)
         table.fault("knots", f"must be {expected}, got {shown(entries)}")
     elif len(entries) > MAX_KNOTS:
         table.fault("knots", f"must be at most {MAX_KNOTS}, got {len(entries)}")

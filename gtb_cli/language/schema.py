@@ -11,7 +11,7 @@ from gtb_cli.language.expression import CONSTANTS, COUNTER, FUNCTIONS, MAX_CHARA
 from gtb_cli.language.includes import MAX_FILES
 from gtb_cli.language.keys_and_values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
 from gtb_cli.language.names import MAX_NAMES, MAX_NUMBER_NAME, NAME_PATTERN
-from gtb_cli.language.patch_reader import MAX_KNOTS, MAX_PATCHES
+from gtb_cli.language.patch_reader import GRID, MAX_KNOTS, MAX_PATCHES
 from gtb_cli.theory.weights import COEFFICIENTS
 
 Schema: TypeAlias = dict[str, Any]
@@ -152,7 +152,7 @@ def _patch() -> Schema:
     points = _any(_tuples(2), _tuples(3))
     return _told(
         {
-            "knots": _any(_list("coordinate", 2), _tuples(2, 3)),
+            "knots": _any(_list("coordinate", 2), _tuples(2, 3), {"type": "string", "pattern": f"^{GRID}$"}),
             "weights": _list("positive"),
             "log_weights": numbers,
             "control_points": points,

@@ -2,13 +2,14 @@
 
 import math
 import re
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
 from gtb_cli.errors import SpecError
-from gtb_cli.language.document import read
+from gtb_cli.language.document import Document, read
 from gtb_cli.language.expression import FUNCTIONS, evaluate_expression, names_in
 from gtb_cli.language.keys_and_values import MAX_SIZE
-from gtb_cli.language.scanner import Format
+from gtb_cli.language.scanner import Format, Path
 
 _COMMENT = re.compile(r"""(?:[^"'#]|"(?:[^"\\]|\\.)*"|'[^']*')*#\s*(.*)""")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -43,16 +44,35 @@ def sliders(data: bytes | str, source: str, format: Format | None = None) -> tup
     if not isinstance(let, dict):
         return ()
     free = {name: value for name, entry in let.items() if (value := plain_value(entry)) is not None}
-    lines = document.lines({("let", name) for name in free})
-    texts, whole = document.text.split("\n"), _counts(spec, let)
-    found = []
-    for name, value in free.items():
-        line = lines[("let", name)]
-        text = texts[line - 1].strip()
+    whole = _counts(spec, let)
+    return tuple(
+        _slider(name, free[name], name in whole, label, line, text)
+        for name, label, line, text in _commented(document, free)
+    )
+
+
+def out_of_range(document: Document, numbers: Mapping[str, float]) -> tuple[Path, str] | None:
+    """Say which of some numbers of ``let`` is outside the range that the comment on its line gives, if one is."""
+    for name, label, _, _ in _commented(document, numbers):
+        if (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
+            return ("let", name), f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"
+    return None
+
+
+def _commented(document: Document, names: Collection[str]) -> list[tuple[str, str, int, str]]:
+    """Return names of ``let``, each with the comment on its line, if it is alone there, and that line."""
+    lines, texts, found = document.lines({("let", name) for name in names}), document.text.split("\n"), []
+    for name in names:
+        text = texts[(line := lines[("let", name)]) - 1].strip()
         comment = _COMMENT.match(text) if document.format == "toml" and [*lines.values()].count(line) == 1 else None
-        label = comment[1] if comment else ""
-        found.append(_slider(name, value, name in whole, label, line, text))
-    return tuple(found)
+        found.append((name, comment[1] if comment else "", line, text))
+    return found
+
+
+def range_in(comment: str) -> tuple[float, float] | None:
+    """Return the ends of the range, such as ``10 … 80``, that a comment gives first, if any."""
+    ends = sorted(map(float, found.groups())) if (found := _RANGE.search(comment)) else []
+    return (ends[0], ends[1]) if ends and math.isfinite(ends[1]) and ends[0] < ends[1] else None
 
 
 def plain_value(entry: object) -> float | None:
@@ -87,10 +107,8 @@ def _slider(name: str, value: float, is_count: bool, label: str, line: int, text
     low, high = (math.ceil(value / 2) if is_count and value > 0 else min(0.0, 2 * value)), max(0.0, 2 * value)
     if value == 0:
         low, high = -size, size
-    if given := _RANGE.search(label):
-        ends = sorted((float(given[1]), float(given[2])))
-        if math.isfinite(ends[1]) and ends[0] < ends[1]:
-            low, high = ends
-            label = label.replace(given[0], "").strip(" \t,;:()")
+    if ends := range_in(label):
+        low, high = ends
+        label = _RANGE.sub("", label, count=1).strip(" \t,;:()")
     step = 1.0 if is_count else 10.0 ** math.floor(math.log10((high - low) / 100))
     return Slider(name, value, min(low, value), max(high, value), step, label, line, text)

@@ -71,7 +71,7 @@ def length_of(text: str) -> float:
     """Read a number other than zero, or a number expression as in a spec."""
     (number,) = numbers_of(text, [text])
     if number == 0:
-        raise ValueError(f"{text!r} is zero")
+        raise ValueError(f"{text!r} is zero: leave the option out")
     return number
 
 
@@ -179,10 +179,17 @@ filling_option = gathered(
     *_reading_options,
 )
 
-output_to = functools.partial(click.option, "-o", "--output", type=OUTPUT)
+
+def _only(paths: tuple[str, ...]) -> str | None:
+    if len(paths) > 1:
+        raise ValueError(f"one output can be written, got {' and '.join(map(repr, paths))}")
+    return paths[0] if paths else None
+
+
+output_to = functools.partial(click.option, "-o", "--output", type=OUTPUT, multiple=True, callback=reads(_only))
 
 output_option = output_to(
-    metavar="OUT", default=STANDARD, help="Write to this file; by default, or with -, to standard output."
+    metavar="OUT", default=[STANDARD], help="Write to this file; by default, or with -, to standard output."
 )
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")

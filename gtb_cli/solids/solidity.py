@@ -1,5 +1,7 @@
 """Faults of surfaces: where they turn back on themselves, cross themselves, or look into the solid they bound."""
 
+from collections.abc import Sized
+
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, point_text, unit
@@ -39,14 +41,20 @@ def folded_places(mesh: Mesh) -> list[str]:
     """Say in which patches a mesh turns back on itself, and where it first does."""
     if mesh.is_curve:
         return []
-    lines = []
+    alike = dict[tuple[int, str], list[str]]()  # such as copies
     for name, start, stop in mesh.groups or ((mesh.name, 0, len(mesh.cells)),):
         cells = folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]
         if len(cells):
             first = point_text(mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0), mesh.bounds)
             hint = "; control points must have the order of the knots" * (10 * len(cells) > stop - start)
-            lines.append(f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}{hint}")
-    return lines
+            line = f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}"
+            alike.setdefault((len(cells), hint), []).append(line)
+    return [f"{lines[0]}{hint}{likewise(lines)}" for (_, hint), lines in alike.items()]
+
+
+def likewise(lines: Sized) -> str:
+    """Return the words for all but the first of some lines that say alike, if there are any."""
+    return f"; {len(lines) - 1} more likewise" if len(lines) > 1 else ""
 
 
 def crossing_remarks(mesh: Mesh) -> list[str]:

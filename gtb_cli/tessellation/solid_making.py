@@ -52,6 +52,10 @@ class TubeMaker:
         folds = []
         if len(folded):
             folds.append(f"a radius of {radius:g} is more than that of the curve's bends: {where(curve, folded)}")
+            if isinstance(self.spec, Patch) and curve.parameters is not None:
+                u, inner = curve.parameters[curve.cells[folded[0]]].mean(axis=0), self.spec.knots[:, 0].argsort()[1:-1]
+                shares = self.spec.basis(u, self.parametrization)[0, inner]
+                folds[-1] += f", drawn there by control point {inner[shares.argmax()]}" if len(inner) else ""
         mesh = tube(curve, radius, tolerance=self.tolerance, tangents=tangents, max_faces=self.max_faces)
         return Solid(mesh, [], folds, [])
 

@@ -463,6 +463,7 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
             )
             assert within_a_second(browser, f"return version > {old}"), name
             assert changed(before, before := browser.picture()) > 0.001, name
+            assert browser.run("return !scene.quick || $('facts').textContent.startsWith('a quick picture')"), name
         assert within_a_second(browser, "return !scene.quick && scene.box.texts[2][1] === '70'")
         browser.run("$('options').click()")
         options = browser.run("return $('said').textContent")

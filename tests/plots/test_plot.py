@@ -94,8 +94,9 @@ def test_no_window_is_asked_for(tmp_path):
 
 
 def test_open_edges_of_a_model_are_red_and_those_of_a_patch_are_not():
-    box = png(SPECS / "box-corner.toml", "--camera", "40,28", *SMALL)
-    assert near(box, OPEN).sum() > 60
+    box, named = (png(SPECS / "box-corner.toml", "--camera", "40,28", *SMALL, *more) for more in ((), ["--labels"]))
+    assert 60 < near(box, OPEN).sum() != near(named, OPEN).sum()
+    assert near(png(PENTAGON, "--labels", *SMALL), OPEN).any()
     assert not near(png(SPECS / "pentagon.toml", *SMALL), OPEN).any()
 
 
