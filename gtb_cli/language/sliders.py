@@ -47,14 +47,15 @@ def sliders(data: bytes | str, source: str, format: Format | None = None) -> tup
     whole = _counts(spec, let)
     return tuple(
         _slider(name, free[name], name in whole, label, line, text)
-        for name, label, line, text in _commented(document, free)
+        for name, label, line, text in _commented(document, let)
+        if name in free
     )
 
 
 def out_of_range(document: Document, numbers: Mapping[str, float]) -> tuple[Path, str] | None:
     """Say which of some numbers of ``let`` is outside the range that the comment on its line gives, if one is."""
-    for name, label, _, _ in _commented(document, numbers):
-        if (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
+    for name, label, _, _ in _commented(document, document.data["let"]):
+        if name in numbers and (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
             return ("let", name), f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"
     return None
 
