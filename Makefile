@@ -110,6 +110,6 @@ $(BUILD)/bench/.installed: pyproject.toml
 	@touch $@
 
 $(VENV)/.development: $(INSTALLED)
-	@# What of these is imported is compiled then: a quarter of it.
+	@# What of these is imported is compiled then.
 	$(RUN) pip install -qq --disable-pip-version-check --no-compile --group test --group dev
 	@touch $@
