@@ -110,5 +110,6 @@ $(BUILD)/bench/.installed: pyproject.toml
 	@touch $@
 
 $(VENV)/.development: $(INSTALLED)
-	$(RUN) pip install -qq --disable-pip-version-check --group test --group dev
+	@# What of these is imported is compiled then.
+	$(RUN) pip install -qq --disable-pip-version-check --no-compile --group test --group dev
 	@touch $@

@@ -2,6 +2,8 @@
 
 import faulthandler
 import gc
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,6 +18,8 @@ from gtb_cli.importers import cad_files
 from tests.shell import unseen
 
 gc.set_threshold(100_000)  # as every process of gtb: to look for cycles while tests are collected takes a second
+os.fsync = int  # to wait for the disk takes seconds, and what tests write need not outlive the machine
+signal.signal(signal.SIGINT, signal.default_int_handler)  # where it is ignored, processes that are started ignore it
 
 settings.register_profile("gtb", deadline=None, derandomize=True, max_examples=30)
 settings.register_profile("quick", settings.get_profile("gtb"), max_examples=12)

@@ -14,6 +14,7 @@ PREAMBLE = """
 import os, pathlib, pytest, shutil, sys
 
 os.environ.pop("CI", None)
+os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # of hypothesis and others, in every run
 
 def run(*options):  # without the short summary: it repeats messages whole where the variable CI is set
     print(f"\\0{int(pytest.main(['-q', '-rN', '-p', 'no:cacheprovider', '-p', 'gtb_cli.pytest_plugin', *options]))}")
@@ -193,7 +194,8 @@ def test_start(mesh_regression, pytestconfig):
     assert "gtb_cli.pytest_plugin" in sys.modules
     assert not {"numpy", "click", "gtb_cli.tessellation"} & sys.modules.keys()
 """,
-        "sys.path.append('site')\nrun('--force-regen'), run('-p', 'other', '--force-regen')",
+        "sys.path.append('site'), os.environ.pop('PYTEST_DISABLE_PLUGIN_AUTOLOAD')\n"
+        "run('--force-regen'), run('-p', 'other', '--force-regen')",
     )
     assert [status for status, _ in found] == [0, 0], found
 
@@ -208,10 +210,10 @@ def test_lamp(mesh_regression, number):
 """
     (folder / "golden").mkdir()
     (folder / "golden" / "lamp.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    ((status, text),) = runs(folder, test, "run('-n', '2', '--force-regen')")
+    ((status, text),) = runs(folder, test, "run('-p', 'xdist', '-n', '2', '--force-regen')")
     assert (status, failures(text)) == (1, 2)
     assert "golden file differed, written: golden/lamp.obj" in text
     contents = {(folder / name).read_bytes() for name in files(folder)}
     assert (len(files(folder)), len(contents)) == (3, 1)
-    ((status, text),) = runs(folder, test.replace("range(2)", "range(1)"), "run('-n', '2')")
+    ((status, text),) = runs(folder, test.replace("range(2)", "range(1)"), "run('-p', 'xdist', '-n', '2')")
     assert (status, text.count("no test asked for the golden file")) == (0, 1)

@@ -300,6 +300,7 @@ def bends(shape: Any) -> list[float]:
     return [float(np.degrees(2 * np.arcsin(np.linalg.norm(a - b, axis=1).max() / 2))) for a, b in pairs]
 
 
+@pytest.mark.usefixtures("probed_here")
 def test_seams_are_measured_to_a_hundred_thousandth_of_an_edge() -> None:
     box = SPECS / "box.step"
     shape = cad_files.read_shape(box.read_bytes(), "step", str(box))

@@ -5,7 +5,6 @@ import json
 import os
 import platform
 from importlib.metadata import version
-from pathlib import Path
 
 import click
 import pytest
@@ -14,9 +13,7 @@ from gtb_cli.commands.cli import COMMANDS, gtb as group
 from gtb_cli.errors import DomainError
 from gtb_cli.shell import messages
 from gtb_cli.version import __version__
-from tests.shell import PENTAGON, gtb
-
-HERE = Path(__file__).parent.parent
+from tests.shell import PENTAGON, REPOSITORY, gtb
 
 
 def test_help_lists_every_command():
@@ -129,7 +126,7 @@ def test_what_takes_long_is_counted_on_a_terminal(quiet, monkeypatch):
     assert shown.getvalue() == ("" if quiet else counted)
 
 
-@pytest.mark.parametrize(("command", "file"), [("fill", HERE / "filling/cagd86.gbp"), ("fair", PENTAGON)])
+@pytest.mark.parametrize(("command", "file"), [("fill", REPOSITORY / "tests/filling/cagd86.gbp"), ("fair", PENTAGON)])
 def test_a_clock_runs_while_a_surface_is_made(command, file, monkeypatch):
     def stop(console: messages.Console, label: str) -> None:
         raise DomainError(f"{label} is timed")

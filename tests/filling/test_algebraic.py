@@ -50,9 +50,9 @@ def test_sides_tell_of_the_surface_on_which_they_lie(kind, degree):
     assert (0 if found is None else found.powers.sum(axis=1).max()) == degree
 
 
-@pytest.mark.parametrize(("kind", "most"), mostly_long([("cubic", 5e-4), ("sphere", 2e-4), ("torus", 3e-3)], 2))
+@pytest.mark.parametrize(("kind", "most"), mostly_long([("sphere", 2e-4), ("cubic", 5e-4), ("torus", 3e-3)]))
 def test_a_hole_in_a_known_surface_is_filled_as_it(kind, most):
-    """The fairest patch is .019, .0004 or .028 off."""
+    """The fairest patch is .0004, .019 or .028 off."""
     patch = fill_loop(known(kind)).patch
     x, y, z = patch.evaluate(energy_samples(patch.domain, 20)[0], "linear").T
     graph = z - cubic(7)[0](np.column_stack([x, y]))

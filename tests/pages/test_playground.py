@@ -48,7 +48,7 @@ for name in ("scipy", "matplotlib", "OCP", "pytest"): sys.modules[name] = None
 status, bowl, _, _ = gtb(["new", "bowl", "5"], "", None)
 assert status == 0 and "sides = 5" in bowl
 for made, start in (("a.glb", b"glTF"), ("a.stl", b""), ("a.3mf", b"PK")):
-    status, _, messages, content = gtb(["mesh", "spec.toml", "-q", "-o", made, "--thickness", "2"], bowl, made)
+    status, _, messages, content = gtb(["mesh", "spec.toml", "-q", "-o", made, "--thickness", "2", "-n8"], bowl, made)
     assert status == 0 and messages == "" and content.startswith(start) and len(content) > 9999
 status, _, messages, content = gtb(["--errors", "json", "view", "spec.toml", "-o", "a.html"], bowl + "]", "a.html")
 print(__import__("json").dumps([status, messages, content]))"""

@@ -1,7 +1,5 @@
 """Distances of members from their limit, against dense samples of both surfaces."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -24,8 +22,8 @@ from gtb_cli.sequences.film_meshes import film_mesh
 from gtb_cli.sequences.measurement import Accuracy
 from gtb_cli.sequences.sequence import degeneration, knot_sequence
 from tests.marks import long, mostly_long
+from tests.shell import SPECS
 
-SPECS = Path(__file__).parents[2] / "specs"
 THREE_DIGITS = 5e-4
 SAMPLES = 200  # along each side: neighbours are 1 % of the size apart, and distances 0.1 % too large
 ROUGH = 3e-3
