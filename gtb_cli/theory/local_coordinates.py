@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
-from gtb_cli.knots.about_a_knot import Differences
+from gtb_cli.knots.about_a_knot import Differences, cleared
 from gtb_cli.knots.domain import LAYER_TOLERANCE, Domain
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
@@ -128,8 +128,7 @@ def local_coordinates(shape: Domain, k: int, e: FloatArray, layers: FaceLayers) 
     # The other knots are chosen like pivots, so that the triangle has neither little weight nor a small angle.
     columns = np.arange(e.shape[1])
     if shape.dimension == 1:
-        steps = shape.knots - shape.knots[k]
-        steps[np.abs(steps) <= knot_tolerance(shape.knots)] = 0.0
+        steps = cleared(shape.knots - shape.knots[k], knot_tolerance(shape.knots))
         one = _pivot(e, steps, layers.first[0])
         return Local(k, (steps / steps[one, 0],), (one,), np.ones(len(columns)))
     about = Differences(shape, k)

@@ -15,9 +15,8 @@ from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, read_only
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
-from gtb_cli.theory.basis import Location, gt_bernstein
+from gtb_cli.theory.basis import CoefficientRule, Location, both_weights, coefficients_of, gt_bernstein
 from gtb_cli.theory.rational_basis import Parametrization, RationalBasis
-from gtb_cli.theory.weights import CoefficientRule, both_weights, coefficients_of
 from gtb_cli.values import by_value
 
 if TYPE_CHECKING:
@@ -348,7 +347,7 @@ class Patch:
         the nearest knot's different control point, where repeated knots count with their mean (property (c) of
         GT-Bézier curves, eq. 302). `DomainError` is raised for a surface, and for a parameter outside Δ.
         """
-        from gtb_cli.theory.tangents import tangents
+        from gtb_cli.theory.normals import tangents
 
         return tangents(self, self.domain.vertices if t is None else t, parametrization)
 
