@@ -91,5 +91,6 @@ def _about(points: FloatArray, rounding: FloatArray, local: Local, terms: Terms,
     square, product = lengths[2] ** 2, (first * second).sum(axis=1)
     gaussian = (xi_xi * eta_eta - xi_eta**2) / square
     mean = (2 * product * xi_eta - lengths[1] ** 2 * xi_xi - lengths[0] ** 2 * eta_eta) / (2 * square)
-    unlimited = (d[:, layers.hindering] != 0).any(axis=1) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
+    hindering = np.any([layers.slow, *(knots for _, knots in layers.against)], axis=0)
+    unlimited = (d[:, hindering] != 0).any(axis=1) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
     return Curvature(np.where(unlimited, np.nan, gaussian), np.where(unlimited, np.nan, mean))

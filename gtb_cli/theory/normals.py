@@ -44,20 +44,15 @@ def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> Float
     result = np.empty((count, 3))
     for location in locations:
         if location.face.is_interior:
-            result[location.rows] = _inside(patch, location)
+            e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
+            normals, doubtful = _about_corners(patch, shares(e))
+            if doubtful.any():
+                normals[doubtful] = _about_leaders(patch, e[:, doubtful])
+            result[location.rows] = normals
         elif location.face.is_corner:
             result[location.rows] = _at_corner(patch, location.face)
         else:
             result[location.rows] = on_edge([patch], location.face.index, location.s)[0]
-    return result
-
-
-def _inside(patch: Blend, location: Location) -> FloatArray:
-    e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
-    result, doubtful = _about_corners(patch, shares(e))
-    rows = np.flatnonzero(doubtful)
-    if len(rows):
-        result[rows] = _about_leaders(patch, e[:, rows])
     return result
 
 
@@ -121,7 +116,10 @@ def _about_point(patch: Blend, edge: int, s: FloatArray) -> FloatArray:
             first, second = ((along[x] - place[rows]) * height[y] for x, y in ((b, c), (c, b)))
             weights = shares(logarithms)
             size = np.sqrt((crosses[group] ** 2).sum(axis=1)) @ (weights * (np.abs(first) + np.abs(second)))
-            result[rows] = _direction(crosses[group].T @ (weights * (first - second)), size)
+            total = crosses[group].T @ (weights * (first - second))
+            length = np.sqrt((total**2).sum(axis=0))
+            good = length > PARALLEL_SINE * size  # else rounding beside the sum of lengths
+            result[rows] = np.where(good, total / np.where(good, length, 1.0), np.nan).T
         todo = todo[np.isnan(result[todo, 0])]
         if not len(todo):
             break
@@ -201,13 +199,6 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
         if len(lost) and not offsets_from(patch.control_points, int(members[0]))[members].any():
             normals[lost] = _about_point(patch, edge, coordinates[lost])
     return result
-
-
-def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
-    """Return unit vectors along (3, m) sums, (m, 3); NaN if a sum is rounding beside the sum of lengths, (m,)."""
-    length = np.sqrt((total**2).sum(axis=0))
-    good = length > PARALLEL_SINE * size
-    return np.asarray(np.where(good, total / np.where(good, length, 1.0), np.nan).T)
 
 
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
