@@ -90,7 +90,10 @@ class Sampling:
         All k cells of the patch are given: samples may slide out of their own cells, but not out of all.
         """
         corners = np.stack(self.mesh.corners(rows), axis=1)
-        failing = _turned_over(corners)
+        area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        rounding = 1e-9  # part of the largest area: by it a triangle may face away from most of the area
+        turn = area @ area.sum(axis=0)
+        failing = np.asarray(turn < -rounding * turn.max())
         if failing.any():
             return failing
         places, owners = [], []
@@ -126,14 +129,6 @@ class Sampling:
         found = [sample(block, np.repeat(block, w)) for block in blocks]
         columns = [np.concatenate(column) for column in zip(*found, strict=True)]
         return [column.reshape(len(rows), w, *column.shape[1:]) for column in columns]
-
-
-def _turned_over(corners: FloatArray) -> BoolArray:
-    """Mark the (k, 3, 3) triangles in a plane that face away from most of the area."""
-    area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    rounding = 1e-9  # part of the largest area: by it a triangle may be turned over
-    turn = area @ area.sum(axis=0)
-    return np.asarray(turn < -rounding * turn.max())
 
 
 def _either(values: FloatArray, others: FloatArray) -> FloatArray:
