@@ -107,7 +107,7 @@ def _upper_chain(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex,
 
 def _height(plane: Plane, point: tuple[int, ...]) -> int:
     """Return a height above the plane, in a unit of the plane's own."""
-    return sum(map(mul, plane, point)) - plane[-1]
+    return int(sum(map(mul, plane, point)) - plane[-1])
 
 
 def _upper_triangles(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex, Plane]:
