@@ -7,7 +7,6 @@ monomials become Bernstein polynomials by ``s^k = Σ_j C(j, k)/C(D, k) B_j^D(s)`
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -148,9 +147,8 @@ def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Patch, ...]:
 
 def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArray, suffix: str) -> Patch:
     ordinary = np.abs(logs).max() < math.log(MAX_PLAIN_WEIGHT)
-    key, values = ("weights", np.exp(logs)) if ordinary else ("log_weights", logs)
-    given: dict[str, Any] = {"coefficients": "binomial", "name": f"{patch.name or 'patch'}-{suffix}", key: values}
-    return Patch(knots, points, **given)
+    given = {"weights": np.exp(logs)} if ordinary else {"log_weights": logs}
+    return Patch(knots, points, coefficients="binomial", name=f"{patch.name or 'patch'}-{suffix}", **given)
 
 
 def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -8,8 +8,8 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, largest, points_at_torus
 from gtb_cli.checks.report import Finding, not_applicable, within_rounding
+from gtb_cli.theory.normals import tangents
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.tangents import tangents
 
 DEPTH_LOG = 600.0  # logarithm of the largest trusted ratio between values of the basis: floats reach 708
 MAX_NEGLECTED = 0.1  # with a larger neglected share, the limit is not reached within the range of floats

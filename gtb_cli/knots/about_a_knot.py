@@ -17,7 +17,7 @@ class Differences:
     """Coordinates of a surface's knots about knot k: along lines from it to other knots, and across them.
 
     Each is (n, m) for lines to (m,) other knots, up to positive factors. Across, coordinates are positive to the left,
-    and exactly 0 for the knots on the line, in particular for those on an edge.
+    and exactly 0 for the knots on the line, so also for all knots on an edge.
     """
 
     shape: Domain

@@ -75,8 +75,8 @@ def triangulation(domain: Domain, resolution: int) -> Triangulation:
 
     A segment is cut into N; a triangle into N² similar triangles; a quadrilateral into an N × N grid of cells, all with
     the same diagonal; any other polygon into triangles around the centroid of the corners, with N² similar triangles in
-    each. Vertices on the boundary lie on it to rounding, corners exactly; those of a rectangle along the axes are
-    exactly a grid.
+    each. Vertices on the boundary lie on it to rounding, corners exactly; the vertices of a rectangle along the axes
+    are exactly a grid.
     """
     n, v = resolution, domain.vertices
     if domain.dimension == 1:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import combinations, pairwise
+from operator import mul
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,9 +107,7 @@ def _upper_chain(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex,
 
 def _height(plane: Plane, point: tuple[int, ...]) -> int:
     """Return a height above the plane, in a unit of the plane's own."""
-    if len(point) == 2:
-        return plane[0] * point[0] + plane[1] * point[1] - plane[2]
-    return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
+    return int(sum(map(mul, plane, point)) - plane[-1])
 
 
 def _upper_triangles(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex, Plane]:
@@ -131,7 +130,9 @@ def _upper_triangles(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simp
                     above[facet].append(i)
                     break
 
-    a, b, c = _first_triangle(at, indices)
+    a, b = min(indices, key=at.__getitem__), max(indices, key=at.__getitem__)
+    c = max(indices, key=lambda i: abs(_plane(at, (a, b, i))[2]))  # farthest from their line
+    a, b = (a, b) if _plane(at, (a, b, c))[2] > 0 else (b, a)
     todo: list[Simplex] = [(a, b, c), (b, a, POINT_BELOW), (c, b, POINT_BELOW), (a, c, POINT_BELOW)]
     add(todo, (i for i in indices if i not in (a, b, c)))
     while todo:
@@ -157,18 +158,6 @@ def _upper_triangles(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simp
         add(made, outside)
         todo += made
     return {facet: plane for facet, plane in planes.items() if plane[2] > 0}
-
-
-def _first_triangle(at: list[tuple[int, ...]], indices: list[int]) -> Simplex:
-    a = min(indices, key=at.__getitem__)
-    b = max(indices, key=at.__getitem__)
-    run, rise = at[b][0] - at[a][0], at[b][1] - at[a][1]
-
-    def left(i: int) -> int:
-        return run * (at[i][1] - at[a][1]) - rise * (at[i][0] - at[a][0])
-
-    c = max(indices, key=lambda i: abs(left(i)))
-    return (a, b, c) if left(c) > 0 else (b, a, c)
 
 
 def _plane(at: list[tuple[int, ...]], corners: Simplex) -> Plane:

@@ -12,8 +12,8 @@ from gtb_cli.knots.hull import convex_hull
 from gtb_cli.language.document import shown
 from gtb_cli.language.keys_and_values import COORDINATE, POSITIVE, SCALE, Check, Table, Values, decimal_commas
 from gtb_cli.language.scanner import Path
+from gtb_cli.theory.basis import COEFFICIENTS
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.weights import COEFFICIENTS
 
 MAX_PATCHES = 20_000  # patches in a model, copies and included files counted
 _ARRAYS = frozenset(("knots", "weights", "log_weights", "control_points", "coefficients", "lifting"))  # of a patch

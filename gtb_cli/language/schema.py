@@ -12,7 +12,7 @@ from gtb_cli.language.includes import MAX_FILES
 from gtb_cli.language.keys_and_values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
 from gtb_cli.language.names import MAX_NAMES, MAX_NUMBER_NAME, NAME_PATTERN
 from gtb_cli.language.patch_reader import GRID, MAX_KNOTS, MAX_PATCHES
-from gtb_cli.theory.weights import COEFFICIENTS
+from gtb_cli.theory.basis import COEFFICIENTS
 
 Schema: TypeAlias = dict[str, Any]
 

@@ -116,22 +116,17 @@ def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
             if len(way) > n:
                 break  # enters a cycle without k, which is reported for the knots of the cycle
         targets[k] = way[-1]
-    _refuse_hull_change(patch, targets)
-    return targets
-
-
-def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
-    """Refuse moves that leave a corner without a knot; all paths lie inside Δ, so that other moves keep the hull."""
+    # Moves that leave no corner without a knot keep the hull: all paths lie inside Δ.
     shape = patch.domain
-    stays = (targets == np.arange(len(targets))) | (patch.knots == patch.knots[targets]).all(axis=1)
-    corners = shape.faces.knots[shape.faces.corners]
-    for corner, members in zip(shape.vertices, corners, strict=True):
+    stays = (targets == np.arange(n)) | (patch.knots == patch.knots[targets]).all(axis=1)
+    for corner, members in zip(shape.vertices, shape.faces.knots[shape.faces.corners], strict=True):
         if not (members & stays).any():
             k = int(np.flatnonzero(members)[0])
             place = ", ".join(f"{x:g}" for x in corner)
             what = "end" if shape.dimension == 1 else "corner"
             why = f"no other knot stays at its {what} ({place})"
             raise DomainError(f"merging knot {k} -> {targets[k]} changes the hull: {why}")
+    return targets
 
 
 @frozen
@@ -191,7 +186,27 @@ class KnotLimit:
     @cached_property
     def films(self) -> tuple[Film, ...]:
         """The parts of the limit set outside the merged patch; empty if the convergence is uniform."""
-        return tuple(_films(self.patch, self.targets))
+        parallel_ratio = 1e-9  # of the singular values of speeds: knots typed on one line
+        patch, targets, shape = self.patch, self.targets, self.patch.domain
+        moved = targets != np.arange(len(targets))
+        films = []
+        for face in shape.faces:
+            members = np.flatnonzero(face.knots[targets])
+            speeds = np.where(moved[members, None], shape.heights[members][:, face.facets], 0.0)
+            if face.is_interior or not speeds.any():
+                continue
+            along = None
+            if not face.is_corner:
+                along = shape.along(face.index, patch.knots[targets[members]])
+            elif shape.dimension == 2:
+                # If all arrive along one line, the film of the corner is a border of its edges' films.
+                values = np.linalg.svd(speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT), compute_uv=False)
+                if len(values) < 2 or values[1] <= parallel_ratio * values[0]:
+                    continue
+            units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
+            speeds = read_only(speeds / np.array(units))
+            films.append(Film(face, members, speeds, along, patch.log_products[members], patch.control_points[members]))
+        return tuple(films)
 
     @cached_property
     def arrivals(self) -> Mapping[int, int]:
@@ -223,27 +238,3 @@ def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
     membrane at an edge. Thm 3.1 and Thm 4.1 state only the merged patch as the limit; Ex. 4.2.
     """
     return KnotLimit(patch, dict(moves), ends_of_moves(patch, moves))
-
-
-def _films(patch: Patch, targets: IntArray) -> list[Film]:
-    parallel_ratio = 1e-9  # of the singular values of speeds: knots typed on one line
-    shape = patch.domain
-    moved = targets != np.arange(len(targets))
-    films = []
-    for face in shape.faces:
-        members = np.flatnonzero(face.knots[targets])
-        speeds = np.where(moved[members, None], shape.heights[members][:, face.facets], 0.0)
-        if face.is_interior or not speeds.any():
-            continue
-        along = None
-        if not face.is_corner:
-            along = shape.along(face.index, patch.knots[targets[members]])
-        elif shape.dimension == 2:
-            # If all arrive along one line, the film of the corner is a border of its edges' films.
-            values = np.linalg.svd(speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT), compute_uv=False)
-            if len(values) < 2 or values[1] <= parallel_ratio * values[0]:
-                continue
-        units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
-        speeds = read_only(speeds / np.array(units))
-        films.append(Film(face, members, speeds, along, patch.log_products[members], patch.control_points[members]))
-    return films

@@ -95,8 +95,8 @@ def joined_complex(patches: Sequence[Patch], joints: Joints, resolution: int) ->
     """Triangulate each domain with `resolution` cells along an edge, and join them.
 
     Patches are cut around their centres if several would have a side inside between the same two vertices, as at the
-    corner between two edges that they share. So are patches with a tip, where one more side is halved, and those with
-    triangles turned over when vertices move along an edge to the fractions at which it has another patch's points.
+    corner between two edges that they share. So are patches with a tip, where one more side is halved, and patches
+    with triangles turned over when vertices move along an edge to the fractions at which it has another patch's points.
     """
     kinds = kinds_of([patch.domain for patch in patches]).tolist()
     made = {kind: triangulation(patches[kind].domain, resolution) for kind in dict.fromkeys(kinds)}

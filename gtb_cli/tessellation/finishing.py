@@ -23,8 +23,8 @@ def finished(
 ) -> Mesh:
     """Return the mesh of a complex and the (v, 3) points of its vertices.
 
-    Cells whose vertices became one are left out. The faces of a closed body look outwards, those of another model to
-    the side that its joints choose. Normals are computed when they are asked for. `DomainError` if no cell is left.
+    Cells whose vertices became one are left out. Faces of a closed body look outwards, faces of any other model to the
+    side that its joints choose. Normals are computed when they are asked for. `DomainError` if no cell is left.
     """
     cells, rows = mosaic.without_collapsed
     if not len(cells):

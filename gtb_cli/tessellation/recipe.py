@@ -108,7 +108,13 @@ class Recipe:
         spec = with_weld(spec, self.weld)
         surface, tolerance = self._surface(spec, rounding)
         remarks = self._remarks(spec, surface)
-        mesh = self._with_attributes(spec, surface, remarks) if self.attributes else surface
+        mesh = surface
+        if self.attributes:
+            from gtb_cli.tessellation.attributes import with_attributes
+
+            mesh, lost = with_attributes(spec, surface, self.attributes, self.parametrization)
+            where = f"at {lost} of {len(mesh.vertices)} vertices, which get the mean of their neighbours'"
+            remarks += [f"the curvature has no finite limit {where}"] * bool(lost)
         maker = self._maker(spec, tolerance)
         size = self.thickness if self.radius is None else self.radius
         faults, folds, thin = list[str](), list[str](), list[str]()
@@ -174,16 +180,6 @@ class Recipe:
             remarks += coarse_sides(model, surface, self.resolution) if model is not None else []
             remarks += crowding(spec, self.resolution) if self.parametrization == "toric" else []
         return remarks
-
-    def _with_attributes(self, spec: Patch | Model, mesh: Mesh, remarks: list[str]) -> Mesh:
-        """Return a mesh with attributes, and add to the remarks where curvatures are not the surface's own."""
-        from gtb_cli.tessellation.attributes import with_attributes
-
-        mesh, replaced = with_attributes(spec, mesh, self.attributes, self.parametrization)
-        if replaced:
-            where = f"at {replaced} of {len(mesh.vertices)} vertices"
-            remarks.append(f"the curvature has no finite limit {where}, which get the mean of their neighbours'")
-        return mesh
 
     def _maker(self, spec: Patch | Model, tolerance: float | None) -> TubeMaker | WallMaker | None:
         """Return what makes a tube or a wall, if one is asked for."""

@@ -53,12 +53,15 @@ class _Refinement:
         sample_share = 0.9  # of the tolerance: between samples near creases, distances up to 6 % larger were seen
         self.sampler, self.asked, self.max_cells, self.points_in_all = sampler, tolerance, max_cells, points_in_all
         self.mesh = Subdivision(start, sampler)
-        refuse_rounding(tolerance, self.mesh.points)
+        scale, roundings = float(np.abs(self.mesh.points).max()), 64  # fewer cannot be told from errors
+        if not tolerance > (least := roundings * EPS * scale):
+            below = f"{tolerance:g} is below the rounding of coordinates of size {scale:.3g}"
+            raise ToleranceError(f"tolerance: {below}, at least {least:.2g} can be verified")
         is_surface = self.mesh.is_surface
         self.tolerance = sample_share * tolerance if is_surface else tolerance
         self.samples = Sampling(self.mesh, sampler)
         self.curves = [] if is_surface else [ChordProofs(patch) for patch in sampler.patches]
-        self.peaks = PeakParameters(self.mesh.domains, self.mesh.kinds) if is_surface else None
+        self.peaks = PeakParameters(self.mesh.domains, self.mesh.kinds[: None if is_surface else 0])
         self.sizes = np.array([domain.size for domain in self.mesh.domains])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
         self.flat = np.array([is_surface and self.is_flat(index) for index in range(len(sampler.patches))])
@@ -79,7 +82,7 @@ class _Refinement:
             marked = self.far()
             self.mark_worst(marked, changed[self.bulge(changed) > self.tolerance])
             if not marked.any():
-                marked = self.marks_of_samples(self.peaks) if self.peaks else self.uncertain()
+                marked = self.marks_of_samples() if self.mesh.is_surface else self.uncertain()
             if not marked.any():
                 return self.mesh
             changed = self.split(marked)
@@ -115,7 +118,10 @@ class _Refinement:
         if count > self.max_cells:
             why = f"needs more than {self.max_cells} {kind}"
         elif now > first_cells:
-            needed = cells_needed(edges.error.take(cells.sides.T) / self.tolerance)
+            # Halving the width divides errors by four. A triangle bends in a second direction as its straightest side.
+            errors = np.maximum(edges.error.take(cells.sides.T) / self.tolerance, 1.0)
+            parts = np.exp2(np.ceil(np.log2(errors) / 2))
+            needed = float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())
             # Until a sixteenth of the cells are there, spikes may be taken for what is usual.
             if needed > (2.0 if now < needed / 16 else 1.0) * self.max_cells:
                 why = f"needs about {needed:.1g} {kind}, more than {self.max_cells}"
@@ -165,14 +171,14 @@ class _Refinement:
             marked[cells.sides[own[fails]]] = True
         return marked
 
-    def marks_of_samples(self, peaks: PeakParameters) -> BoolArray:
+    def marks_of_samples(self) -> BoolArray:
         """Sample the triangles that were not sampled yet, and mark the edges, (e,), that must be split for them."""
         mesh, marked = self.mesh, self.far()
         while not marked.any() and len(todo := np.flatnonzero(~mesh.cells.holds)):
-            self.sample_peaks(mesh.sides_of(todo), peaks)
+            self.sample_peaks(mesh.sides_of(todo))
             is_flat, steps_at = self.flat.take(mesh.cells.patch[todo]), self.steps_at(todo)
             bent, flat = todo[~is_flat], todo[is_flat]
-            failing, doubtful = self.sample_on_lattices(bent, steps_at[~is_flat], peaks)
+            failing, doubtful = self.sample_on_lattices(bent, steps_at[~is_flat])
             marked = self.far()
             self.mark_worst(marked, failing)
             mesh.cells.holds[bent] = True
@@ -182,14 +188,14 @@ class _Refinement:
                 marked = self.flat_marks(flat)
         return marked
 
-    def sample_peaks(self, sides: IntArray, peaks: PeakParameters) -> None:
+    def sample_peaks(self, sides: IntArray) -> None:
         """Note how far edges are from their curves at possible peaks, and how near samples must be."""
         place_share = 0.01  # part of the tolerance by which a sample may be off along the surface: it is found sooner
         mesh = self.mesh
         edges = rows_of(mesh.edges, sides)
         speed = float((mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
         self.nearby = place_share * self.tolerance / speed if speed > 0 else 0.0
-        row, u = peaks.along(edges)
+        row, u = self.peaks.along(edges)
         sample = self.sampler.points(edges.patch[row], u, edges.face[row])
         np.maximum.at(mesh.edges.error, sides[row], cell_distances(sample, *mesh.ends(sides[row])))
 
@@ -200,9 +206,7 @@ class _Refinement:
         width = np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows])
         return steps_for(width, self.points_in_all)
 
-    def sample_on_lattices(
-        self, rows: IntArray, steps_at: IntArray, peaks: PeakParameters
-    ) -> tuple[IntArray, IntArray]:
+    def sample_on_lattices(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
         """Sample cells at peaks, and on lattices of the given steps; return cells that fail, and cells in doubt.
 
         Cells in doubt hold, but the surface over them is not quadratic: they are sampled more finely in the end.
@@ -219,7 +223,7 @@ class _Refinement:
                 fails[finer], doubts[finer] = self.sample(rows[finer], steps)
             doubts[:] = False
         cells = rows_of(self.mesh.cells, rows)
-        row, u = peaks.inside(cells)
+        row, u = self.peaks.inside(cells)
         sample = self.sampler.points(cells.patch.take(row), u, np.full(len(row), INTERIOR), self.nearby)
         fails[row[cell_distances(sample, *self.mesh.corners(rows[row])) > self.tolerance]] = True
         return rows[fails], rows[doubts]
@@ -302,19 +306,3 @@ class _Refinement:
             inner = sides[(edges.patch[sides] == index) & (edges.face[sides] == INTERIOR)]
             edges.error[inner] = edges.bend[inner]
         return marked
-
-
-def refuse_rounding(tolerance: float, points: FloatArray) -> None:
-    """Raise `ToleranceError` if a tolerance is too near the rounding of points to be verified."""
-    scale = float(np.abs(points).max())
-    least = 64 * EPS * scale  # fewer roundings cannot be told from errors
-    if not tolerance > least:
-        below = f"{tolerance:g} is below the rounding of coordinates of size {scale:.3g}"
-        raise ToleranceError(f"tolerance: {below}, at least {least:.2g} can be verified")
-
-
-def cells_needed(errors: FloatArray) -> float:
-    """Estimate the final number of cells, from the (1 or 3, k) errors of sides in units of the tolerance."""
-    # Halving the width divides errors by four. A triangle bends in a second direction as its straightest side does.
-    parts = np.exp2(np.ceil(np.log2(np.maximum(errors, 1.0)) / 2))
-    return float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())

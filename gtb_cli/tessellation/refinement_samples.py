@@ -4,7 +4,7 @@ Points are found sooner from guesses (see `gtb_cli.tessellation.sampler`), which
 vertices and in the middles of edges; NaN where there are none, as on the boundary of Δ.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -90,7 +90,10 @@ class Sampling:
         All k cells of the patch are given: samples may slide out of their own cells, but not out of all.
         """
         corners = np.stack(self.mesh.corners(rows), axis=1)
-        failing = _turned_over(corners)
+        area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        rounding = 1e-9  # part of the largest area: by it a triangle may face away from most of the area
+        turn = area @ area.sum(axis=0)
+        failing = np.asarray(turn < -rounding * turn.max())
         if failing.any():
             return failing
         places, owners = [], []
@@ -128,14 +131,6 @@ class Sampling:
         return [column.reshape(len(rows), w, *column.shape[1:]) for column in columns]
 
 
-def _turned_over(corners: FloatArray) -> BoolArray:
-    """Mark the (k, 3, 3) triangles in a plane that face away from most of the area."""
-    area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    rounding = 1e-9  # part of the largest area: by it a triangle may be turned over
-    turn = area @ area.sum(axis=0)
-    return np.asarray(turn < -rounding * turn.max())
-
-
 def _either(values: FloatArray, others: FloatArray) -> FloatArray:
     """Return values, and others where they are NaN."""
     return np.where(np.isnan(values), others, values)
@@ -162,17 +157,27 @@ class PeakParameters:
 
     def along(self, edges: Edges) -> tuple[IntArray, FloatArray]:
         """Find peaks between the ends of edges on the boundary of Δ: (q,) edges, and (q, 2) parameters."""
-        return _together(
-            _held(own[members], edges.parameters, self.of_kind[kind][face], _is_between)
-            for kind, own in groups(self.kinds[edges.patch])
-            for face, members in groups(edges.face[own])
-            if face != INTERIOR
-        )
+        return self._held(np.flatnonzero(edges.face != INTERIOR), edges.patch, edges.face, edges.parameters)
 
     def inside(self, cells: Cells) -> tuple[IntArray, FloatArray]:
         """Find peaks inside triangles: (q,) triangles, and (q, 2) parameters."""
-        alike = groups(self.kinds[cells.patch])
-        return _together(_held(rows, cells.corners, self.of_kind[kind][0], _is_inside) for kind, rows in alike)
+        return self._held(np.arange(len(cells.patch)), cells.patch, np.full(len(cells.patch), INTERIOR), cells.corners)
+
+    def _held(
+        self, rows: IntArray, patch: IntArray, face: IntArray, corners: FloatArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Find peaks in some edges or cells, on one face of their patches, with (k, c, 2) corners."""
+        found, peaks = [rows[:0]], [corners[:0, 0]]
+        for kind, own in groups(self.kinds[patch[rows]]):
+            for number, members in groups(face[rows[own]]):
+                some, places = rows[own[members]], self.of_kind[kind][number]
+                x = corners[some, :, 0]
+                low, high = x.min(axis=1)[:, None], x.max(axis=1)[:, None]
+                cell, peak = np.nonzero((low <= places[:, 0]) & (places[:, 0] <= high))
+                held = (_is_between if number else _is_inside)(corners[some[cell]], places[peak])
+                found.append(some[cell[held]])
+                peaks.append(places[peak[held]])
+        return np.concatenate(found), np.concatenate(peaks)
 
 
 def _peaks_of(domain: Domain) -> list[FloatArray]:
@@ -208,23 +213,6 @@ def _peaks_of_layer(domain: Domain, edge: int) -> FloatArray:
                         share = np.arange(1, 16)[:, None] / 16
                         found.append((1 - share) * domain.knots[knot] + share * domain.knots[other])
     return np.unique(np.concatenate(found), axis=0)
-
-
-def _held(
-    rows: IntArray, corners: FloatArray, peaks: FloatArray, holds: Callable[[FloatArray, FloatArray], BoolArray]
-) -> tuple[IntArray, FloatArray]:
-    """Find peaks in cells, among given rows of (k, c, 2) corners: (q,) cells, and (q, 2) parameters."""
-    x = corners[rows, :, 0]
-    low, high = x.min(axis=1)[:, None], x.max(axis=1)[:, None]
-    cell, peak = np.nonzero((low <= peaks[:, 0]) & (peaks[:, 0] <= high))
-    found = holds(corners[rows[cell]], peaks[peak])
-    return rows[cell[found]], peaks[peak[found]]
-
-
-def _together(found: Iterable[tuple[IntArray, FloatArray]]) -> tuple[IntArray, FloatArray]:
-    none = np.empty(0, dtype=np.int64), np.empty((0, 2))
-    rows, u = zip(none, *found, strict=True)
-    return np.concatenate(rows), np.concatenate(u)
 
 
 def _is_between(ends: FloatArray, peak: FloatArray) -> BoolArray:

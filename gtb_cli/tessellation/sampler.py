@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -20,11 +20,6 @@ from gtb_cli.values import frozen
 # Locates (m, d) parameters on given faces of Δ, to a fraction `within` of its size; `numbers` has the vector of weights
 # of each, if there are several. Called as `LinearParametrization.locations` is.
 Locate: TypeAlias = Callable[..., Iterator[Location]]
-
-
-def evenly(resolution: int) -> Locate:
-    """Locate linear parameters; all parameters of a triangulation are found sooner together."""
-    return partial(LinearParametrization.locations, resolution=resolution)
 
 
 def torically(linear: LinearParametrization, u: FloatArray, face: IntArray, **_: object) -> Iterator[Location]:

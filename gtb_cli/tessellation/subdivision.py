@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from functools import reduce
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -182,14 +183,15 @@ class Subdivision:
         for cells, pattern in self._patterns(rows_of(self.cells, rows), vertex):
             around = np.concatenate([cells.cells, vertex.take(cells.sides)], axis=1)
             places = np.concatenate([cells.corners, self._middles(cells, vertex)], axis=1)
-            inner: dict[frozenset[int], IntArray] = {}
+            known = self._sides_and_halves(cells, child)
             for line in pattern.lines:
-                inner[frozenset(line)] = next_edge + np.arange(len(around))
+                known[frozenset(line)] = next_edge + np.arange(len(around))
                 face = np.full(len(around), INTERIOR)
                 made.append(_unknown_edges(around.take(line, axis=1), cells.patch, places.take(line, axis=1), face))
                 next_edge += len(around)
             for piece in pattern.pieces:
-                sides = self._sides(piece, inner, cells, child)
+                pairs = [*pairwise(piece), (piece[-1], piece[0])][: cells.sides.shape[1]]
+                sides = np.stack([known[frozenset(pair)] for pair in pairs], axis=1)
                 pieces.append(_new_cells(around.take(piece, axis=1), sides, places.take(piece, axis=1), cells.patch))
         return pieces, made
 
@@ -212,24 +214,16 @@ class Subdivision:
         pieces = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
         yield rows_of(whole, three), _SplitPattern(pieces, ((3, 5), (3, 4), (4, 5)))
 
-    def _sides(
-        self, piece: tuple[int, ...], inner: dict[frozenset[int], IntArray], cells: Cells, child: IntArray
-    ) -> IntArray:
-        """Return the edges around a piece of each cell: new edges inside the cell, its sides, and halves of sides."""
-        columns = []
-        for i in range(cells.sides.shape[1]):
-            start, end = piece[i], piece[(i + 1) % len(piece)]
-            low, high = sorted((start, end))
-            side = high - cells.cells.shape[1]
-            if frozenset((start, end)) in inner:
-                columns.append(inner[frozenset((start, end))])
-            elif side < 0:
-                columns.append(cells.sides[:, start])
-            else:  # the half of the side that ends at the lower vertex
-                split = cells.sides[:, side]
-                is_second = self.edges.ends.ravel().take(2 * split) != cells.cells[:, low]
-                columns.append(np.asarray(child.ravel().take(2 * split + is_second)))
-        return np.stack(columns, axis=1)
+    def _sides_and_halves(self, cells: Cells, child: IntArray) -> dict[frozenset[int], IntArray]:
+        """Return the sides of cells, and the halves of sides that are split, by the numbers of their two ends."""
+        found, count = {}, cells.cells.shape[1]
+        for k, side in enumerate(cells.sides.T):
+            corners = k, (k + 1) % count
+            found[frozenset(corners)] = side
+            for corner in corners:
+                is_second = self.edges.ends.ravel().take(2 * side) != cells.cells[:, corner]
+                found[frozenset((corner, count + k))] = np.asarray(child.ravel().take(2 * side + is_second))
+        return found
 
     def _middles(self, cells: Cells, vertex: IntArray) -> FloatArray:
         """Return the parameters, (k, s, d), in the middles of sides of cells, with (e,) vertices there, −1 for none.

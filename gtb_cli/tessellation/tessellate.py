@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Iterable
+from functools import partial
 from typing import TypeAlias
 
 from gtb_cli.errors import DomainError, ToleranceError
@@ -12,10 +13,10 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import coarse_complexes, joined_complex
 from gtb_cli.tessellation.finishing import finished
-from gtb_cli.tessellation.sampler import Sampler, evenly, torically, torically_inside
+from gtb_cli.tessellation.sampler import Sampler, torically, torically_inside
 from gtb_cli.tessellation.welding import Weld
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.rational_basis import Parametrization
+from gtb_cli.theory.rational_basis import LinearParametrization, Parametrization
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, check_fineness, percentage
 
 Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
@@ -92,7 +93,8 @@ def tessellate(
         # Patches that share two edges are cut around their centres, into more cells than others.
         refuse_faces(len(mosaic.cells), resolution, max_faces)
         toric = torically_inside if isinstance(shape, Model) else torically
-        sampler = Sampler(patches, toric if parametrization == "toric" else evenly(resolution))
+        evenly = partial(LinearParametrization.locations, resolution=resolution)  # all together: sooner
+        sampler = Sampler(patches, toric if parametrization == "toric" else evenly)
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
     else:
         from gtb_cli.tessellation.refinement import refine

@@ -1,4 +1,4 @@
-"""The GT-Bernstein basis β, torus coordinates, and coefficients with which β adds up to 1; T_i: `rational_basis`.
+"""The GT-Bernstein basis β with its weights and coefficients, and torus coordinates; T_i: `rational_basis`.
 
 With the torus coordinate ``s(u) = Σ_j s_j ξ_j log h_j(u)``, every exponent is linear:
 ``Σ_j h_j(a_i) log h_j(u) = <a_i, s> + (a term common to all i)``, so that the rational basis is
@@ -8,15 +8,18 @@ that face, with the edge functions that vanish left out.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray, finite, positive, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
+from gtb_cli.knots.lattice import binomial_coefficients
+
+CoefficientRule: TypeAlias = Literal["binomial", "partition-of-unity"]
 
 
 class Location(NamedTuple):
@@ -99,3 +102,31 @@ def unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray
         values = ", ".join(f"{x:.6g}" if abs(y) > d else "0" for x, y, d in zip(c, solution, doubt, strict=True))
         raise DomainError(f"coefficients: partition of unity would need ({values}), which are not all positive")
     return np.asarray(c)
+
+
+COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": unity_coefficients}  # as specs name them
+
+
+def coefficients_of(shape: Domain, values: ArrayLike | str | None) -> FloatArray:
+    """Return the positive coefficients c, (n,), as given, by a rule, or by default 1."""
+    if isinstance(values, str):
+        if values not in COEFFICIENTS:
+            raise DomainError(f"coefficients: expected numbers, {' or '.join(COEFFICIENTS)}, got {values!r}")
+        values = COEFFICIENTS[values](shape)
+    return positive("coefficients", np.ones(len(shape.knots)) if values is None else values)
+
+
+def both_weights(weights: ArrayLike | None, logarithms: ArrayLike | None, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return weights and their logarithms, (n,) each, from either or both; by default 1 and 0."""
+    if logarithms is None:
+        weights = positive("weights", np.ones(n) if weights is None else weights)
+        return weights, read_only(np.log(weights))
+    logarithms = finite("log_weights", logarithms)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        powers = read_only(np.exp(logarithms))
+        weights = powers if weights is None else read_only(weights)
+        if weights.shape == powers.shape:  # others are refused later
+            rounding = 1e-9 * np.minimum(weights, powers) + np.finfo(float).tiny
+            if not ((weights == powers) | (np.abs(weights - powers) <= rounding)).all():
+                raise DomainError("weights: disagree with log_weights; `Patch.replace` changes both")
+    return weights, logarithms

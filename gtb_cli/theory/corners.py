@@ -21,7 +21,7 @@ power of ρ, which is the difference. While i and j lead, all orders are linear 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -184,12 +184,10 @@ def _with_curvature(
     unsure = knots.rounding + flat * np.linalg.norm(knots.points, axis=1)
     off = np.abs(knots.points @ found.normal) > unsure  # none without a plane
     tilt, growth, limits = 1.0, 0.0, []
-    volumes = _Volumes(knots, sectors, unsure)
-    for sector in sectors:
+    for sector, forms in zip(sectors, _forms(knots, sectors, unsure), strict=True):
         i, j = knots.x[sector.first], knots.x[sector.second]
         apart = determinants(i, knots.x, knots.gaps) != 0
         tilt = min(tilt, _least_power(knots, sector, knots.x[off & apart] - j))
-        forms = volumes.forms(knots, sector)
         for form, bound in zip(forms, _orders(i, j), strict=True):
             growth = min(growth, _least_power(knots, sector, form.x - bound))
         if is_plane and growth == 0:
@@ -272,47 +270,43 @@ def _least_power(knots: CornerKnots, sector: _Sector, exponents: FloatArray) -> 
     return least if least > edge else -math.inf
 
 
-class _Volumes:
-    """Products of three knots near a corner: W_j W_k W_l det(b_j, b_k, b_l), with the minors of their exponents."""
+def _forms(knots: CornerKnots, sectors: Sequence[_Sector], unsure: FloatArray) -> Iterator[list[Powers]]:
+    """Yield ⟨P_s × P_t, P_vv⟩, P_vw and P_ww for the v and w dual to the exponents that lead in each sector.
 
-    def __init__(self, knots: CornerKnots, sectors: Sequence[_Sector], unsure: FloatArray) -> None:
-        """Choose knots, and sets of three, that may count in a sector; points are known up to (n,) lengths."""
-        most, steps = 40, 6  # knots; and knots of a layer, from the corner on, that count along an edge
-        late, ways = np.full(len(knots.x), np.inf), []
-        for first, second, ends in sectors:
-            for ray in ends:
-                orders = np.sort(knots.x[[first, second]] @ ray)
-                away = np.maximum(ray, orders[1] / steps) if ray.min() == AXIS else ray
-                orders = np.sort(knots.x[[first, second]] @ away)
-                late = np.minimum(late, knots.x @ away / (2 * orders[1]))
-                ways.append(away / (orders[0] + 3 * orders[1]))
-        most_late = 1 + 1e-6
-        members = np.argsort(late, kind="stable")[:most]
-        members = members[late[members] <= most_late]
-        sets = members[subsets(len(members), 3)]
-        b = knots.points[sets]
-        volumes, lengths = dot(b[:, 0], cross(b[:, 1], b[:, 2])), np.linalg.norm(b, axis=2)
-        unsure = (unsure[sets] * np.roll(lengths, 1, axis=1) * np.roll(lengths, -1, axis=1)).sum(axis=1)
-        count = (knots.x[sets].sum(axis=1) @ np.transpose(ways) <= most_late).any(axis=1)
-        self._sets, self._volumes, self._unsure = sets[count], volumes[count], unsure[count]
-        x = knots.x[self._sets]
-        self._minors = determinants(np.roll(x, -1, axis=1), np.roll(x, -2, axis=1), knots.gaps)
-        self._number = alike(x.sum(axis=1).T, 4 * knots.gaps)
-        self._x = x.sum(axis=1)[np.unique(self._number, return_index=True)[1]]
-        self._logs = knots.logs[self._sets].sum(axis=1)
-
-    def forms(self, knots: CornerKnots, sector: _Sector) -> list[Powers]:
-        """Return ⟨P_s × P_t, P_vv⟩, P_vw and P_ww for the v and w dual to the exponents that lead in a sector."""
+    These are sums over sets of three knots: W_j W_k W_l det(b_j, b_k, b_l) times the minors of their exponents. Knots
+    and sets are chosen that may count in a sector; points are known up to (n,) lengths.
+    """
+    most, steps = 40, 6  # knots; and knots of a layer, from the corner on, that count along an edge
+    late, ways = np.full(len(knots.x), np.inf), []
+    for sector in sectors:
+        for ray in sector.ends:
+            orders = np.sort(knots.x[[sector.first, sector.second]] @ ray)
+            away = np.maximum(ray, orders[1] / steps) if ray.min() == AXIS else ray
+            orders = np.sort(knots.x[[sector.first, sector.second]] @ away)
+            late = np.minimum(late, knots.x @ away / (2 * orders[1]))
+            ways.append(away / (orders[0] + 3 * orders[1]))
+    most_late = 1 + 1e-6
+    members = np.argsort(late, kind="stable")[:most]
+    members = members[late[members] <= most_late]
+    sets = members[subsets(len(members), 3)]
+    sets = sets[(knots.x[sets].sum(axis=1) @ np.transpose(ways) <= most_late).any(axis=1)]
+    b, x = knots.points[sets], knots.x[sets]
+    volumes, lengths = dot(b[:, 0], cross(b[:, 1], b[:, 2])), np.linalg.norm(b, axis=2)
+    unsure = (unsure[sets] * np.roll(lengths, 1, axis=1) * np.roll(lengths, -1, axis=1)).sum(axis=1)
+    minors = determinants(np.roll(x, -1, axis=1), np.roll(x, -2, axis=1), knots.gaps)
+    orders, logs = x.sum(axis=1), knots.logs[sets].sum(axis=1)
+    number = alike(orders.T, 4 * knots.gaps)
+    orders = orders[np.unique(number, return_index=True)[1]]
+    for sector in sectors:
         xi, eta = _coordinates(knots, sector)
         found = []
         for square in (xi * (xi - 1), xi * eta, eta * (eta - 1)):
-            terms = square[self._sets] * self._minors
+            terms = square[sets] * minors
             det = terms.sum(axis=1)
             det[np.abs(det) <= 1e-9 * np.abs(terms).sum(axis=1)] = 0.0
-            factors = np.stack([det * self._volumes, np.abs(det) * self._unsure], axis=1)
-            tops, sums = summed(self._number, self._logs, factors)
-            found.append(rows_of(Powers(self._x, tops, sums[:, :1]), np.abs(sums[:, 0]) > sums[:, 1]))
-        return found
+            tops, sums = summed(number, logs, np.stack([det * volumes, np.abs(det) * unsure], axis=1))
+            found.append(rows_of(Powers(orders, tops, sums[:, :1]), np.abs(sums[:, 0]) > sums[:, 1]))
+        yield found
 
 
 def _coordinates(knots: CornerKnots, sector: _Sector) -> FloatArray:

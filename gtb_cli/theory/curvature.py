@@ -81,8 +81,8 @@ def _about(points: FloatArray, rounding: FloatArray, local: Local, terms: Terms,
     lengths = [np.sqrt((v**2).sum(axis=1)) for v in (first, second, across)]
     regular = lengths[2] > PARALLEL_SINE * lengths[0] * lengths[1]
     normal = np.where(regular[:, None], across / lengths[2][:, None] * local.turn, np.nan)
-    # Distances of control points from the tangent planes, with 0 in place of possible rounding: points equal to that of
-    # the leading knot are as near as p is.
+    # Distances of control points from the tangent planes, with 0 in place of possible rounding: a point that
+    # equals the leading knot's is as near as p is.
     d = deltas @ normal - (normal * p).sum(axis=1, keepdims=True)
     near = 8 * EPS * np.sqrt((p**2).sum(axis=1, keepdims=True))
     moved = (deltas != 0).any(axis=2, keepdims=True)
@@ -91,5 +91,6 @@ def _about(points: FloatArray, rounding: FloatArray, local: Local, terms: Terms,
     square, product = lengths[2] ** 2, (first * second).sum(axis=1)
     gaussian = (xi_xi * eta_eta - xi_eta**2) / square
     mean = (2 * product * xi_eta - lengths[1] ** 2 * xi_xi - lengths[0] ** 2 * eta_eta) / (2 * square)
-    unlimited = (d[:, layers.hindering] != 0).any(axis=1) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
+    hindering = np.any([layers.slow, *(knots for _, knots in layers.against)], axis=0)
+    unlimited = (d[:, hindering] != 0).any(axis=1) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
     return Curvature(np.where(unlimited, np.nan, gaussian), np.where(unlimited, np.nan, mean))

@@ -5,15 +5,14 @@ basis have no second derivatives in x or y at these knots. Towards an edge or a 
 vanishes last are left in a derivative: its limit is a sum over them.
 """
 
-from collections.abc import Iterator, Sequence
-from functools import cached_property
-from itertools import combinations_with_replacement
+from collections.abc import Iterator
+from itertools import combinations_with_replacement, starmap
 from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
-from gtb_cli.knots.about_a_knot import Differences
+from gtb_cli.knots.about_a_knot import Differences, cleared
 from gtb_cli.knots.domain import LAYER_TOLERANCE, Domain
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
@@ -44,35 +43,26 @@ class FaceLayers:
     slow: BoolArray  # knots that leave first derivatives at a corner without a limit
     against: tuple[tuple[int, BoolArray], ...]  # knots that leave second derivatives across a facet without a limit
 
-    @cached_property
-    def hindering(self) -> BoolArray:
-        """Knots that prevent a limit of some derivative."""
-        return np.asarray(np.any([self.slow, *(knots for _, knots in self.against)], axis=0))
-
 
 def face_layers(shape: Domain, face: Face) -> FaceLayers:
     """Return the layers of knots at a face of Δ; at a corner, ξ runs along the edge that starts there."""
-    every = np.ones(len(shape.knots), dtype=bool)
-    if face.is_interior:
-        d = shape.dimension
-        return FaceLayers(every, (every,) * d, (every,) * (d * (d + 1) // 2), ~every, ())
-    if not face.is_corner or shape.dimension == 1:
-        level = _levels(shape, face.index)
-        on, first, second = (level == k for k in (0, 1, 2))
-        along = (on,) * (shape.dimension - 1)
-        across = (face.index, (level > 1) & (level < 2))
-        return FaceLayers(on, (*along, first), (*along, *(first,) * len(along), second), ~every, (across,))
-    edges = ((face.index - 1) % len(shape.vertices), face.index)
-    levels = [_levels(shape, edge, shape.incidence[:, other]) for edge, other in zip(edges, edges[::-1], strict=True)]
-    point, *first = (_at(levels, place) for place in ((0, 0), (1, 0), (0, 1)))
-    second = tuple(_at(levels, place) for place in ((2, 0), (1, 1), (0, 2)))
-    slow = np.any([(level > 0) & (level < 1) for level in levels], axis=0)
-    against = tuple((edge, (level > 1) & (level < 2)) for edge, level in zip(edges, levels, strict=True))
-    return FaceLayers(point, tuple(first), second, slow, against)
+    every, d = np.ones(len(shape.knots), dtype=bool), shape.dimension
+    known: dict[int, tuple[int, FloatArray]] = {}  # facets on which a coordinate is 0, with levels over them
+    if face.is_corner and d == 2:
+        before, after = (face.index - 1) % len(shape.vertices), face.index
+        known[0] = before, _levels(shape, before, shape.incidence[:, after])
+        known[1] = after, _levels(shape, after, shape.incidence[:, before])
+    elif not face.is_interior:
+        known[d - 1] = face.index, _levels(shape, face.index)
 
+    def members(*axes: int) -> BoolArray:
+        """Mark the knots that count in the derivative along some axes."""
+        return np.asarray(np.all([every, *(level == axes.count(k) for k, (_, level) in known.items())], axis=0))
 
-def _at(levels: Sequence[FloatArray], place: tuple[int, ...]) -> BoolArray:
-    return np.asarray(np.all([level == k for level, k in zip(levels, place, strict=True)], axis=0))
+    second = starmap(members, combinations_with_replacement(range(d), 2))
+    slow = np.any([~every, *((level > 0) & (level < 1) for _, level in known.values())], axis=0)
+    against = tuple((facet, (level > 1) & (level < 2)) for facet, level in known.values())
+    return FaceLayers(members(), tuple(map(members, range(d))), tuple(second), slow, against)
 
 
 def _levels(shape: Domain, edge: int, among: BoolArray | None = None) -> FloatArray:
@@ -128,8 +118,7 @@ def local_coordinates(shape: Domain, k: int, e: FloatArray, layers: FaceLayers) 
     # The other knots are chosen like pivots, so that the triangle has neither little weight nor a small angle.
     columns = np.arange(e.shape[1])
     if shape.dimension == 1:
-        steps = shape.knots - shape.knots[k]
-        steps[np.abs(steps) <= knot_tolerance(shape.knots)] = 0.0
+        steps = cleared(shape.knots - shape.knots[k], knot_tolerance(shape.knots))
         one = _pivot(e, steps, layers.first[0])
         return Local(k, (steps / steps[one, 0],), (one,), np.ones(len(columns)))
     about = Differences(shape, k)

@@ -1,4 +1,4 @@
-"""Unit normals of a surface, with their limits on the boundary.
+"""Unit normals of a surface, and unit tangents of a curve, with their limits on the boundary.
 
 With respect to the torus coordinates, ``∂P/∂s = Σ_i T_i (b_i − P)(a_i − μ)ᵀ``: covariances of the control points with
 any two coordinates of the knots. If a few knots hold nearly all of T, these are differences of nearly equal numbers,
@@ -8,6 +8,7 @@ unless the coordinates are exactly 0 for those knots; therefore the coordinates 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, groups
 from gtb_cli.errors import DomainError
@@ -26,7 +27,7 @@ from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.corners import limits_of_normals
 from gtb_cli.theory.local_coordinates import face_layers
-from gtb_cli.theory.rational_basis import Blend
+from gtb_cli.theory.rational_basis import Blend, Parametrization
 
 
 def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> FloatArray:
@@ -43,20 +44,15 @@ def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> Float
     result = np.empty((count, 3))
     for location in locations:
         if location.face.is_interior:
-            result[location.rows] = _inside(patch, location)
+            e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
+            normals, doubtful = _about_corners(patch, shares(e))
+            if doubtful.any():
+                normals[doubtful] = _about_leaders(patch, e[:, doubtful])
+            result[location.rows] = normals
         elif location.face.is_corner:
             result[location.rows] = _at_corner(patch, location.face)
         else:
             result[location.rows] = on_edge([patch], location.face.index, location.s)[0]
-    return result
-
-
-def _inside(patch: Blend, location: Location) -> FloatArray:
-    e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
-    result, doubtful = _about_corners(patch, shares(e))
-    rows = np.flatnonzero(doubtful)
-    if len(rows):
-        result[rows] = _about_leaders(patch, e[:, rows])
     return result
 
 
@@ -120,7 +116,10 @@ def _about_point(patch: Blend, edge: int, s: FloatArray) -> FloatArray:
             first, second = ((along[x] - place[rows]) * height[y] for x, y in ((b, c), (c, b)))
             weights = shares(logarithms)
             size = np.sqrt((crosses[group] ** 2).sum(axis=1)) @ (weights * (np.abs(first) + np.abs(second)))
-            result[rows] = _direction(crosses[group].T @ (weights * (first - second)), size)
+            total = crosses[group].T @ (weights * (first - second))
+            length = np.sqrt((total**2).sum(axis=0))
+            good = length > PARALLEL_SINE * size  # else rounding beside the sum of lengths
+            result[rows] = np.where(good, total / np.where(good, length, 1.0), np.nan).T
         todo = todo[np.isnan(result[todo, 0])]
         if not len(todo):
             break
@@ -154,7 +153,7 @@ def _at_corner(patch: Blend, face: Face) -> FloatArray:
         edges = (after, before), (before, after)
         rises = [np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0) for edge, other in edges]
         ends = [next(layers(rise)) for rise in rises]
-        middle, *ways = (deltas[knots].T @ shares(log_weights[knots, None]) for knots in (at_corner, *ends))
+        middle, *ways = (_mean(deltas, log_weights, knots) for knots in (at_corner, *ends))
         rounding = coordinate_rounding(patch.control_points)
         normal = _unit_cross(*(cleared(way - middle, rounding) for way in ways))[0][0]
         if np.isfinite(normal[0]):
@@ -183,8 +182,7 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
         deltas = cleared(points - points[:, [members[k]]], rounding)
         e, own = logarithms(members, rows), deltas[:, members]
         position = own.swapaxes(1, 2) @ shares(e)
-        step = along[members] - along[members[k]]
-        step[np.abs(step) <= knot_tolerance(shape.knots)] = 0.0
+        step = cleared(along[members] - along[members[k]], knot_tolerance(shape.knots))
         tangent = covariance(e, step[:, None], own, position)
         for layer in layers(shape.heights[:, edge]):
             if not len(rows):
@@ -203,13 +201,6 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
     return result
 
 
-def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
-    """Return unit vectors along (3, m) sums, (m, 3); NaN if a sum is rounding beside the sum of lengths, (m,)."""
-    length = np.sqrt((total**2).sum(axis=0))
-    good = length > PARALLEL_SINE * size
-    return np.asarray(np.where(good, total / np.where(good, length, 1.0), np.nan).T)
-
-
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return unit cross products of (…, 3, m) vectors, (…, m, 3), NaN if parallel or zero; and sines of angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -218,3 +209,49 @@ def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, Floa
         sine = np.sqrt((normal**2).sum(axis=-2))
         across = sine[..., None, :]
         return np.where(across > PARALLEL_SINE, normal / across, np.nan).swapaxes(-1, -2), sine
+
+
+def tangents(patch: Blend, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
+    """Return unit tangents of a curve at parameters, (…) or (…, 1) → (…, 3); see `Patch.tangents`."""
+    shape = patch.rational_basis.domain
+    if shape.dimension != 1:
+        raise DomainError("tangents: a surface has many at a point, expected a curve")
+    columns, grid = shape.grid(t)
+    result = np.empty((len(columns), 3))
+    for location in patch.rational_basis.locations(columns, parametrization):
+        if location.face.is_corner:
+            result[location.rows] = _tangent_at_end(patch, location.face.index)
+        else:
+            result[location.rows] = _tangents_inside(patch, location)
+    return result.reshape(*grid, 3)
+
+
+def _tangents_inside(patch: Blend, location: Location) -> FloatArray:
+    """Normalise ``Σ_i T_i (a_i − μ)(b_i − P)``, taken about the knot with the largest T to keep digits at the ends."""
+    knots = patch.rational_basis.domain.knots
+    e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
+    result = np.empty((e.shape[1], 3))
+    for k, rows in groups(e.argmax(axis=0)):
+        deltas = offsets_from(patch.control_points, k)
+        step, part = cleared(knots - knots[k], knot_tolerance(knots)), e[:, rows]
+        derivative = covariance(part, step, deltas, deltas.T @ shares(part))
+        known = np.abs(derivative).max(axis=0) > PARALLEL_SINE * np.abs(step).max() * np.abs(deltas).max()
+        result[rows] = unit_columns(np.where(known, derivative, np.nan)).T
+    return result
+
+
+def _tangent_at_end(patch: Blend, end: int) -> FloatArray:
+    basis = patch.rational_basis
+    heights = basis.domain.heights[:, end]
+    at_end = np.flatnonzero(heights == 0)
+    deltas = offsets_from(patch.control_points, int(at_end[0]))
+    place, *places = (_mean(deltas, basis.log_weights, knots) for knots in (at_end, *layers(heights)))
+    for step in (other - place for other in places):
+        if np.abs(step).max() > coordinate_rounding(patch.control_points):
+            return np.asarray(unit_columns(step)[:, 0] * (1.0 if end == 0 else -1.0))
+    return np.full(3, np.nan)
+
+
+def _mean(deltas: FloatArray, log_weights: FloatArray, knots: IntArray) -> FloatArray:
+    """Return the mean of some knots' (n, 3) points under their weights, (3, 1)."""
+    return np.asarray(deltas[knots].T @ shares(log_weights[knots, None]))

@@ -15,9 +15,8 @@ from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, read_only
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
-from gtb_cli.theory.basis import Location, gt_bernstein
+from gtb_cli.theory.basis import CoefficientRule, Location, both_weights, coefficients_of, gt_bernstein
 from gtb_cli.theory.rational_basis import Parametrization, RationalBasis
-from gtb_cli.theory.weights import CoefficientRule, both_weights, coefficients_of
 from gtb_cli.values import by_value
 
 if TYPE_CHECKING:
@@ -95,33 +94,29 @@ class Patch:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        set_field = object.__setattr__
         shape = domain(self.knots, self.edge_normals, self.edge_scale)
-        set_field(self, "knots", shape.knots)
-        set_field(self, "edge_scale", shape.edge_scale)
         n = len(shape.knots)
         points = finite("control_points", self.control_points)
         if points.ndim != 2 or points.shape[1] not in (2, 3):
             raise DomainError(f"control_points: expected shape ({n}, 3) or ({n}, 2), got {points.shape}")
         if points.shape[1] == 2:
             points = read_only(np.column_stack([points, np.zeros(len(points))]))
-        set_field(self, "control_points", points)
-        weights, logarithms = both_weights(self.weights, self.log_weights, n)
-        set_field(self, "weights", weights)
-        set_field(self, "log_weights", logarithms)
-        set_field(self, "coefficients", coefficients_of(shape, self.coefficients))
+        made: dict[str, Any] = {"knots": shape.knots, "edge_scale": shape.edge_scale, "control_points": points}
+        made["weights"], made["log_weights"] = both_weights(self.weights, self.log_weights, n)
+        made["coefficients"] = coefficients_of(shape, self.coefficients)
         if self.lifting is not None:
-            set_field(self, "lifting", finite("lifting", self.lifting))
+            made["lifting"] = finite("lifting", self.lifting)
         for label in ("control_points", "weights", "coefficients", "lifting"):
-            values = getattr(self, label)
-            if values is not None:
-                one_for_each(label, values, n, "knot", (3,) if label == "control_points" else ())
+            if label in made:
+                one_for_each(label, made[label], n, "knot", (3,) if label == "control_points" else ())
         if self.name is not None and not isinstance(self.name, str):
             raise DomainError(f"name: expected a string, got {self.name!r}")
-        products = read_only(self.log_weights + np.log(self.coefficients))
+        products = read_only(made["log_weights"] + np.log(made["coefficients"]))
         basis: RationalBasis | None = self.rational_basis
         if basis is None or basis.domain != shape or not np.array_equal(basis.log_weights, products):
-            set_field(self, "rational_basis", RationalBasis(shape, products))
+            made["rational_basis"] = RationalBasis(shape, products)
+        for label, value in made.items():
+            object.__setattr__(self, label, value)
 
     def __repr__(self) -> str:
         kind = "curve" if self.dimension == 1 else f"{len(self.domain.vertices)}-sided surface"
@@ -348,7 +343,7 @@ class Patch:
         the nearest knot's different control point, where repeated knots count with their mean (property (c) of
         GT-Bézier curves, eq. 302). `DomainError` is raised for a surface, and for a parameter outside Δ.
         """
-        from gtb_cli.theory.tangents import tangents
+        from gtb_cli.theory.normals import tangents
 
         return tangents(self, self.domain.vertices if t is None else t, parametrization)
 

@@ -16,8 +16,8 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.limits.degeneration import MAX_WEIGHT_LOG, degenerate, regular_control_surface
 from gtb_cli.models.model import Model
+from gtb_cli.theory.normals import tangents
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.tangents import tangents
 from tests.laws import size
 from tests.marks import mostly_long
 from tests.specs import GOOD_SPECS, load, spec

@@ -14,8 +14,8 @@ from gtb_cli.models.model import Model
 from gtb_cli.solids.tube import RING_SIDES, folded_segments, ring_size, tube
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.normals import tangents
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.tangents import tangents
 from tests import exact
 from tests.marks import mostly_long
 from tests.shell import CURVE, PENTAGON

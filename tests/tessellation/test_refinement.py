@@ -11,7 +11,7 @@ from gtb_cli.meshes.nearest import NearestCells, cell_distances
 from gtb_cli.models.model import Model
 from gtb_cli.moment import solve
 from gtb_cli.moment.solve import LogSum
-from gtb_cli.tessellation.refinement_samples import MIN_SAMPLES
+from gtb_cli.tessellation.refinement_samples import MIN_SAMPLES, PeakParameters
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
@@ -102,6 +102,11 @@ def assert_conforming(mesh: Mesh) -> None:
     open_sides = sides[count == 1]
     assert (np.unique(open_sides, return_counts=True)[1] == 2).all()
     assert len(mesh.vertices) - len(sides) + len(mesh.faces) == 1
+
+
+def test_a_knot_inside_a_cell_is_sampled_however_narrow_its_peak():
+    peaks, first = PeakParameters([spike().domain], np.zeros(1, int)), np.zeros(1, int)
+    assert PENTAGON[3].tolist() in peaks._held(first, first, first, PENTAGON[None, [5, 4, 1]])[1].tolist()
 
 
 @pytest.mark.parametrize("name", HARD)
