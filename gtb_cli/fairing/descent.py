@@ -1,12 +1,13 @@
 """Descent to the fairest control points: the least product of powers of bending and of its variation."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
-from gtb_cli.fairing.energy import Samples
+from gtb_cli.fairing.metric import Block
 from gtb_cli.fairing.variation import Bending, bendings, linearisation
 
 BENDING_POWER = 4
@@ -19,7 +20,14 @@ LEAST_GAIN = 0.1
 """Part of the product of all figures that a step must win: what is fair to that is left as it is."""
 
 
-def measured(zones: Sequence[Samples], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
+class Zone(NamedTuple):
+    """A region of Δ: places, which stand for (m,) areas."""
+
+    blocks: Iterable[Block]
+    areas: FloatArray
+
+
+def measured(zones: Sequence[Zone], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
     """Integrate each of the surfaces, (n, 3) control points, over the first zone, the first two and so on."""
     with np.errstate(all="ignore"):  # where a surface has no tangent plane, integrals are not finite
         parts = [bendings(*zone, surfaces)[0] for zone in zones]
@@ -51,7 +59,7 @@ def is_fairer(found: FloatArray, than: FloatArray) -> bool:
 
 
 def descended(
-    search: Sequence[Samples], judge: Sequence[Samples], points: FloatArray, members: IntArray, most: FloatArray
+    search: Sequence[Zone], judge: Sequence[Zone], points: FloatArray, members: IntArray, most: FloatArray
 ) -> FloatArray:
     """Return (n, 3) control points of which the (k,) members are moved until no step makes the surface fairer.
 

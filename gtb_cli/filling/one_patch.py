@@ -22,7 +22,7 @@ from gtb_cli.fairing.descent import BENDING_POWER
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
-from gtb_cli.fairing.metric import forms
+from gtb_cli.fairing.metric import blocks, forms
 from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
@@ -267,19 +267,19 @@ def _solved(
     depths = np.minimum(_depths(region.vertices, energy_samples(region, resolution, NEARER)[0]) / VISIBLE, 1)
     zones = areas * np.stack([depths**16, depths**4])
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
-    measured = partial(bendings, knots, weights, s)
     if inner == "fair":
-        matrices = partial(forms, knots, weights, orders=(2, 3))
+        seen = depths == 1
+        inside, outside = (list(blocks(knots, weights, s, np.flatnonzero(each))) for each in (seen, ~seen))
+        matrices, measured = partial(forms, orders=(2, 3)), partial(bendings, inside + outside)
         # The search begins in the metric of the domain.
-        second, third = matrices(s, zones[0], np.column_stack([knots, np.zeros(len(knots))]))
+        second, third = matrices(inside + outside, zones[0], np.column_stack([knots, np.zeros(len(knots))]))
         energies = [third + 30 / areas.sum() * second]
         found = [least(energies[0])]
         area = measured(zones[:1], found)[0][0].area
         # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
         # it varies less at the boundary, and more inside.
-        seen = depths == 1  # where both weigh alike
-        inside = matrices(s[:, seen], areas[seen], found[0])
-        for second, stiff in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
+        # Where places are seen both energies weigh alike.
+        for second, stiff in matrices(inside, areas, found[0]) + matrices(outside, zones, found[0]):
             energies += [stiff + factor / area * second for factor in (0, 100, 400)]
         found += [least(energy) for energy in energies[1:]]
         # Where curvature is given along edges, less bending is had by leaving it just inside them.

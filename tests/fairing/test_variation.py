@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.fairing.energy import energy_samples, samples
-from gtb_cli.fairing.metric import forms
+from gtb_cli.fairing.metric import Block, blocks, forms
 from gtb_cli.fairing.variation import bendings, linearisation
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.moment_map import MomentMap
@@ -14,9 +14,9 @@ from gtb_cli.moment.solve import LogSum
 from gtb_cli.theory.patch import Patch
 
 
-def sampled(patch: Patch, resolution: int = 24) -> tuple[np.ndarray, ...]:
+def sampled(patch: Patch, resolution: int = 24) -> tuple[list[Block], np.ndarray]:
     p, areas = energy_samples(patch.domain, resolution)
-    return patch.knots, patch.log_products, MomentMap(patch.knots, patch.log_products).inverse(p), areas
+    return list(blocks(patch.knots, patch.log_products, MomentMap(patch.knots, patch.log_products).inverse(p))), areas
 
 
 def bicubic(f) -> Patch:
@@ -58,11 +58,11 @@ def test_integrals_have_no_unit(scale, shift):
 
 def test_several_zones_are_measured_at_once():
     patch = graph(0.5)
-    *where, areas = sampled(patch, 10)
+    where, areas = sampled(patch, 10)
     zones = areas * np.stack([np.linspace(0, 1, len(areas)), np.ones(len(areas))])
-    found = bendings(*where, zones, [patch.control_points, -2 * patch.control_points])
+    found = bendings(where, zones, [patch.control_points, -2 * patch.control_points])
     for zone, expected in zip(zones, found, strict=True):
-        (alone,) = bendings(*where, zone, [patch.control_points])
+        (alone,) = bendings(where, zone, [patch.control_points])
         assert alone[0].energy == pytest.approx(expected[0].energy, rel=1e-12)
         assert alone[0].area == pytest.approx(expected[1].area / 4, rel=1e-12)
 
@@ -75,7 +75,7 @@ def test_digits_are_kept_near_edges_and_corners(p):
     patch = Patch(bent.knots @ turn, bent.control_points, coefficients="binomial")
     place = np.array([p]) @ turn
     s = MomentMap(patch.knots, patch.log_products).inverse(place)
-    ((found,),) = bendings(patch.knots, patch.log_products, s, np.ones(1), [patch.control_points])
+    ((found,),) = bendings(blocks(patch.knots, patch.log_products, s), np.ones(1), [patch.control_points])
     curvature = patch.curvature(place, "linear")
     mean, gaussian = float(curvature.mean[0]), float(curvature.gaussian[0])
     assert found.curvature == pytest.approx(abs(mean) + math.sqrt(mean**2 - gaussian), rel=2e-8)
