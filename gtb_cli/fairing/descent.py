@@ -2,13 +2,16 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.fairing.metric import Block
 from gtb_cli.fairing.variation import Bending, bendings, linearisation
+
+Zone: TypeAlias = tuple[Iterable[Block], FloatArray]
+"""A region of Δ: places, block by block, and the (m,) areas for which they stand."""
 
 BENDING_POWER = 4
 """Power of ∫ κ₁² + κ₂² in the product that is made small: with less, some surfaces bend more than a thin plate does."""
@@ -18,13 +21,6 @@ FLAT = 1e-9
 
 LEAST_GAIN = 0.1
 """Part of the product of all figures that a step must win: what is fair to that is left as it is."""
-
-
-class Zone(NamedTuple):
-    """A region of Δ: places, which stand for (m,) areas."""
-
-    blocks: Iterable[Block]
-    areas: FloatArray
 
 
 def measured(zones: Sequence[Zone], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:

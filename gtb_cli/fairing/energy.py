@@ -82,8 +82,7 @@ def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: 
     if kind not in ("dirichlet", "thin-plate"):
         raise DomainError(f"energy: expected thin-plate or dirichlet, got {kind!r}")
     plane = np.column_stack([knots, np.zeros(len(knots))])
-    order = 1 if kind == "dirichlet" else 2
-    return np.asarray(forms(blocks(knots, log_weights, s), areas, plane, [order])[0])
+    return np.asarray(forms(blocks(knots, log_weights, s), areas, plane, [1 if kind == "dirichlet" else 2])[0])
 
 
 def energy_samples(

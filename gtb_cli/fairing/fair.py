@@ -172,18 +172,13 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     Descent begins at the given ones, then at a thin plate if that is fairer than what is found, or if the quadratures
     do not agree on what is given: it is as good as folded somewhere.
     """
-    search, judge = ([Zone(list(t), areas) for t, areas in _zones(patch, resolution)] for resolution in (32, 48))
+    search, judge = ([(list(t), areas) for t, areas in _zones(patch, resolution)] for resolution in (32, 48))
     plate = _least(energy_matrix(patch.domain, patch.log_products, "thin-plate"), given, free)
     coarse, before = (figures(measured(zones, [given])[0]) for zones in (search, judge))
-    given_folds, is_known = len(folds(patch)), (np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)).all()
-    best, least, fewest = given, before, given_folds
+    best, least, fewest = given, before, len(folds(patch))
+    is_sound = not fewest and (np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)).all()
     for start, most in ((given, before), (plate, np.full(len(before), math.inf))):
-        if (
-            start is plate
-            and not given_folds
-            and is_known
-            and not is_fairer(figures(measured(judge, [plate])[0]), least)
-        ):
+        if start is plate and is_sound and not is_fairer(figures(measured(judge, [plate])[0]), least):
             continue
         found = descended(search, judge, start, free, most)
         after, now = figures(measured(judge, [found])[0]), len(folds(patch.replace(control_points=found)))
@@ -197,8 +192,8 @@ def _zones(patch: Patch, resolution: int) -> list[Zone]:
     """Return a quadrature of the inside and of a strip around it, to be used once."""
     inside, outside = LEFT_OUT
     bounds = (inside, 1.0), (outside, inside)
-    found = [samples(patch.domain, patch.log_products, resolution, *each) for each in bounds]
-    return [Zone(blocks(knots, weights, s), areas) for knots, weights, s, areas in found]
+    found = (samples(patch.domain, patch.log_products, resolution, *each) for each in bounds)
+    return [(blocks(*places[:3]), places.areas) for places in found]
 
 
 def agreed(

@@ -32,10 +32,6 @@ class Block(NamedTuple):
     t: FloatArray
     parts: list[tuple[slice, FloatArray]]
 
-    def of(self, members: IntArray) -> "Block":
-        """Return the shares and powers of some of the knots."""
-        return Block(self.places, self.t[members], [(part, powers[members]) for part, powers in self.parts])
-
     def sums(self, values: FloatArray) -> FloatArray:
         """Return sums over all knots of T times powers times (n, …) values: (10, …, m)."""
         flat = values.reshape(len(values), 1, -1)

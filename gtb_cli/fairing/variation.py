@@ -76,7 +76,7 @@ def linearisation(
     for block in blocks:
         found = frame(block, points)
         root = np.sqrt(areas[block.places] * found.space)
-        block = block.of(members)
+        block = Block(block.places, block.t[members], [(part, powers[members]) for part, powers in block.parts])
         factors = [[rate[3:] * root for rate in order] for order in found.orders]
         *rates, spread = _rates(found, *factors)
         values[0] += root @ root
