@@ -299,7 +299,9 @@ class _Search:
 
     def fairest(self) -> list[tuple[float, FloatArray]]:
         """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
-        energies = [self._first_energy()]
+        plane = np.column_stack([self._places.knots, np.zeros(len(self._places.knots))])
+        second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
+        energies = [third + 30 / self._places.areas.sum() * second]
         found = [self._least(energies[0])]
         energies += self._energies(found[0])
         found += [self._least(energy) for energy in energies[1:]]
@@ -310,13 +312,6 @@ class _Search:
         if not np.array_equal(unbound, found[best]):
             pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
         return pairs + [(scored[0], found[0])] * (best > 0)
-
-    def _first_energy(self) -> FloatArray:
-        """Return the energy in the metric of the domain."""
-        knots, areas = self._places.knots, self._places.areas
-        plane = np.column_stack([knots, np.zeros(len(knots))])
-        second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
-        return np.asarray(third + 30 / areas.sum() * second)
 
     def _energies(self, points: FloatArray) -> list[FloatArray]:
         """Return energies in the metric of a surface, those of what is seen first.
@@ -336,11 +331,9 @@ class _Search:
         t, led = shares(exponents(*self._places[:3])), fairest
         form = (t * self._zones[1]) @ t.T + stiffness * self._stiff
         for _ in range(rounds):
-            ways = np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led))
-            led = self._least(form, origin=led + ways)
+            led = self._least(form, origin=led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led)))
         farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
-        good = farther[0] < farther[1] and self.scores([led])[0] <= worst * score
-        return [(score, led)] if good else []
+        return [(score, led)] * (farther[0] < farther[1] and self.scores([led])[0] <= worst * score)
 
 
 def _depths(vertices: FloatArray, places: FloatArray) -> FloatArray:
