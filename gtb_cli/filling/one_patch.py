@@ -270,7 +270,7 @@ def _solved(
         return
     depths = np.minimum(_depths(region.vertices, energy_samples(region, resolution, NEARER)[0]) / VISIBLE, 1)
     # Where curvature is given along edges, less bending is had by leaving it just inside them.
-    search = _Search(places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
+    search = _FairSearch(places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
     found = search.fairest()
     if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
         found = search.led_to(surface, *found[0]) + found
@@ -280,7 +280,7 @@ def _solved(
     yield patch(points), search.scores([points])[0]
 
 
-class _Search:
+class _FairSearch:
     """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
 
     def __init__(self, places: Samples, depths: FloatArray, least: Callable[..., FloatArray], power: int) -> None:
