@@ -76,8 +76,8 @@ def test_digits_are_kept_near_edges_and_corners():
     s = MomentMap(patch.knots, patch.log_products).inverse(places)
     found = bendings(blocks(patch.knots, patch.log_products, s), np.eye(4), [patch.control_points])
     curvature = patch.curvature(places, "linear")
-    squares = 4 * curvature.mean**2 - 2 * curvature.gaussian
-    np.testing.assert_allclose([each.energy / each.area for (each,) in found], squares, rtol=2e-8)
+    squares = [each.energy / each.area for (each,) in found]
+    np.testing.assert_allclose(squares, 4 * curvature.mean**2 - 2 * curvature.gaussian, rtol=2e-8)
 
 
 def test_samples_start_from_coarser_ones(monkeypatch):
@@ -102,9 +102,8 @@ def test_forms_are_the_integrals_of_the_surface_whose_metric_they_have():
     # The part of a symmetric tensor of third order that its trace determines has 3/4 of the square of the trace, 2 ∇H
     assert np.einsum("ik,ij,jk->", points, third, points) >= 3 * found.variation / found.area
     *at, areas = samples(uneven.domain, uneven.log_products, 10)
-    whole, *halves = (
-        forms(blocks(*at, part), areas, points, (3,))[0] for part in (slice(None), *np.arange(400).reshape(200, 2).T)
-    )
+    parts = slice(None), *np.arange(400).reshape(200, 2).T
+    whole, *halves = (forms(blocks(*at, part), areas, points, (3,))[0] for part in parts)
     np.testing.assert_allclose(sum(halves), whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
     for matrix in (second, third):
         np.testing.assert_allclose(matrix @ np.ones(16), 0, atol=1e-9 * np.abs(matrix).max())
