@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gtb_cli.fairing.metric import blocks
 from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.loops import loop_from_text
 from gtb_cli.filling.sides import side_normals, stations
@@ -69,7 +70,7 @@ def test_a_generalized_bezier_patch_with_four_sides_is_bicubic_and_bends_as_one(
     assert jets[0] == pytest.approx(bicubic.evaluate(places, "linear"), abs=1e-12)
     s = MomentMap(knots, bicubic.log_products).inverse(places, 1e-13)
     areas = np.ones(20)
-    [[expected]] = bendings(knots, bicubic.log_products, s, areas, [bicubic.control_points])
+    [[expected]] = bendings(blocks(knots, bicubic.log_products, s), areas, [bicubic.control_points])
     bent = bending(jets, 2 * areas)  # the area of the polygon
     assert dataclasses.astuple(bent) == pytest.approx(dataclasses.astuple(expected), rel=1e-9)
 

@@ -1,13 +1,17 @@
 """Descent to the fairest control points: the least product of powers of bending and of its variation."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
-from gtb_cli.fairing.energy import Samples
+from gtb_cli.fairing.metric import Block
 from gtb_cli.fairing.variation import Bending, bendings, linearisation
+
+Zone: TypeAlias = tuple[Iterable[Block], FloatArray]
+"""A region of Δ: places, block by block, and the (m,) areas for which they stand."""
 
 BENDING_POWER = 4
 """Power of ∫ κ₁² + κ₂² in the product that is made small: with less, some surfaces bend more than a thin plate does."""
@@ -19,7 +23,7 @@ LEAST_GAIN = 0.1
 """Part of the product of all figures that a step must win: what is fair to that is left as it is."""
 
 
-def measured(zones: Sequence[Samples], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
+def measured(zones: Sequence[Zone], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
     """Integrate each of the surfaces, (n, 3) control points, over the first zone, the first two and so on."""
     with np.errstate(all="ignore"):  # where a surface has no tangent plane, integrals are not finite
         parts = [bendings(*zone, surfaces)[0] for zone in zones]
@@ -51,7 +55,7 @@ def is_fairer(found: FloatArray, than: FloatArray) -> bool:
 
 
 def descended(
-    search: Sequence[Samples], judge: Sequence[Samples], points: FloatArray, members: IntArray, most: FloatArray
+    search: Sequence[Zone], judge: Sequence[Zone], points: FloatArray, members: IntArray, most: FloatArray
 ) -> FloatArray:
     """Return (n, 3) control points of which the (k,) members are moved until no step makes the surface fairer.
 

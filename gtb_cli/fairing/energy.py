@@ -12,7 +12,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, planar_cross
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.metric import forms
+from gtb_cli.fairing.metric import blocks, forms
 from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.patch import Patch
@@ -82,7 +82,7 @@ def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: 
     if kind not in ("dirichlet", "thin-plate"):
         raise DomainError(f"energy: expected thin-plate or dirichlet, got {kind!r}")
     plane = np.column_stack([knots, np.zeros(len(knots))])
-    return np.asarray(forms(knots, log_weights, s, areas, plane, (1 if kind == "dirichlet" else 2,))[0])
+    return np.asarray(forms(blocks(knots, log_weights, s), areas, plane, [1 if kind == "dirichlet" else 2])[0])
 
 
 def energy_samples(

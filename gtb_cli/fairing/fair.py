@@ -9,9 +9,10 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.descent import FLAT, descended, figures, is_fairer, measured
-from gtb_cli.fairing.energy import Samples, energy_matrix, samples
+from gtb_cli.fairing.descent import FLAT, Zone, descended, figures, is_fairer, measured
+from gtb_cli.fairing.energy import energy_matrix, samples
 from gtb_cli.fairing.folds import folds
+from gtb_cli.fairing.metric import blocks
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.knots.domain import LAYER_TOLERANCE, layers
 from gtb_cli.language.spec_paths import SpecPath, loaded
@@ -171,18 +172,13 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     Descent begins at the given ones, then at a thin plate if that is fairer than what is found, or if the quadratures
     do not agree on what is given: it is as good as folded somewhere.
     """
-    search, judge = (_zones(patch, resolution) for resolution in (32, 48))
+    search, judge = ([(list(t), areas) for t, areas in _zones(patch, resolution)] for resolution in (32, 48))
     plate = _least(energy_matrix(patch.domain, patch.log_products, "thin-plate"), given, free)
     coarse, before = (figures(measured(zones, [given])[0]) for zones in (search, judge))
-    given_folds, is_known = len(folds(patch)), (np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)).all()
-    best, least, fewest = given, before, given_folds
+    best, least, fewest = given, before, len(folds(patch))
+    is_sound = not fewest and (np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)).all()
     for start, most in ((given, before), (plate, np.full(len(before), math.inf))):
-        if (
-            start is plate
-            and not given_folds
-            and is_known
-            and not is_fairer(figures(measured(judge, [plate])[0]), least)
-        ):
+        if start is plate and is_sound and not is_fairer(figures(measured(judge, [plate])[0]), least):
             continue
         found = descended(search, judge, start, free, most)
         after, now = figures(measured(judge, [found])[0]), len(folds(patch.replace(control_points=found)))
@@ -192,10 +188,12 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     return best
 
 
-def _zones(patch: Patch, resolution: int) -> list[Samples]:
-    """Return a quadrature of the inside and of a strip around it."""
-    shape, weights, (inside, outside) = patch.domain, patch.log_products, LEFT_OUT
-    return [samples(shape, weights, resolution, inside), samples(shape, weights, resolution, outside, inside)]
+def _zones(patch: Patch, resolution: int) -> list[Zone]:
+    """Return a quadrature of the inside and of a strip around it, to be used once."""
+    inside, outside = LEFT_OUT
+    bounds = (inside, 1.0), (outside, inside)
+    found = (samples(patch.domain, patch.log_products, resolution, *each) for each in bounds)
+    return [(blocks(*places[:3]), places.areas) for places in found]
 
 
 def agreed(

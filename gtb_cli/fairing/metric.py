@@ -14,7 +14,8 @@ Variational design and fairing of spline surfaces, 1994).
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,42 +26,58 @@ from gtb_cli.moment.torus import exponents, shares
 
 
 class Block(NamedTuple):
-    """(n, m) shares T at m of the places, and (n, 10) powers 1, x, y, xx, …, yyy of the knots' coordinates."""
+    """(n, m) shares T at m of the places, and, for parts of these, (n, 10) powers 1, x, y, xx, …, yyy of the knots."""
 
     places: IntArray
-    powers: FloatArray
     t: FloatArray
+    parts: list[tuple[slice, FloatArray]]
 
-    def tables(self, factors: FloatArray) -> FloatArray:
-        """Return T times polynomials with (10, …, m) factors of the powers: (n, …, m)."""
-        found = (self.powers @ factors.reshape(10, -1)).reshape(len(self.t), -1, self.t.shape[1])
-        found *= self.t[:, None]
-        return found.reshape(len(self.t), *factors.shape[1:])
+    def sums(self, values: FloatArray) -> FloatArray:
+        """Return sums over all knots of T times powers times (n, …) values: (10, …, m)."""
+        flat = values.reshape(len(values), 1, -1)
+        found = [((p[:, :, None] * flat).reshape(len(p), -1).T @ self.t[:, part]) for part, p in self.parts]
+        return np.concatenate(found, axis=1).reshape(10, *values.shape[1:], -1)
+
+    def tables(self, factors: FloatArray) -> Iterator[tuple[slice, FloatArray]]:
+        """Yield, for each part, T times polynomials with (10, …, m) factors of the powers: (n, … · part)."""
+        for part, powers in self.parts:
+            t, own = self.t[:, part], factors[..., part].reshape(10, -1)
+            found = (powers @ own).reshape(len(t), -1, t.shape[1])
+            found *= t[:, None]
+            yield part, found.reshape(len(t), *factors.shape[1:-1], -1)
 
     def form(self, rates: Sequence[FloatArray]) -> FloatArray:
         """Return the (n, n) matrix of the squares of a symmetric tensor, with (10, m) factors in its components."""
         factors = [rate * math.sqrt(math.comb(len(rates) - 1, k)) for k, rate in enumerate(rates)]
-        table = self.tables(np.stack(factors, axis=1)).reshape(len(self.t), -1)
-        return np.asarray(table @ table.T)
+        tables = (table.reshape(len(table), -1) for _, table in self.tables(np.stack(factors, axis=1)))
+        return np.asarray(sum(table @ table.T for table in tables))
 
 
-def blocks(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Iterator[Block]:
-    """Yield T at (2, m) torus coordinates, block by block.
+def blocks(
+    knots: FloatArray, log_weights: FloatArray, s: FloatArray, members: IntArray | slice = slice(None)
+) -> Iterator[Block]:
+    """Yield T at all of (2, m) torus coordinates, or at some members, block by block.
 
     The coordinates of powers are those along and across the nearest edge from its nearer end, where most shares and
     coordinates are small: differences of sums would lose digits elsewhere.
     """
-    length = 256  # number of places: seven tables of them are alive at once
+    length, most = 2048, 1024  # of blocks, and of parts: up to four tables of these are alive at once
     vertices = domain(knots, "unit").vertices
     sides, heights = np.roll(vertices, -1, axis=0) - vertices, vertices @ s
-    corner, edge = heights.argmax(axis=0), (heights + np.roll(heights, -1, axis=0)).argmax(axis=0)
-    for k, end in sorted(set(zip(edge.tolist(), corner.tolist(), strict=True))):
+    near = len(sides) * (heights + np.roll(heights, -1, axis=0)).argmax(axis=0) + heights.argmax(axis=0)
+    powers = {}
+    for number in np.unique(near).tolist():
+        k, end = divmod(number, len(sides))
         way = sides[k] / np.hypot(*sides[k])
         x, y = np.array([way, [-way[1], way[0]]]) @ (knots - vertices[end]).T
-        powers = np.stack([x**0, x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3], axis=1)
-        here = np.flatnonzero((edge == k) & (corner == end))
-        for places in np.split(here, range(length, len(here), length)):
-            yield Block(places, powers, shares(exponents(knots, log_weights, s[:, places])))
+        powers[number] = np.stack([x**0, x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3], axis=1)
+    order = np.arange(len(near))[members]
+    order = order[np.argsort(near[order], kind="stable")]
+    for places in np.split(order, range(length, len(order), length)):
+        cuts = [0, *(np.flatnonzero(np.diff(near[places])) + 1).tolist(), len(places)]
+        parts = [slice(i, min(i + most, end)) for start, end in pairwise(cuts) for i in range(start, end, most)]
+        own = [(part, powers[int(near[places[part.start]])]) for part in parts]
+        yield Block(places, shares(exponents(knots, log_weights, s[:, places])), own)
 
 
 class SurfaceFrame(NamedTuple):
@@ -81,9 +98,7 @@ class SurfaceFrame(NamedTuple):
 
 def frame(block: Block, points: FloatArray) -> SurfaceFrame:
     """Return the surface of (n, 3) control points, or several, without T, of (n, 3, c)."""
-    sums = block.powers.T @ block.t
-    products = (block.powers[:, :, None] * points.reshape(len(points), 1, -1)).reshape(len(points), -1)
-    raw = (products.T @ block.t).reshape(10, *points.shape[1:], -1)
+    sums, raw = block.sums(np.ones(len(points))), block.sums(points)
     if points.ndim == 2:
         raw = np.concatenate([raw, np.broadcast_to(np.eye(10)[:, :, None], (10, 10, raw.shape[-1]))], axis=1)
     # Derivatives of a quotient whose denominator is 1
@@ -124,20 +139,13 @@ def _product(of_one: Sequence[FloatArray], of_other: Sequence[FloatArray]) -> li
     ]
 
 
-def forms(
-    knots: FloatArray,
-    log_weights: FloatArray,
-    s: FloatArray,
-    areas: FloatArray,
-    points: FloatArray,
-    orders: Sequence[int],
-) -> FloatArray:
+def forms(blocks: Iterable[Block], areas: FloatArray, points: FloatArray, orders: Sequence[int]) -> FloatArray:
     """Return (…, orders, n, n) matrices of integrals of |P_a|², |P_;ab|² or |P_;abc|² in the metric of (n, 3) points.
 
-    Places at (2, m) torus coordinates stand for (…, m) areas of the domain.
+    Places stand for (…, m) areas of the domain.
     """
-    matrices = np.zeros((*areas.shape[:-1], len(orders), len(knots), len(knots)))
-    for block in blocks(knots, log_weights, s):
+    matrices = np.zeros((*areas.shape[:-1], len(orders), len(points), len(points)))
+    for block in blocks:
         found = frame(block, points)
         for zone in np.ndindex(areas.shape[:-1]):
             root = np.sqrt(areas[*zone, block.places] * found.space)

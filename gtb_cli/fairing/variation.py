@@ -11,13 +11,13 @@ the first derivatives with which the method of Gauss and Newton finds the least 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.fairing.metric import SurfaceFrame, blocks, frame
+from gtb_cli.fairing.metric import Block, SurfaceFrame, frame
 from gtb_cli.values import frozen
 
 
@@ -46,16 +46,11 @@ class Bending:
         return Bending(self.area * size * size, self.energy, self.variation, self.curvature / size)
 
 
-def bendings(
-    knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, surfaces: Sequence[FloatArray]
-) -> list[list[Bending]]:
-    """Integrate over places at (2, m) torus coordinates, which stand for (m,) areas, or any of (z, m), of the domain.
-
-    All surfaces have these knots and weights; each has its (n, 3) control points.
-    """
+def bendings(blocks: Iterable[Block], areas: FloatArray, surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
+    """Integrate surfaces, (n, 3) control points, over places that stand for (m,) areas, or any of (z, m), of Δ."""
     points, zones = np.stack(surfaces, axis=2), np.atleast_2d(areas)
     sums, largest = np.zeros((len(zones), 3, len(surfaces))), np.zeros(len(surfaces))
-    for block in blocks(knots, log_weights, s):
+    for block in blocks:
         found = frame(block, points)
         (xx, xy, yy), (xxx, xxy, xyy, yyy) = found.normal_parts(2), found.normal_parts(3)
         integrands = np.ones_like(xx), xx**2 + 2 * xy**2 + yy**2, ((xxx + xyy) ** 2 + (xxy + yyy) ** 2) / 4
@@ -68,7 +63,7 @@ def bendings(
 
 
 def linearisation(
-    knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, points: FloatArray, members: IntArray
+    blocks: Iterable[Block], areas: FloatArray, points: FloatArray, members: IntArray
 ) -> tuple[FloatArray, ...]:
     """Return how integrals over a surface depend on the coordinates of k members of its (n, 3) control points.
 
@@ -78,20 +73,21 @@ def linearisation(
     k = len(members)
     values, slopes = np.zeros(3), np.zeros((3, 3 * k))
     squares, matrices = np.zeros((2, 3 * k, 3 * k)), np.zeros((2, k, k))
-    for block in blocks(knots, log_weights, s):
+    for block in blocks:
         found = frame(block, points)
         root = np.sqrt(areas[block.places] * found.space)
-        block = block._replace(powers=block.powers[members], t=block.t[members])
+        block = Block(block.places, block.t[members], [(part, powers[members]) for part, powers in block.parts])
         factors = [[rate[3:] * root for rate in order] for order in found.orders]
         *rates, spread = _rates(found, *factors)
         values[0] += root @ root
-        slopes[0] += block.tables(spread).reshape(3 * k, -1) @ root / 2
+        slopes[0] += sum(table.reshape(3 * k, -1) @ root[part] for part, table in block.tables(spread)) / 2
         for i, order in enumerate(factors[1:]):
-            residuals = np.concatenate([value * root for value, _ in rates[i]])
-            table = block.tables(np.stack([rate for _, rate in rates[i]], axis=2)).reshape(3 * k, -1)
-            values[i + 1] += residuals @ residuals
-            slopes[i + 1] += table @ residuals
-            squares[i] += table @ table.T
+            residuals = np.stack([value * root for value, _ in rates[i]])
+            values[i + 1] += (residuals**2).sum()
+            for part, table in block.tables(np.stack([rate for _, rate in rates[i]], axis=2)):
+                table = table.reshape(3 * k, -1)
+                slopes[i + 1] += table @ residuals[:, part].ravel()
+                squares[i] += table @ table.T
             matrices[i] += block.form(order)
     return values, slopes, squares, matrices
 

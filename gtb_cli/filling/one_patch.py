@@ -19,12 +19,12 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
-from gtb_cli.fairing.energy import energy_at, energy_samples, samples
+from gtb_cli.fairing.energy import Samples, energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import LEFT_OUT, agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
-from gtb_cli.fairing.metric import forms
+from gtb_cli.fairing.metric import blocks, forms
 from gtb_cli.fairing.variation import bendings
-from gtb_cli.filling.algebraic import algebraic_surface
+from gtb_cli.filling.algebraic import AlgebraicSurface, algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.hole_corners import corners, plane_angles
@@ -240,7 +240,7 @@ def _attempt(
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
-    much = 10.0  # times the score of the fairest: with less, other plans have little to win
+    much = 100.0  # times the score of the fairest: with less, other plans have little to win
     found: list[_Attempt] = []
     for patch, score in islice(_solved(edges, inner, fullness, samples_along), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
@@ -262,58 +262,78 @@ def _solved(
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
     resolution = math.ceil(math.sqrt(max(samples_along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
     region = domain(shape.knots, "unit")
-    knots, weights, s, areas = samples(region, shape.log_weights, resolution, NEARER)
-    # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
-    depths = np.minimum(_depths(region.vertices, energy_samples(region, resolution, NEARER)[0]) / VISIBLE, 1)
-    zones = areas * np.stack([depths**16, depths**4])
+    places = samples(region, shape.log_weights, resolution, NEARER)
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
-    measured = partial(bendings, knots, weights, s)
-    if inner == "fair":
-        matrices = partial(forms, knots, weights, orders=(2, 3))
-        # The search begins in the metric of the domain.
-        second, third = matrices(s, zones[0], np.column_stack([knots, np.zeros(len(knots))]))
-        energies = [third + 30 / areas.sum() * second]
-        found = [least(energies[0])]
-        area = measured(zones[:1], found)[0][0].area
-        # The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
-        # it varies less at the boundary, and more inside.
-        seen = depths == 1  # where both weigh alike
-        inside = matrices(s[:, seen], areas[seen], found[0])
-        for second, stiff in inside + matrices(s[:, ~seen], zones[:, ~seen], found[0]):
-            energies += [stiff + factor / area * second for factor in (0, 100, 400)]
-        found += [least(energy) for energy in energies[1:]]
-        # Where curvature is given along edges, less bending is had by leaving it just inside them.
-        power = 0 if any(each.second for each in edges) else BENDING_POWER
+    patch = partial(Patch, shape.knots, log_weights=shape.log_weights)
+    if inner == "flat":  # a membrane is what was asked for
+        yield patch(least(energy_at(*places, "dirichlet"))), 0.0
+        return
+    depths = np.minimum(_depths(region.vertices, energy_samples(region, resolution, NEARER)[0]) / VISIBLE, 1)
+    # Where curvature is given along edges, less bending is had by leaving it just inside them.
+    search = _FairSearch(places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
+    found = search.fairest()
+    if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
+        found = search.led_to(surface, *found[0]) + found
+    for score, points in found:
+        yield patch(points), score
+    points = least(energy_at(*places, "thin-plate"))  # it overshoots least
+    yield patch(points), search.scores([points])[0]
+
+
+class _FairSearch:
+    """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
+
+    def __init__(self, places: Samples, depths: FloatArray, least: Callable[..., FloatArray], power: int) -> None:
+        self._places, self._least, self._power = places, least, power
+        # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
+        self._zones = places.areas * np.stack([depths**16, depths**4])
+        parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
+        self._inside, self._outside = (list(blocks(*places[:3], part)) for part in parts)
+
+    def scores(self, surfaces: Sequence[FloatArray]) -> list[float]:
+        """Return products of powers of bending and of its variation in both zones."""
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
+        zones = np.stack([self._zones[0], self._places.areas])
+        both = zip(*bendings(self._inside + self._outside, zones, surfaces), strict=True)
+        return [b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in both]
 
-        def scores(surfaces: Sequence[FloatArray]) -> list[float]:
-            both = zip(*measured(np.stack([zones[0], areas]), surfaces), strict=True)
-            return [b.energy**power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in both]
-
-        scored = scores(found)
+    def fairest(self) -> list[tuple[float, FloatArray]]:
+        """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
+        plane = np.column_stack([self._places.knots, np.zeros(len(self._places.knots))])
+        second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
+        energies = [third + 30 / self._places.areas.sum() * second]
+        found = [self._least(energies[0])]
+        energies += self._energies(found[0])
+        found += [self._least(energy) for energy in energies[1:]]
+        scored = self.scores(found)
         best = int(np.argmin(scored))
-        unbound = least(energies[best], share=0.0)  # the bounds of corners make some patches bend more, or fold
         pairs = [(scored[best], found[best])]
+        unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
         if not np.array_equal(unbound, found[best]):
-            pairs = sorted([*pairs, (scores([unbound])[0], unbound)], key=itemgetter(0))
-        score, fairest = pairs[0]
-        if best:
-            pairs.append((scored[0], found[0]))
-        if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
-            # Fair surfaces bend less than one that is known: the fairest is moved onto it, smoothly.
-            rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
-            t, led = shares(exponents(knots, weights, s)), fairest
-            form = (t * zones[1]) @ t.T + stiffness * stiff
-            for _ in range(rounds):
-                led = least(form, origin=led + np.linalg.solve(form, (t * zones[1]) @ surface.ways(t.T @ led)))
-            farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
-            if farther[0] < farther[1] and scores([led])[0] <= worst * score:
-                pairs.insert(0, (score, led))
-        for score, points in pairs:
-            yield Patch(shape.knots, points, log_weights=shape.log_weights), score
-    # A thin plate overshoots least; a membrane is what was asked for.
-    points = least(energy_at(knots, weights, s, areas, "thin-plate" if inner == "fair" else "dirichlet"))
-    yield Patch(shape.knots, points, log_weights=shape.log_weights), scores([points])[0] if inner == "fair" else 0.0
+            pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
+        return pairs + [(scored[0], found[0])] * (best > 0)
+
+    def _energies(self, points: FloatArray) -> list[FloatArray]:
+        """Return energies in the metric of a surface, those of what is seen first.
+
+        The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
+        it varies less at the boundary, and more inside.
+        """
+        areas = self._places.areas  # where places are seen, both zones have them
+        ((found,),) = bendings(self._inside + self._outside, self._zones[0], [points])
+        pairs = forms(self._inside, areas, points, (2, 3)) + forms(self._outside, self._zones, points, (2, 3))
+        self._stiff = pairs[1, 1]
+        return [third + factor / found.area * second for second, third in pairs for factor in (0, 100, 400)]
+
+    def led_to(self, surface: AlgebraicSurface, score: float, fairest: FloatArray) -> list[tuple[float, FloatArray]]:
+        """Return the fairest, moved smoothly onto a surface that is known and bends more; none if it ends elsewhere."""
+        rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
+        t, led = shares(exponents(*self._places[:3])), fairest
+        form = (t * self._zones[1]) @ t.T + stiffness * self._stiff
+        for _ in range(rounds):
+            led = self._least(form, origin=led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led)))
+        farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
+        return [(score, led)] * (farther[0] < farther[1] and self.scores([led])[0] <= worst * score)
 
 
 def _depths(vertices: FloatArray, places: FloatArray) -> FloatArray:
