@@ -124,7 +124,7 @@ def _parse(
         if given and found is not None and not faults.count:
             from gtb_cli.language.sliders import out_of_range
 
-            faults.doubt = faults.doubt or out_of_range(document, {name: values.names[name] for name in given})
+            faults.doubt = faults.doubt or out_of_range(document, values.names, given)
         return found
 
     result = spec(text, format, (source,))

@@ -52,10 +52,10 @@ def sliders(data: bytes | str, source: str, format: Format | None = None) -> tup
     )
 
 
-def out_of_range(document: Document, numbers: Mapping[str, float]) -> tuple[Path, str] | None:
-    """Say which of some numbers of ``let`` is outside the range that the comment on its line gives, if one is."""
-    for name, label, _, _ in _commented(document, document.data["let"]):
-        if name in numbers and (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
+def out_of_range(document: Document, numbers: Mapping[str, float], given: Collection[str]) -> tuple[Path, str] | None:
+    """Say which given number of all of ``let`` is outside the range that the comment on its line gives, if one is."""
+    for name, label, _, _ in _commented(document, numbers):
+        if name in given and (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
             return ("let", name), f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"
     return None
 
