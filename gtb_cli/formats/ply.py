@@ -92,6 +92,7 @@ Columns: TypeAlias = dict[str, tuple[NDArray[Any], IntArray]]
 def read_ply(data: bytes) -> FileArrays:
     """Read a PLY file: the elements `vertex` (x, y, z), `face` (a list of corners) and `edge` (vertex1, vertex2)."""
     elements, order, start = _header(data)
+    pictures = b"\n".join(re.findall(rb"^comment TextureFile (.*?)\s*$", data[:start], re.MULTILINE))
     if "vertex" not in elements:
         raise GtbError("has no element vertex")
     tables: dict[str, Columns] = {}
@@ -115,7 +116,8 @@ def read_ply(data: bytes) -> FileArrays:
         return np.maximum(half_step(sample, largest), single_half_steps(largest) if is_single else 0.0)
 
     cells = _cells(elements, tables)
-    return FileArrays(vertices, cells, half_steps, values=lambda: _values(elements, tables, cells))
+    ranges = {f"{OTHER}texture files": [([mark_of(pictures)], 0, len(cells))] if pictures else []}
+    return FileArrays(vertices, cells, half_steps, values=lambda: _values(elements, tables, cells), ranges=ranges)
 
 
 def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: IntArray) -> Values:
@@ -300,7 +302,7 @@ def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Colum
         if not block:
             raise _cut_off(element)
         left -= len(block)
-        wanted = SAMPLED_VERTICES - len(sample) // 3
+        wanted = max(SAMPLED_VERTICES // 100, SAMPLED_VERTICES - len(sample) // 3)  # further blocks may have others
         sample += [word for row in block[:wanted] for word in row.split()[:3]]
         try:
             parts.append(_text_block(block, element))
