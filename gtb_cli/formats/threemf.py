@@ -162,17 +162,13 @@ class _Reader:
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
         parser.buffer_text = True
-        parser.CharacterDataHandler = self.text
+        parser.CharacterDataHandler = lambda text: self.foreign and self.extensions.update("".join(text.split()).encode())
         parser.EntityDeclHandler = self.refuse  # it may stand for more than any memory holds
         with archive.open(name) as stream:
             parser.ParseFile(stream)
 
     def refuse(self, *_: object) -> None:
         raise GtbError("declares an entity, which no 3MF file may")
-
-    def text(self, found: str) -> None:
-        if self.foreign:
-            self.extensions.update("".join(found.split()).encode())
 
     def end(self, _: str) -> None:
         self.depth -= 1
