@@ -21,7 +21,7 @@ from gtb_cli.vocabulary import plain_name
 def ply_blocks(
     mesh: Mesh, normals: FloatArray | None, uv: FloatArray | None, attributes: Mapping[str, FloatArray], *, ascii: bool
 ) -> Iterator[bytes]:
-    """Yield a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers, as trimesh writes it."""
+    """Yield a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers, as trimesh does."""
     columns = dict(zip("xyz", mesh.vertices.T, strict=True))
     if normals is not None:
         columns |= zip(("nx", "ny", "nz"), normals.T, strict=True)

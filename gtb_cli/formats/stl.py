@@ -56,7 +56,7 @@ def read_stl(data: bytes) -> FileArrays:
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
         attribute = {"attribute": facets["attribute"]} if facets["attribute"].any() else {}  # which text has not
         content = _content(corners, single_half_steps, {FACETS: facets["normal"], **attribute})
-        look = re.findall(rb"(?s)(COLOR=.{4}|MATERIAL=.{12})", data[:80])  # of facets without a colour, as Magics writes
+        look = re.findall(rb"(?s)(COLOR=.{4}|MATERIAL=.{12})", data[:80])  # of facets without a colour, by Magics
         return replace(content, ranges={f"{OTHER}colour": [([mark_of(*look)], 0, number)] if look else []})
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)

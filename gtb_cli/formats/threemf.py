@@ -137,8 +137,6 @@ class _Reader:
         name = MODEL if MODEL in names else next(iter(names), None)
         if name is None:
             raise GtbError("is a ZIP archive without the model of a 3MF file")
-        if names.count(name) > 1:
-            raise GtbError(f"has {name} twice")
         if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise GtbError("is compressed in a way that no 3MF file is")
         least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
@@ -155,20 +153,22 @@ class _Reader:
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         others = ((each.filename, each.CRC) for each in archive.infolist() if each.filename != name)
-        about = r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$"  # as pictures and settings of parts are
-        about += r"|_rels/\.rels$" * (len(names) > 1)  # which says which model it is
-        self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if re.match(about, other))
+        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$")  # as pictures and settings of parts are
+        self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
         parser.buffer_text = True
-        parser.CharacterDataHandler = lambda text: self.foreign and self.extensions.update("".join(text.split()).encode())
+        parser.CharacterDataHandler = self.text
         parser.EntityDeclHandler = self.refuse  # it may stand for more than any memory holds
         with archive.open(name) as stream:
             parser.ParseFile(stream)
 
     def refuse(self, *_: object) -> None:
         raise GtbError("declares an entity, which no 3MF file may")
+
+    def text(self, found: str) -> None:
+        self.extensions.update(b"" if not self.foreign else "".join(found.split()).encode())
 
     def end(self, _: str) -> None:
         self.depth -= 1
@@ -190,7 +190,7 @@ class _Reader:
         elif name == "triangle":
             mesh = self.meshes[self.id]
             first = given.get("p1", mesh.part[1][0])
-            members = first, given.get("p2", first), given.get("p3", first)
+            members: tuple[str | None, ...] = first, given.get("p2", first), given.get("p3", first)
             rest = [key for key in given if key not in ("v1", "v2", "v3", "pid", "p1", "p2", "p3")]
             told = "".join(sorted(f"{key.rpartition(':')[2]} {given[key]}\n" for key in rest))
             part = given.get("pid", mesh.part[0]), members, told
@@ -211,9 +211,9 @@ class _Reader:
             self.materials[self.material].append((given["name"] if name == "base" else "", colour))
         elif name == "object":
             self.id = given["id"]
-            part = given.get("pid"), (given.get("pindex"),), ""
+            own: _Part = given.get("pid"), (given.get("pindex"),), ""
             kind = given.get("type", "model").removeprefix("model")
-            self.meshes[self.id] = _Mesh(array("f"), array("q"), [], part, given.get("name", ""), kind)
+            self.meshes[self.id] = _Mesh(array("f"), array("q"), [], own, given.get("name", ""), kind)
             self.components[self.id] = []
             self.note(f"object {len(self.meshes)}", given, *_KNOWN)
         elif name in ("component", "item"):
