@@ -152,7 +152,7 @@ class MeshRegression:
         Notes
         -----
         If the golden file is missing, or differs and pytest was called with ``--force-regen``, then it is written, and
-        the test fails at its end.
+        the test fails at its end; no test marked xfail writes one.
         """
         __tracebackhide__ = True
         from gtb_cli.distances.diff_and_distance import operand
