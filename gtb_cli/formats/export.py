@@ -100,35 +100,22 @@ def encode_mesh(
     All its errors about the mesh are raised here, before the first block.
     """
     kind = _known(format)
-    holds = FORMATS[kind]
-    if mesh.is_curve and not holds.curves:
-        raise ExportError(
-            f"{kind.upper()} holds triangles, and a curve has none: give it a thickness with `radius` (a tube)"
-        )
-    if ascii and holds.text == "never":
-        raise ExportError(f"{kind.upper()} has no text form: expected obj, ply or stl with `ascii`")
-    if unit is not None and unit not in UNITS:
-        raise ExportError(f"unit: expected one of {', '.join(UNITS)}, got {unit!r}")
-    if unit is not None and kind not in UNIT_FORMATS:
-        raise ExportError(f"unit: {kind.upper()} has none")
+    _check_request(mesh, kind, ascii, unit)
     _check_cells(mesh)
-    if not holds.has_normals(normals) or mesh.is_curve:
-        mesh = replace(mesh, normals=None, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
-    elif mesh.normals is None and normals:
-        raise ExportError("normals: the mesh has none")
-    mesh = mesh.split if kind == "glb" else mesh
-    coordinates = _texture_coordinates(mesh) if uv and holds.uv else None
+    mesh = _with_normals(mesh, kind, normals)
+    coordinates = _texture_coordinates(mesh) if uv and FORMATS[kind].uv else None
     attributes: dict[str, FloatArray] = {}
-    if holds.attributes and mesh.attributes:
+    if FORMATS[kind].attributes and mesh.attributes:
         from gtb_cli.formats.ply import ply_attributes
 
         attributes = ply_attributes(mesh.attributes)
     name, groups = plain_name(mesh.name), _groups(mesh)
 
+    limit = _DOUBLE_LIMIT if FORMATS[kind].is_text(ascii) else _SINGLE_LIMIT
     columns = (("coordinates", mesh.vertices), ("normal", mesh.normals), ("uv", coordinates), *attributes.items())
     for label, values in columns:
         if values is not None:
-            _check_numbers(label, values, _DOUBLE_LIMIT if holds.is_text(ascii) else _SINGLE_LIMIT)
+            _check_numbers(label, values, limit)
 
     mesh = standing(mesh, kind, up)
     if kind == "obj":
@@ -149,7 +136,29 @@ def encode_mesh(
         return threemf_blocks(mesh.vertices, mesh.cells, groups, name, unit or next(iter(UNITS)))
     from gtb_cli.formats.glb import glb_blocks
 
-    return glb_blocks(mesh, groups, mesh.normals, coordinates, up or holds.up, unit, name)
+    return glb_blocks(mesh, groups, mesh.normals, coordinates, up or FORMATS[kind].up, unit, name)
+
+
+def _check_request(mesh: Mesh, kind: str, ascii: bool, unit: str | None) -> None:
+    """Refuse what a format cannot hold."""
+    holds, shown = FORMATS[kind], kind.upper()
+    if mesh.is_curve and not holds.curves:
+        raise ExportError(f"{shown} holds triangles, and a curve has none: give it a thickness with `radius` (a tube)")
+    if ascii and holds.text == "never":
+        raise ExportError(f"{shown} has no text form: expected obj, ply or stl with `ascii`")
+    if unit is not None and unit not in UNITS:
+        raise ExportError(f"unit: expected one of {', '.join(UNITS)}, got {unit!r}")
+    if unit is not None and kind not in UNIT_FORMATS:
+        raise ExportError(f"unit: {shown} has none")
+
+
+def _with_normals(mesh: Mesh, kind: str, normals: bool | None) -> Mesh:
+    """Return the mesh with the normals that are written, or without any; GLB has a vertex for each."""
+    if not FORMATS[kind].has_normals(normals) or mesh.is_curve:
+        return replace(mesh, normals=None, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
+    if mesh.normals is None and normals:
+        raise ExportError("normals: the mesh has none")
+    return mesh.split if kind == "glb" else mesh
 
 
 def standing(mesh: Mesh, format: str, up: Up | None = None) -> Mesh:

@@ -177,19 +177,20 @@ class Scene:
         return self._marks[table, number]
 
     def _found(self, table: str, number: Any) -> Any:
-        if table == "nodes":
+        if table == "nodes" and number in self.labels:
             return self.labels[number]
         entry = {} if number is None else self.tree["materials" if table == "shadings" else table][number]
         if table == "bufferViews":
-            start = entry.get("byteOffset", 0)
-            return mark_of(self.binary[start : start + entry["byteLength"]])
+            start, buffer = entry.get("byteOffset", 0), self.tree["buffers"][entry.get("buffer", 0)]
+            return mark_of(buffer.get("uri", self.binary[start : start + entry["byteLength"]]))
         if table == "accessors":
             held = [entry] if "bufferView" in entry else []
             if sparse := entry.get("sparse"):
                 held += [entry | {"byteOffset": 0, "count": sparse["count"]} | sparse["values"]]
                 held += [{"type": "SCALAR", "count": sparse["count"]} | sparse["indices"]]
             return mark_of(*(meant(_rows(self.tree, self.binary, each), each).tobytes() for each in held))
-        return mark_of(json.dumps(self._told(entry | {"name": None}, table), sort_keys=True))
+        told = entry if table in ("materials", "shadings", "nodes") else entry | {"name": None}
+        return mark_of(json.dumps(self._told(told, table), sort_keys=True))
 
 
 COLOUR = "baseColorFactor"

@@ -134,7 +134,7 @@ class _ObjLines:
             ends = np.concatenate([[0], np.cumsum(counts - fewer)])
             through = np.searchsorted(places[keyword], [place for place, *_ in names])
             starts = [start + int(ends[row]) for start, row in zip(starts, through, strict=True)]
-        wanted = max(0, SAMPLED_VERTICES - len(self.words) // 3)
+        wanted = max(SAMPLED_VERTICES // 100, SAMPLED_VERTICES - len(self.words) // 3)  # further blocks may have others
         self.words += [word for place in places[b"v"][:wanted] for word in lines[place].split()[1:4]]
         self.vertices.append(points)
         self.further.append(further)
@@ -160,7 +160,9 @@ class _ObjLines:
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
         marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
-        marks[f"{OTHER}points and settings"] = [([mark_of(told)], 0, self.cell_count)] if told else []
+        libraries = "\n".join(name for keyword, name, _ in self.names if keyword == b"mtllib") if materials else ""
+        for label, text in (("points and settings", told), ("material libraries", libraries)):
+            marks[f"{OTHER}{label}"] = [([mark_of(text)], 0, self.cell_count)] if text else []
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
         further = [np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan) for part in self.further]
@@ -192,14 +194,14 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
         if (kind := (keyword + b" ")[:2] if keyword in MIN_NUMBERS else keyword) in known:
             known[kind].append(place)
             lines[place] = keyword + b" " + rest
-        elif keyword in (b"g", b"o", b"usemtl", b"s"):
+        elif keyword in (b"g", b"o", b"usemtl", b"s", b"mtllib"):
             name = b" ".join(rest.split()).decode("utf-8", "backslashreplace")
             names.append((place, keyword, "" if keyword == b"s" and name in ("0", "off") else name))
         elif keyword in further_keywords:
             names.append((place, b"p", lines[place].decode("utf-8", "backslashreplace").strip()))
         elif keyword in free_form_keywords:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
-        elif keyword and not keyword.startswith(b"#") and keyword not in (b"mtllib", b"maplib"):
+        elif keyword and not keyword.startswith(b"#") and keyword != b"maplib":
             raise GtbError(f"unknown keyword {shown(keyword)}")
     return {keyword.strip(): sorted(places) for keyword, places in known.items()}, names
 

@@ -20,28 +20,18 @@ from gtb_cli.vocabulary import plain_name
 
 def ply_blocks(
     mesh: Mesh, normals: FloatArray | None, uv: FloatArray | None, attributes: Mapping[str, FloatArray], *, ascii: bool
-) -> Iterable[bytes]:
-    """Return a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers."""
-    scalars = ({} if uv is None else dict(zip("st", uv.T, strict=True))) | dict(attributes)
-    if ascii or mesh.is_curve:
-        return _table(mesh, normals, scalars, ascii)
-    from trimesh import Trimesh
-    from trimesh.exchange.ply import export_ply
-
-    surface = Trimesh(mesh.vertices, mesh.cells, vertex_normals=normals, process=False, validate=False)
-    surface.vertex_attributes |= {name: values.astype(SINGLE_FLOAT) for name, values in scalars.items()}
-    return [export_ply(surface, encoding="binary", vertex_normal=normals is not None, include_attributes=True)]
-
-
-def _table(mesh: Mesh, normals: FloatArray | None, scalars: Mapping[str, FloatArray], ascii: bool) -> Iterator[bytes]:
-    """Yield what trimesh does not write: all digits, and paths with properties and each vertex once."""
+) -> Iterator[bytes]:
+    """Yield a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers, as trimesh does."""
     columns = dict(zip("xyz", mesh.vertices.T, strict=True))
     if normals is not None:
         columns |= zip(("nx", "ny", "nz"), normals.T, strict=True)
-    columns |= scalars
+    if uv is not None:
+        columns |= zip("st", uv.T, strict=True)
+    columns |= attributes
     table = np.column_stack(list(columns.values()))
     encoding, number = ("ascii", "double") if ascii else ("binary_little_endian", "float")
-    lines = ["ply", f"format {encoding} 1.0", f"element vertex {len(table)}"]
+    source = [] if ascii or mesh.is_curve else ["comment https://github.com/mikedh/trimesh"]
+    lines = ["ply", f"format {encoding} 1.0", *source, f"element vertex {len(table)}"]
     lines += [f"property {number} {name}" for name in columns]
     if mesh.is_curve:
         lines += [f"element edge {len(mesh.cells)}", "property int vertex1", "property int vertex2"]
@@ -53,7 +43,10 @@ def _table(mesh: Mesh, normals: FloatArray | None, scalars: Mapping[str, FloatAr
         yield from text_rows("%d %d\n" if mesh.is_curve else "3 %d %d %d\n", mesh.cells)
     else:
         yield table.astype(SINGLE_FLOAT).tobytes()
-        yield mesh.cells.astype("<i4").tobytes()
+        counted = [] if mesh.is_curve else [("corners", "u1")]
+        rows = np.full(len(mesh.cells), 3, [*counted, ("cell", "<i4", mesh.cells.shape[1])])
+        rows["cell"] = mesh.cells
+        yield rows.tobytes()
 
 
 def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -92,6 +85,7 @@ Columns: TypeAlias = dict[str, tuple[NDArray[Any], IntArray]]
 def read_ply(data: bytes) -> FileArrays:
     """Read a PLY file: the elements `vertex` (x, y, z), `face` (a list of corners) and `edge` (vertex1, vertex2)."""
     elements, order, start = _header(data)
+    pictures = b"\n".join(re.findall(rb"^comment TextureFile (.*?)\s*$", data[:start], re.MULTILINE))
     if "vertex" not in elements:
         raise GtbError("has no element vertex")
     tables: dict[str, Columns] = {}
@@ -115,7 +109,8 @@ def read_ply(data: bytes) -> FileArrays:
         return np.maximum(half_step(sample, largest), single_half_steps(largest) if is_single else 0.0)
 
     cells = _cells(elements, tables)
-    return FileArrays(vertices, cells, half_steps, values=lambda: _values(elements, tables, cells))
+    ranges = {f"{OTHER}texture files": [([mark_of(pictures)], 0, len(cells))] if pictures else []}
+    return FileArrays(vertices, cells, half_steps, values=lambda: _values(elements, tables, cells), ranges=ranges)
 
 
 def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: IntArray) -> Values:
@@ -300,7 +295,7 @@ def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Colum
         if not block:
             raise _cut_off(element)
         left -= len(block)
-        wanted = SAMPLED_VERTICES - len(sample) // 3
+        wanted = max(SAMPLED_VERTICES // 100, SAMPLED_VERTICES - len(sample) // 3)  # further blocks may have others
         sample += [word for row in block[:wanted] for word in row.split()[:3]]
         try:
             parts.append(_text_block(block, element))

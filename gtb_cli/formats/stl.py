@@ -11,11 +11,11 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError, MeshError
-from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, single_half_steps
+from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, mark_of, single_half_steps
 from gtb_cli.formats.obj_writing import BLOCK_ROWS, text_rows
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
 from gtb_cli.meshes.coincident import numbered_places
-from gtb_cli.meshes.mesh import FACETS, Values
+from gtb_cli.meshes.mesh import FACETS, OTHER, Values
 
 
 def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterable[bytes]:
@@ -55,7 +55,9 @@ def read_stl(data: bytes) -> FileArrays:
         facets = np.frombuffer(data, dtype=facet, offset=STL_HEADER_BYTES)
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
         attribute = {"attribute": facets["attribute"]} if facets["attribute"].any() else {}  # which text has not
-        return _content(corners, single_half_steps, {FACETS: facets["normal"], **attribute})
+        content = _content(corners, single_half_steps, {FACETS: facets["normal"], **attribute})
+        look = re.findall(rb"(?s)(COLOR=.{4}|MATERIAL=.{12})", data[:80])  # of facets without a colour, by Magics
+        return replace(content, ranges={f"{OTHER}colour": [([mark_of(*look)], 0, number)] if look else []})
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)
     if len(data) < STL_HEADER_BYTES:
@@ -98,7 +100,7 @@ def _read_text(data: bytes) -> FileArrays:
             count += 1
             if len(words) >= most:
                 corners.append(numbers(words, np.float64))
-                sample, words = sample or words[: 3 * SAMPLED_VERTICES], []
+                sample, words = sample + words[: 3 * (SAMPLED_VERTICES // 100 if sample else SAMPLED_VERTICES)], []
         found = endsolid.match(data, place)
         if not found:
             raise _fault(data, place, count + 1)
@@ -107,7 +109,7 @@ def _read_text(data: bytes) -> FileArrays:
     if rest:
         raise GtbError(f"expected solid, got {shown(rest[0])}")
     corners.append(numbers(words, np.float64))
-    sample = sample or words[: 3 * SAMPLED_VERTICES]
+    sample += words[: 3 * (SAMPLED_VERTICES // 100 if sample else SAMPLED_VERTICES)]
     normal = re.compile(rb"facet\s+normal" + 3 * number, re.IGNORECASE)
     normals = numbers([word for words in normal.findall(data) for word in words], np.float64)
     parts = [(name, a, b) for (name, a), (_, b) in pairwise([*solids, ("", count)]) if name and a < b]

@@ -89,7 +89,7 @@ def half_step(words: Sequence[bytes], sizes: FloatArray) -> FloatArray:
     default_digits = 6  # fewest digits, or decimals, that programs write by default; numbers with fewer count as exact
     exact_digits = 16  # number of digits from which a double may read back exactly
     largest = float(sizes.max())
-    sample = [word.lower() for word in words[: 3 * SAMPLED_VERTICES]]
+    sample = [word.lower() for word in words]
     mantissas = {word.partition(b"e")[0] for word in sample}
     decimals = {len(mantissa.partition(b".")[2]) for mantissa in mantissas}
     if len(decimals) == 1 and not any(b"e" in word for word in sample):

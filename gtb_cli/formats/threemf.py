@@ -114,8 +114,8 @@ def read_threemf(data: bytes) -> FileArrays:
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
 
-# A material: the number of a group, that of a member, and what else is said of triangles with it
-_Part: TypeAlias = tuple[str | None, str | None, str]
+# A material: the number of a group, those of members at the corners, and what else is said of triangles with it
+_Part: TypeAlias = tuple[str | None, tuple[str | None, ...], str]
 
 
 class _Mesh(NamedTuple):
@@ -158,12 +158,17 @@ class _Reader:
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
+        parser.buffer_text = True
+        parser.CharacterDataHandler = self.text
         parser.EntityDeclHandler = self.refuse  # it may stand for more than any memory holds
         with archive.open(name) as stream:
             parser.ParseFile(stream)
 
     def refuse(self, *_: object) -> None:
         raise GtbError("declares an entity, which no 3MF file may")
+
+    def text(self, found: str) -> None:
+        self.extensions.update(b"" if not self.foreign else "".join(found.split()).encode())
 
     def end(self, _: str) -> None:
         self.depth -= 1
@@ -184,10 +189,11 @@ class _Reader:
             self.meshes[self.id].vertices.extend((float(given["x"]), float(given["y"]), float(given["z"])))
         elif name == "triangle":
             mesh = self.meshes[self.id]
-            group, member = given.get("pid", mesh.part[0]), given.get("p1", mesh.part[1])
-            same = ("v1", "v2", "v3", "pid", "p1", *(key for key in ("p2", "p3") if given.get(key) == member))
-            rest = [key for key in given if key not in same]
-            part = group, member, "".join(sorted(f"{key.rpartition(':')[2]} {given[key]}\n" for key in rest))
+            first = given.get("p1", mesh.part[1][0])
+            members: tuple[str | None, ...] = first, given.get("p2", first), given.get("p3", first)
+            rest = [key for key in given if key not in ("v1", "v2", "v3", "pid", "p1", "p2", "p3")]
+            told = "".join(sorted(f"{key.rpartition(':')[2]} {given[key]}\n" for key in rest))
+            part = given.get("pid", mesh.part[0]), members, told
             if not mesh.parts or mesh.parts[-1][1] != part:
                 mesh.parts.append((len(mesh.corners) // 3, part))
             mesh.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
@@ -205,9 +211,9 @@ class _Reader:
             self.materials[self.material].append((given["name"] if name == "base" else "", colour))
         elif name == "object":
             self.id = given["id"]
-            part = given.get("pid"), given.get("pindex"), ""
+            own: _Part = given.get("pid"), (given.get("pindex"),), ""
             kind = given.get("type", "model").removeprefix("model")
-            self.meshes[self.id] = _Mesh(array("f"), array("q"), [], part, given.get("name", ""), kind)
+            self.meshes[self.id] = _Mesh(array("f"), array("q"), [], own, given.get("name", ""), kind)
             self.components[self.id] = []
             self.note(f"object {len(self.meshes)}", given, *_KNOWN)
         elif name in ("component", "item"):
@@ -280,8 +286,7 @@ class _Reader:
         extensions = self.extensions.digest() if self.extensions.digest() != hashlib.sha256().digest() else b""
         material = materials.pop() if len(materials) == 1 else ""  # that of a whole mesh
         known = {id(mesh) for mesh in built}
-        rest = [mesh for mesh in self.meshes.values() if len(mesh.corners) and id(mesh) not in known]
-        unbuilt = "".join(f"{mark_of(bytes(mesh.vertices), bytes(mesh.corners), mesh.name)}\n" for mesh in rest)
+        unbuilt = "".join(f"{self.mark(key)}\n" for key, mesh in self.meshes.items() if id(mesh) not in known)
         others = (("further parts", self.others), ("material", material), ("objects that are not built", unbuilt))
         for label, told in (("extensions", extensions), *others):
             ranges[f"{OTHER}{label}"] = [([mark_of(told)], 0, rows)] if told else []
@@ -291,16 +296,26 @@ class _Reader:
 
     def look(self, part: _Part) -> tuple[str, list[float]]:
         """Return the name of a material, and its colour with a mark of what else is said; none if it is plain."""
-        known = self.materials.get(part[0])
-        name, colour = known[int(part[1] or 0)] if known else ("", b"")
-        rest = part[2] + (f"{self.order.get(part[0], part[0])} {part[1]}" if part[0] and not known else "")
+        known, rest = self.materials.get(part[0]), part[2]
+        name, colour = known[int(part[1][0] or 0)] if known else ("", b"")
+        if part[0] and not known:
+            rest += f"{self.order.get(part[0], part[0])} {part[1]}"
+        elif known and len({*part[1]}) > 1:  # the colour runs from corner to corner
+            rest += f"{[known[int(member or 0)] for member in part[1]]}"
         shares = [share / 255 for share in colour] or [math.nan] * 4
         return name, [*shares, mark_of(rest) if rest else math.nan] if colour or rest else []
+
+    def mark(self, key: str) -> float:
+        """Return a mark of all that is said of an object."""
+        mesh = self.meshes[key]
+        looks = [(start, *self.look(part)) for start, part in mesh.parts]
+        links = [(self.order.get(link, link), place.tolist(), said) for link, place, said in self.components[key]]
+        return mark_of(bytes(mesh.vertices), bytes(mesh.corners), f"{mesh.name} {mesh.kind} {looks} {links}")
 
 
 _LOOK, _SPECIAL = f"{MATERIALS}3MF", f"{OBJECTS} that are not printed, or support"
 # Elements and attributes of the core specification that say nothing of their own, or are read
-_PLAIN = ["resources", "build", "mesh", "vertices", "triangles", "components", "metadata", "metadatagroup"]
+_PLAIN = ["resources", "build", "mesh", "vertices", "triangles", "components", "metadata"]
 _KNOWN = ["objectid", "name", "type", "pid", "pindex", "transform", "printable", "thumbnail"]
 
 

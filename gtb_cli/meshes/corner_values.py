@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.correspondence import Slots
-from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, KnownMesh, Values, are_marks
+from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, KnownMesh, Mesh, Values, are_marks
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
@@ -18,7 +18,8 @@ VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers
 def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | None, left_out: Collection[str] = ()) -> tuple[str, ...]:
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
-    What only one of the meshes has is told if both are files of one format: others cannot hold the same.
+    What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
+    are others (no slots), values are compared at places of vertices that both meshes have.
     """
     skipped = {FACETS, *left_out}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
@@ -43,14 +44,34 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
             if name.startswith(OTHER):
                 remarks += [f"{name}: not the same"] if (rows[of[0, 0]] != others[others_of[0, 0]]).any() else []
                 continue
+            held, others_held = rows[of.ravel()], others[others_of.ravel()]
             if slots is None:
-                continue
-            step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
-            one, other = (each[::step] for each in slots)
-            remarks += _unlike(name, rows[of.ravel()[one]], others[others_of.ravel()[other]], a.mesh.cells.ravel()[one])
+                one, other = _at_shared_places(a.mesh, b.mesh, held, others_held)
+            else:
+                step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
+                one, other = (each[::step] for each in slots)
+            if len(one):
+                remarks += _unlike(name, held[one], others_held[other], a.mesh.cells.ravel()[one], slots is None)
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
+
+
+def _at_shared_places(a: Mesh, b: Mesh, *values: FloatArray) -> Slots:
+    """Pair a corner of each mesh at all places that vertices of both have, if in neither of them corners there differ.
+
+    So values of meshes with other faces are compared as far as they belong to places.
+    """
+    places, found = np.split(numbered_places(np.concatenate([a.vertices, b.vertices]))[1], [len(a.vertices)]), []
+    for mesh, at, rows in zip((a, b), places, values, strict=True):
+        place = at[mesh.cells.ravel()]
+        first = np.full(len(a.vertices) + len(b.vertices), -1)
+        first[place[::-1]] = np.arange(len(place))[::-1]
+        others = rows[first[place]]
+        first[place[((rows != others) & ~(np.isnan(rows) & np.isnan(others))).any(axis=1)]] = -1
+        found.append(first)
+    shared = np.flatnonzero((found[0] >= 0) & (found[1] >= 0))
+    return found[0][shared], found[1][shared]
 
 
 def _listed(names: list[str]) -> str:
@@ -78,12 +99,13 @@ def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots
     return one.ravel(), other.ravel()
 
 
-def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray) -> list[str]:
+def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, at_places: bool) -> list[str]:
     if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
     if are_marks(name):
         moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
-        told = f"{len(moved)} {'cell has' if len(moved) == 1 else 'cells have'} another one, first at vertex"
+        one, many = ("vertex has", "vertices have") if at_places else ("cell has", "cells have")
+        told = f"{len(moved)} {one if len(moved) == 1 else many} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
     if name == NORMALS:
         with np.errstate(invalid="ignore", divide="ignore"):

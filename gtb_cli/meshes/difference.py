@@ -110,8 +110,10 @@ class Difference:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
         if self.uncompared:
-            why = "surfaces were asked for" if self.kind == "surface" else "the faces are others"
-            result.append(f"normals, texture coordinates, attributes and groups are not compared, as {why}")
+            only, why = "only compared at vertices in the same place", "the faces are others"
+            if self.kind == "surface":
+                only, why = "not compared", "surfaces were asked for"
+            result.append(f"normals, texture coordinates, attributes and groups are {only}, as {why}")
         if self.asked and self.asked < self.tolerance:
             finest = "the numbers in the files are no finer at this size"
             result.append(f"tolerance {self.tolerance:.3g} instead of {self.asked:.3g}: {finest}")
