@@ -173,7 +173,7 @@ class StagedFiles:
 
 
 def discard(places: Sequence[str] | None = None) -> None:
-    """Remove files, by default all unfinished ones, and folders that are empty without them, the latest first."""
+    """Remove files, by default all unfinished files, and folders that are empty without them, the latest first."""
     for place in reversed(list(_unfinished) if places is None else places):
         _discard(place)
 
@@ -272,7 +272,7 @@ def _write(file: IO[bytes], blocks: Iterable[bytes]) -> None:
 
 
 def _discard(place: str) -> None:
-    with suppress(OSError):  # a folder is not empty: it holds finished files, or those of another process
+    with suppress(OSError):  # a folder is not empty: it holds finished files, or files of another process
         os.rmdir(place) if os.path.isdir(place) else os.unlink(place)
     _unfinished.pop(place, None)
 

@@ -4,7 +4,7 @@ import math
 import os
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from gtb_cli.errors import DomainError
 
@@ -67,13 +67,13 @@ SCHEMA = 1  # version of what all JSON holds: within it keys are added, but none
 LFS_POINTER = b"version https://git-lfs"  # beginning of the pointer to a file that Git LFS keeps elsewhere
 LFS_FAULT = "is a pointer of Git LFS in place of the file, which git lfs pull fetches"
 Up: TypeAlias = Literal["z", "y"]  # the axis of a file that stands for the spec's vertical z axis
-UP: tuple[Up, ...] = ("z", "y")
+UP: tuple[Up, ...] = get_args(Up)
 Rim: TypeAlias = Literal["normal", "flat"]  # the way of a solid from its surface's rim to its offset's
-RIMS: tuple[Rim, ...] = ("normal", "flat")  # the default first
+RIMS: tuple[Rim, ...] = get_args(Rim)  # the default first
 Fairness: TypeAlias = Literal["variation", "thin-plate", "dirichlet"]
-ENERGIES: tuple[Fairness, ...] = ("variation", "thin-plate", "dirichlet")  # the default first
+ENERGIES: tuple[Fairness, ...] = get_args(Fairness)  # the default first
 Keep: TypeAlias = Literal["boundary", "tangents", "curvature"]
-KEEPS: tuple[Keep, ...] = ("boundary", "tangents", "curvature")  # along edges, each more than the one before
+KEEPS: tuple[Keep, ...] = get_args(Keep)  # along edges, each more than the one before
 
 
 class Format(NamedTuple):

@@ -23,7 +23,7 @@ class Extent(NamedTuple):
 def extents(shape: Patch | Model) -> dict[str, Extent]:
     """Return the length of curves; or the area of surfaces and, if they are closed, the volume inside, by name.
 
-    One that overflows is left out. Lengths are integrals between the vertices of a mesh within a tolerance, as steep
+    What overflows is left out. Lengths are integrals between the vertices of a mesh within a tolerance, as steep
     weights bend a curve where even places miss it; areas and volumes by `quadrature`, of higher and higher order. Their
     error is three times the larger of the last two changes, and at least 1e-12 of the size.
     """

@@ -37,10 +37,12 @@ class Description:
 def description(patch: Patch) -> Description:
     """Describe a patch (Sections 2 and 4 of the paper; Ex. 4.1)."""
     kind, degree = _kind(patch)
-    shape = patch.domain
+    shape, normals = patch.domain, patch.edge_normals if patch.dimension == 2 else None
+    if normals == "auto":
+        normals = "primitive" if has_integer_corners(shape.vertices) else "unit"
     edges = tuple(tuple(shape.edge_knots(edge).tolist()) for edge in range(len(shape.vertices)))
     boxes, error = (bounds([patch]), bounds_of(patch.control_points)), _linear_precision_error(patch.rational_basis)
-    return Description(kind, degree, edges, _edge_normals(patch), *boxes, error, repeated(patch.knots))
+    return Description(kind, degree, edges, normals, *boxes, error, repeated(patch.knots))
 
 
 def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:
@@ -49,14 +51,6 @@ def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:
     if lattice is None:
         return ("toric" if (patch.knots == np.rint(patch.knots)).all() else "GT"), ()
     return kinds[len(patch.domain.vertices) - 2], tuple(direction.degree for direction in lattice)
-
-
-def _edge_normals(patch: Patch) -> EdgeNormals | None:
-    if patch.dimension == 1:
-        return None
-    if patch.edge_normals != "auto":
-        return patch.edge_normals
-    return "primitive" if has_integer_corners(patch.domain.vertices) else "unit"
 
 
 @lru_cache(maxsize=64)  # the patches of a model often have one basis

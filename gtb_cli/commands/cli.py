@@ -179,7 +179,7 @@ def gtb(json: bool, max_seconds: float | None, max_memory: int | None) -> None:
 def run(arguments: Sequence[str], alone: bool = False) -> int:
     """Run one command line and return its exit status.
 
-    A process that does nothing else is `alone`: only such a one may be copied, as --max-seconds and --max-memory ask.
+    The process is `alone` if it does nothing else: only then may --max-seconds and --max-memory copy it.
 
     Each error is a line on standard error, or as --errors says. A closed pipe is not an error: its reader has read what
     it wanted.

@@ -49,7 +49,7 @@ def degenerate(
         sequence = out.made(degeneration, patch, values, heights)
         text = _spec(patch, values[0], heights) if out.emits_spec else ""
     # A file that cannot be written is not the spec's fault.
-    out.write(sequence, "x", spec, text)
+    out.write(sequence, spec, text)
 
 
 def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
@@ -70,7 +70,7 @@ def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
     help="Move knot K to the place of knot Q. May be given several times; chains such as 1:2 and 2:3 end at 3.",
 )
 @steps_option(
-    default="0,0.4,0.8",  # those of Example 4.2 of the paper
+    default="0,0.4,0.8",  # as in Example 4.2 of the paper
     show_default=True,
     help="Write a mesh for each of these fractions of the way.",
 )
@@ -96,7 +96,7 @@ def knot_limit(spec: str, moves: dict[int, int], steps: tuple[float, ...], out: 
     # A file that cannot be written is not the spec's fault.
     for message in _pointwise(limit):
         out.streams.console.warn(message)
-    out.write(sequence, "step", spec, text)
+    out.write(sequence, spec, text)
 
 
 def _pointwise(limit: KnotLimit) -> list[str]:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import EPS
-from gtb_cli.errors import DomainError
 from gtb_cli.models.curve_equality import Match, beside, equal
 from gtb_cli.models.joints import Joint, Joints
 from gtb_cli.models.near_ends import touching
@@ -33,8 +32,6 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     Edges of surfaces that are measured to be within the distance `weld` of each other, in model units, are joined as
     well, the nearest first: all edges that become one were within it. Edges up to this size count as points.
     """
-    if len({patch.dimension for patch in patches}) != 1:
-        raise DomainError("patches: curves and surfaces cannot be joined")
     is_surface = patches[0].dimension == 2
     refs = [(p, e) for p, patch in enumerate(patches) for e in range(len(patch.domain.vertices))]
     points = np.concatenate([patch.control_points for patch in patches])
@@ -51,13 +48,13 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     flipped, one_sided = _orientation(len(patches), shared if is_surface else ())
     alone = {i for i, others in followers.items() if not others}
     many = [(i, *(other.edge for other in others)) for i, others in followers.items() if len(others) > 1]
-    almost = sorted((i, j, match.distance) for (i, j), match in near.items() if edges.nearly_meet(i, j, match, alone))
+    almost = sorted(pair for pair, match in near.items() if edges.nearly_meet(*pair, match, alone))
     return Joints(
         shared=shared,
         open=tuple(refs[i] for i in followers if i in alone),
         collapsed=tuple(refs[i] for i in edges.collapsed),
         crowded=tuple(tuple(refs[i] for i in group) for group in many) if is_surface else (),
-        almost=tuple((refs[i], refs[j], distance) for i, j, distance in almost),
+        almost=tuple((refs[i], refs[j], near[i, j].distance) for i, j in almost),
         flipped=flipped,
         one_sided=one_sided,
     )
@@ -172,19 +169,15 @@ def _orientation(count: int, shared: Sequence[Joint]) -> tuple[tuple[bool, ...],
         (a, _), (b, _) = joint.first, joint.second
         neighbours[a].append((b, not joint.opposite))
         neighbours[b].append((a, not joint.opposite))
-    flipped: list[bool | None] = [None] * count
-    for start in range(count):
-        if flipped[start] is not None:
-            continue
+    flipped: dict[int, bool] = {}
+    for start in (k for k in range(count) if k not in flipped):
         flipped[start], part = False, [start]
         for a in part:
             for b, differs in neighbours[a]:
-                if flipped[b] is None:
-                    flipped[b] = bool(flipped[a]) != differs
+                if b not in flipped:
+                    flipped[b] = flipped[a] != differs
                     part.append(b)
-        if 2 * sum(bool(flipped[a]) for a in part) > len(part):
-            for a in part:
-                flipped[a] = not flipped[a]
-    final = tuple(bool(flip) for flip in flipped)
-    wrong = tuple(j for j in shared if (final[j.first[0]] != final[j.second[0]]) == j.opposite)
-    return final, wrong
+        if 2 * sum(flipped[a] for a in part) > len(part):
+            flipped |= {a: not flipped[a] for a in part}
+    wrong = tuple(j for j in shared if (flipped[j.first[0]] != flipped[j.second[0]]) == j.opposite)
+    return tuple(flipped[k] for k in range(count)), wrong

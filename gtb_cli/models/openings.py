@@ -91,16 +91,14 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
     """Write one line for each connected component of the open edges."""
     max_rings = 1000  # that have a line each
     near = meeting(edge_curves(patches, refs), CURVE_TOLERANCE * diagonal_of(patches))
-    seen, lines = [False] * len(refs), []
-    for first in range(len(refs)):
-        if seen[first]:
-            continue
-        ring, seen[first] = [first], True
+    seen, lines = set[int](), []
+    for first in (row for row in range(len(refs)) if row not in seen):
+        ring = [first]
+        seen.add(first)
         for row in ring:
-            new = [other for other in near[row] if not seen[other]]
+            new = [other for other in near[row] if other not in seen]
             ring += new
-            for other in new:
-                seen[other] = True
+            seen.update(new)
         names = [edge_name(patches, refs[row]) for row in ring[:MAX_SHOWN]]
         rest = f" and {len(ring) - MAX_SHOWN} more" if len(ring) > MAX_SHOWN else ""
         rest += "; `fill` with `hole` can fill it" if len(patches) > 1 and len(ring) > 2 else ""

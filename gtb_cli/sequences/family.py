@@ -71,8 +71,7 @@ class Family:
 
     def over_whole(self, mosaic: Complex) -> Complex:
         """Return a complex over the patches of the limit as one over Δ."""
-        if self.faces is None:
-            return mosaic
+        assert self.faces is not None
         return replace(
             mosaic,
             patch=np.zeros_like(mosaic.patch),

@@ -40,7 +40,7 @@ def bytes_from(text: str) -> int:
 
 
 def bound(seconds: float | None, size: int | None) -> None:
-    """Go on in a copy of this process that may take so many seconds and, with all its processes, bytes of memory.
+    """Continue in a copy of this process, limited in seconds and, with the processes that it starts, in bytes.
 
     This process waits for the copy and raises `click.exceptions.Exit` with its status, or a `GtbError` if it takes too
     long or is killed. The copy is then gone, with its unfinished files.

@@ -66,8 +66,8 @@ def in_options(message: str) -> str:
 def located(fault: Fault, names: Collection[str] = ()) -> Fault:
     """Return a fault with the file, line, column and key with which its message begins, if it lacks them.
 
-    A file is one of `names`, those on the command line, standard input, or one that exists; its name may have colons in
-    it, so the longest such beginning counts. A key has no blanks in it and begins with a small letter.
+    A file is one of `names`, which stand on the command line, standard input, or a file that exists; its name may have
+    colons in it, so the longest such beginning counts. A key has no blanks in it and begins with a small letter.
     """
     file, message = fault.file, fault.message
     if file is None:

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -48,12 +48,7 @@ def moves_of(texts: Sequence[str]) -> dict[int, int]:
     return moves
 
 
-def _approach(
-    x: tuple[float, ...],
-    lifting: tuple[float, ...] | int | None,
-    merge: dict[int, int],
-    steps: tuple[float, ...] | None,
-) -> Approach:
+def _approach(x: Any, lifting: Any, merge: Any, steps: Any) -> Approach:
     from gtb_cli.plots.panels import Approach
 
     return Approach(x, lifting, merge, steps)

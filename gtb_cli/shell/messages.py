@@ -1,5 +1,6 @@
 """Errors, warnings, notes and progress on standard error: as text, as JSON, or as annotations of GitHub."""
 
+import itertools
 import os
 import sys
 import time
@@ -114,13 +115,12 @@ class Console:
     @contextmanager
     def counter(self, total: int | None) -> Iterator[Callable[[str], None]]:
         """Give a function that shows on a terminal, after two seconds, which thing of how many is being made."""
-        visible, start, begun = self._visible(), time.monotonic(), 0
+        visible, start, numbers = self._visible(), time.monotonic(), itertools.count(1)
 
         def begin(label: str) -> None:
-            nonlocal begun
-            begun += 1
+            number = next(numbers)
             if visible and time.monotonic() - start > 2.0:
-                self._show(f"[{begun}{'' if total is None else f'/{total}'}] {printable(label)}")
+                self._show(f"[{number}{'' if total is None else f'/{total}'}] {printable(label)}")
 
         try:
             yield begin

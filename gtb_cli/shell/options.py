@@ -225,7 +225,7 @@ tolerance_option = click.option(
     help="Instead of -n: largest distance between mesh and surface, in model units or such as 1% of the size.",
 )
 
-# Those that make a solid of a curve or surface
+# Options that make a solid of a curve or surface
 solid_options = (
     length_option(
         "--radius",
@@ -294,7 +294,7 @@ def _console(quiet: bool) -> Console:
 console_option = gathered("console", _console, click.option("-q", "--quiet", is_flag=True, help="Print only errors."))
 
 
-# Those of commands that make text, of nothing or of a spec, or have an -o of their own; all get them as `streams`
+# Options that a command gets as `streams`: it reads no spec, or reads one, or has an -o of its own
 output_options = gathered("streams", Streams, output_option, console_option)
 streams_options = gathered("streams", Streams, output_option, reading_option, console_option)
 reading_streams = gathered("streams", Streams, filling_option, console_option)

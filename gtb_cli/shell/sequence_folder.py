@@ -56,16 +56,16 @@ class SequenceOutput:
             distances=self.distances,
         )
 
-    def write(self, sequence: MeshSequence | None, prefix: str, spec: str, spec_text: str) -> None:
-        """Make, write and report the meshes, named by `prefix` and value, and print the spec; errors name `spec`."""
+    def write(self, sequence: MeshSequence | None, spec: str, spec_text: str) -> None:
+        """Make, write and report the meshes, and print the text of a spec; errors name `spec`."""
         if sequence is not None:
-            texts = [number_text(value) for value in sequence.values[:-1]]
-            self._write_folder(sequence, [*(f"{prefix}{text}" for text in texts), "limit"], spec)
+            self._write_folder(sequence, spec)
         if self.emits_spec:
             write_text(STANDARD, spec_text)
 
-    def _write_folder(self, sequence: MeshSequence, labels: list[str], spec: str) -> None:
+    def _write_folder(self, sequence: MeshSequence, spec: str) -> None:
         stem, kind = file_stem(sequence.name), self.options.format or "obj"
+        labels = [*(f"{sequence.key}{number_text(value)}" for value in sequence.values[:-1]), "limit"]
         names = [f"{stem}-{label}.{kind}" for label in labels]
         folder, console = self.streams.output, self.streams.console
         *places, record = [os.path.join(folder, name) for name in [*names, SEQUENCE_RECORD]]

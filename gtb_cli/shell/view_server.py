@@ -38,7 +38,7 @@ class Pages:
     spec have sliders.
     """
 
-    MOST = 12  # states that are kept: several pages may look at different ones
+    MOST = 12  # states that are kept, as several pages may show different states
 
     def __init__(self, paths: Sequence[str], reading: Reading, see: Callable[[Numbers, bool], Content]) -> None:
         self._paths, self._reading, self._see = paths, reading, see

@@ -27,9 +27,13 @@ def squares(count: int, step: float) -> list[Patch]:
 def test_an_edge_is_joined_with_the_same_curve_of_a_higher_degree():
     one, other = squares(2, 1.0)
     joints = find_joints([one, elevate(other, 2)])
-    ((first, second, opposite),) = [(j.first, j.second, j.opposite) for j in joints.shared]
-    assert (first, second, opposite) == ((0, 1), (1, 3), True)
+    assert [(j.first, j.second, j.opposite) for j in joints.shared] == [((0, 1), (1, 3), True)]
     assert not joints.almost
+
+
+def test_where_half_of_the_patches_face_the_other_way_the_first_one_stays():
+    row = [Patch(SQUARE[:, :: (1, -1)[k % 2]], patch.control_points) for k, patch in enumerate(squares(4, 1.0))]
+    assert find_joints(row).flipped == (False, True, False, True)
 
 
 def curve_of(knots: np.ndarray, logs: np.ndarray, points: np.ndarray) -> Curve:
