@@ -27,9 +27,10 @@ from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
+from gtb_cli.filling.corner_layers import corner_layer
 from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
-from gtb_cli.filling.rows import Rows
+from gtb_cli.filling.rows import CROSSING, Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
@@ -45,6 +46,9 @@ VISIBLE, NEARER = LEFT_OUT
 
 FLAT_BEND = 1e-9
 """Curvature of a flat neighbour, by rounding, of 1 / size."""
+
+MOST_CURVED = 150.0
+"""Largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores."""
 
 
 class _Attempt(NamedTuple):
@@ -107,6 +111,7 @@ def fill_loop(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
+    at = [edge_of(patch, k) for k in range(len(ordered))]
     return Filling(
         patch,
         ordered,
@@ -115,7 +120,8 @@ def fill_loop(
         errors,
         contacts,
         corner_angles,
-        tuple(corner_limits(patch, edge_of(patch, k)) for k in range(len(ordered))),
+        tuple(corner_limits(patch, edge) for edge in at),
+        tuple(corner_layer(patch.domain, patch.rational_basis.log_weights, patch.control_points, e)[0] for e in at),
         best.raises,
         best.folds,
         0 if best.folds else best.sharp_turns,
@@ -293,10 +299,23 @@ def _solved(
         scored = scores(found)
         best = int(np.argmin(scored))
         unbound = least(energies[best], share=0.0)  # the bounds of corners make some patches bend more, or fold
-        pairs = [(scored[best], found[best])]
+        pairs, share = [(scored[best], found[best])], np.full(len(edges), CROSSING)
         if not np.array_equal(unbound, found[best]):
             pairs = sorted([*pairs, (scores([unbound])[0], unbound)], key=itemgetter(0))
-        score, fairest = pairs[0]
+            share *= pairs[0][1] is not unbound
+        (score, points), calmer = pairs[0], list[tuple[float, FloatArray]]()
+        for _ in range(
+            5
+        ):  # where rows cross their edges more at a corner, the patch bends less there, and more elsewhere
+            curved = np.nan_to_num([corner_layer(region, shape.log_weights, points, k) for k in range(len(edges))])
+            curved = curved.prod(axis=1)
+            calmer.append((score * max(1.0, curved.max() / MOST_CURVED), points))
+            if curved.max() <= MOST_CURVED or calmer[-1][0] > calmer[max(0, len(calmer) - 2)][0]:
+                break
+            share = np.where(curved > MOST_CURVED, np.maximum(1.4 * share, CROSSING / 2), share)
+            points = least(energies[best], share=share)
+            score = scores([points])[0]
+        pairs[0] = score, fairest = min(calmer, key=itemgetter(0))
         if best:
             pairs.append((scored[0], found[0]))
         if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
