@@ -18,11 +18,11 @@ DISTANCES = np.logspace(-1, -6, 6)
 
 
 def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> tuple[float, float]:
-    """Return the largest principal curvature near a corner of Δ, and the length of its shorter edge.
+    """Return the largest principal curvature near a corner of Δ, sampled, and the length of its shorter edge.
 
     NaN where the (n, 3) control points have fewer than two directions.
     """
-    ways, reach = 21, 4.0  # fan of rates (1 / (1 + e^-q), 1 / (1 + e^q)): the last ones run along the edges
+    ways, reach = 21, 3.0  # fan of rates (1 / (1 + e^-q), 1 / (1 + e^q)): the last ones run along the edges
     x, gaps, own = exponents_at(domain, corner)
     b = points - points[own]
     ends = [np.where(x[:, 1 - k] <= gaps[1 - k], x[:, k], 0).argmax() for k in (0, 1)]

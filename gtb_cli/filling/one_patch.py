@@ -111,7 +111,8 @@ def fill_loop(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
-    at = [edge_of(patch, k) for k in range(len(ordered))]
+    at, basis = [edge_of(patch, k) for k in range(len(ordered))], best.patch.rational_basis
+    layers = np.array([corner_layer(basis.domain, basis.log_weights, best.patch.control_points, e)[0] for e in at])
     return Filling(
         patch,
         ordered,
@@ -121,7 +122,7 @@ def fill_loop(
         contacts,
         corner_angles,
         tuple(corner_limits(patch, edge) for edge in at),
-        tuple(corner_layer(patch.domain, patch.rational_basis.log_weights, patch.control_points, e)[0] for e in at),
+        tuple(layers / size),
         best.raises,
         best.folds,
         0 if best.folds else best.sharp_turns,
