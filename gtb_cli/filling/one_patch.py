@@ -305,11 +305,10 @@ def _solved(
             pairs = sorted([*pairs, (scores([unbound])[0], unbound)], key=itemgetter(0))
             share *= pairs[0][1] is not unbound
         (score, points), calmer = pairs[0], list[tuple[float, FloatArray]]()
-        for _ in range(
-            5
-        ):  # where rows cross their edges more at a corner, the patch bends less there, and more elsewhere
-            curved = np.nan_to_num([corner_layer(region, shape.log_weights, points, k) for k in range(len(edges))])
-            curved = curved.prod(axis=1)
+        # Where rows cross their edges more at a corner, a patch bends less there, and more elsewhere.
+        for _ in range(5):
+            layers = [corner_layer(region, shape.log_weights, points, k) for k in range(len(edges))]
+            curved = np.nan_to_num(layers).prod(axis=1)
             calmer.append((score * max(1.0, curved.max() / MOST_CURVED), points))
             if curved.max() <= MOST_CURVED or calmer[-1][0] > calmer[max(0, len(calmer) - 2)][0]:
                 break
