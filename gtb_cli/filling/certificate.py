@@ -67,6 +67,8 @@ class Filling:
         Angle in degrees between the planes of sides k − 1 and k at corner k; NaN if a side has no planes.
     corners : tuple of CornerLimits
         The limits of the patch's own normals and curvatures at each corner, in closed form.
+    corner_curvatures : tuple of float
+        The largest curvature from a tenth to a millionth of the shorter edge from each corner; NaN where it has none.
     raises : tuple of int
         Number of times that the degree of each side was raised.
     folds : int
@@ -90,6 +92,7 @@ class Filling:
     contacts: tuple[Contact, ...]
     corner_angles: FloatArray
     corners: tuple[CornerLimits, ...]
+    corner_curvatures: tuple[float, ...]
     raises: tuple[int, ...]
     folds: int
     sharp_turns: int

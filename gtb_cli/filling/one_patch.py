@@ -27,13 +27,14 @@ from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.algebraic import AlgebraicSurface, algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
+from gtb_cli.filling.corner_layers import corner_layer
 from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
-from gtb_cli.filling.rows import Rows
+from gtb_cli.filling.rows import CROSSING, Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
-from gtb_cli.knots.domain import domain
+from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
@@ -45,6 +46,9 @@ VISIBLE, NEARER = LEFT_OUT
 
 FLAT_BEND = 1e-9
 """Curvature of a flat neighbour, by rounding, of 1 / size."""
+
+MOST_CURVED = 150.0
+"""Largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores."""
 
 
 class _Attempt(NamedTuple):
@@ -107,6 +111,8 @@ def fill_loop(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
+    at, basis = [edge_of(patch, k) for k in range(len(ordered))], best.patch.rational_basis
+    layers = np.array([corner_layer(basis.domain, basis.log_weights, best.patch.control_points, e)[0] for e in at])
     return Filling(
         patch,
         ordered,
@@ -115,7 +121,8 @@ def fill_loop(
         errors,
         contacts,
         corner_angles,
-        tuple(corner_limits(patch, edge_of(patch, k)) for k in range(len(ordered))),
+        tuple(corner_limits(patch, edge) for edge in at),
+        tuple(layers / size),
         best.raises,
         best.folds,
         0 if best.folds else best.sharp_turns,
@@ -270,7 +277,7 @@ def _solved(
         return
     depths = np.minimum(_depths(region.vertices, energy_samples(region, resolution, NEARER)[0]) / VISIBLE, 1)
     # Where curvature is given along edges, less bending is had by leaving it just inside them.
-    search = _FairSearch(places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
+    search = _FairSearch(region, places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
     found = search.fairest()
     if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
         found = search.led_to(surface, *found[0]) + found
@@ -283,8 +290,10 @@ def _solved(
 class _FairSearch:
     """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
 
-    def __init__(self, places: Samples, depths: FloatArray, least: Callable[..., FloatArray], power: int) -> None:
-        self._places, self._least, self._power = places, least, power
+    def __init__(
+        self, domain: Domain, places: Samples, depths: FloatArray, least: Callable[..., FloatArray], power: int
+    ) -> None:
+        self._domain, self._places, self._least, self._power = domain, places, least, power
         # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
         self._zones = places.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
@@ -311,7 +320,28 @@ class _FairSearch:
         unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
         if not np.array_equal(unbound, found[best]):
             pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
+        pairs[0] = self._calmed(energies[best], *pairs[0], 0.0 if pairs[0][1] is unbound else CROSSING)
         return pairs + [(scored[0], found[0])] * (best > 0)
+
+    def _calmed(
+        self, energy: FloatArray, score: float, points: FloatArray, crossing: float
+    ) -> tuple[float, FloatArray]:
+        """Return a surface, or one that bends less at corners and more elsewhere, as its rows cross edges there more.
+
+        Scores rise with the largest curvature near corners.
+        """
+        corners, calmer = range(len(self._domain.vertices)), list[tuple[float, FloatArray]]()
+        share = np.full(len(corners), crossing)
+        for _ in range(5):
+            layers = [corner_layer(self._domain, self._places.log_weights, points, k) for k in corners]
+            curved = np.nan_to_num(layers).prod(axis=1)
+            calmer.append((score * max(1.0, curved.max() / MOST_CURVED), points))
+            if curved.max() <= MOST_CURVED or calmer[-1][0] > calmer[max(0, len(calmer) - 2)][0]:
+                break
+            share = np.where(curved > MOST_CURVED, np.maximum(1.4 * share, CROSSING / 2), share)
+            points = self._least(energy, share=share)
+            (score,) = self.scores([points])
+        return min(calmer, key=itemgetter(0))
 
     def _energies(self, points: FloatArray) -> list[FloatArray]:
         """Return energies in the metric of a surface, those of what is seen first.
