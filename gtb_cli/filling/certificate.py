@@ -123,7 +123,7 @@ class Filling:
             what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
-            way_out = "try a fullness nearer to 1, other ribbons, or curves that cut the hole into smaller ones"
+            way_out = "try a fullness of 0.8 or 0.5, other ribbons, or curves that cut the hole into smaller ones"
         elif self.sharpness > 2000 or (concave_corners(self.sides) and (self.sharp_turns or self.sharpness > SPIKE)):
             what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
             way_out = "raise degrees more, or try other ribbons, or curves that cut the hole into smaller ones"

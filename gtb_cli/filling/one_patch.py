@@ -94,7 +94,8 @@ def fill_loop(
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
-    attempt = partial(_attempt, unit, normals, np.flatnonzero(sound).tolist(), inner, fullness)
+    met = [None] * len(unit) if _is_flat(unit, normals) else normals
+    attempt = partial(_attempt, unit, normals, met, np.flatnonzero(sound).tolist(), inner, fullness)
     best = _best(attempt, _plans(unit, raises))
     patch = best.patch
     ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
@@ -128,6 +129,17 @@ def fill_loop(
         0 if best.folds else best.sharp_turns,
         tuple(remarks),
     )
+
+
+def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> bool:
+    """Tell whether sides and their planes lie in one plane: a patch that meets the curves meets the planes, too."""
+    given = [n for n in normals if n is not None]
+    if not given or any(side.bend is not None for side in sides):
+        return False
+    points, n = np.concatenate([side.points for side in sides]), given[0][0]
+    turned = np.linalg.norm(np.cross(np.concatenate(given), n), axis=1)
+    rounding = max(side.rounding for side in sides)
+    return bool(turned.max() <= rounding and np.abs((points - points[0]) @ n).max() <= rounding)
 
 
 def _check_options(
@@ -231,6 +243,7 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
 def _attempt(
     sides: Sequence[HoleSide],
     normals: Sequence[FloatArray | None],
+    met: Sequence[FloatArray | None],
     sound: Sequence[int],
     inner: str,
     fullness: float,
@@ -243,7 +256,7 @@ def _attempt(
 
     Folds are also looked for at the sound corners. At most so many patches are tried.
     """
-    edges = [edge_rows(side, n, least) for side, n in zip(sides, normals, strict=True)]
+    edges = [edge_rows(side, n, least) for side, n in zip(sides, met, strict=True)]
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
@@ -363,7 +376,8 @@ class _FairSearch:
         for _ in range(rounds):
             led = self._least(form, origin=led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led)))
         farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
-        return [(score, led)] * (farther[0] < farther[1] and self.scores([led])[0] <= worst * score)
+        is_nearer = farther[0] < farther[1] and self.scores([led])[0] <= worst * score
+        return [(score, led)] if is_nearer else []
 
 
 def _depths(vertices: FloatArray, places: FloatArray) -> FloatArray:

@@ -151,6 +151,15 @@ def test_a_refusal_names_what_turns_the_patch_over(sign, what, way_out):
     assert re.match(f"the patch {what}: {way_out}", filling.fault)
 
 
+def test_a_flat_hole_is_filled_flat():
+    """Long sides and blunt corners: with rows that keep to the planes the patch was turned over."""
+    x, y = np.array([[8.0, 10, 10, 8, -8, -10, -10, -8], [-3, -2.9, 2.9, 3, 3, 2.9, -2.9, -3]])
+    filling = fill_loop(plane_sides(np.column_stack([x, y, 0 * x]), [1] * 8), raises=1)
+    assert filling.fault is None
+    assert filling.angle < 1e-6
+    assert np.ptp(filling.patch.control_points[:, 2]) == 0
+
+
 @pytest.mark.parametrize("seed", mostly_long([2, 1, 0, *range(3, 8)], 0))  # refused, as 1 is, and not
 def test_no_plane_patch_that_passes_is_folded(seed):
     """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
@@ -308,7 +317,8 @@ def test_bounds_are_met_with_the_least_multipliers(seed):
 @pytest.mark.parametrize(("score", "others"), [(99.0, []), (101.0, [(1, True), (2, False), (3, True)])])
 def test_plans_end_where_none_of_their_patches_can_win(score, others, monkeypatch):
     """The first plan has a second patch without faults: of others only a first one would be better, if any."""
-    tried, sides = [], plane_sides(L[[0, 1, 2, 5]], [1] * 4)
+    tilt = np.array([0, 0, 0.1])  # what is in one plane has no fields
+    tried, sides = [], [replace(s, across=s.across + tilt) for s in plane_sides(L[[0, 1, 2, 5]], [1] * 4)]
     good = fill_loop(sides, raises=0).patch
     points = good.control_points.copy()
     points[4:] += np.random.default_rng(0).normal(size=points[4:].shape)
