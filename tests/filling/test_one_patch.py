@@ -160,6 +160,14 @@ def test_a_flat_hole_is_filled_flat():
     assert np.ptp(filling.patch.control_points[:, 2]) == 0
 
 
+@pytest.mark.parametrize("change", [{"across": np.tile([-1, 0, 0.5], (96, 1))}, {"across": None}])
+def test_a_hole_whose_sides_or_planes_leave_the_plane_is_not_flat(change):
+    sides = plane_sides(L[[0, 1, 2, 5]], [1] * 4)
+    if change["across"] is None:
+        change["curve"] = homogeneous(np.array([[2.0, 0, 0], [2, 0.5, 1], [2, 1, 0]]))
+    assert fill_loop([sides[0], replace(sides[1], **change), *sides[2:]]).angle < 1e-6
+
+
 @pytest.mark.parametrize("seed", mostly_long([2, 1, 0, *range(3, 8)], 0))  # refused, as 1 is, and not
 def test_no_plane_patch_that_passes_is_folded(seed):
     """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
