@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.marks import long, mostly_long
+from tests.marks import mostly_long
 from tests.tools.fuzz import foreign_files, imports, kill, models, mutate, overwriting
 from tests.tools.judge import CORPUS, READERS, judge, seeds
 
@@ -29,8 +29,7 @@ def test_mutated_files_of_other_programs_are_read_or_refused(name, count):
     assert imports(count, seed=1, names=[name]) is None
 
 
-@long
-@pytest.mark.parametrize("victim", ["mesh.ply", "degenerate"])
+@pytest.mark.parametrize("victim", mostly_long(["mesh.ply", "degenerate"], 0))
 def test_a_killed_process_leaves_what_was_there_or_what_is_new(victim):
     assert kill(2, seed=1, victims=[victim]) is None
 

@@ -84,6 +84,7 @@ def test_where_ci_is_set_a_missing_golden_file_is_never_written(folder):
     assert files(folder) == set()
 
 
+@long
 def test_golden_files_that_no_test_asked_for_are_named_after_full_runs_that_passed(folder):
     test = """
 def test_lamp(mesh_regression):
@@ -175,6 +176,7 @@ def test_names(mesh_regression, n):
     assert "gtb_cli/" not in text
 
 
+@long
 def test_it_costs_nothing_until_a_mesh_is_checked_is_loaded_once_and_leaves_its_option_to_others(folder):
     """It is installed, named on the command line and named in a conftest.py."""
     installed = folder / "site" / "x-1.dist-info"
