@@ -143,6 +143,7 @@ def test_the_action_names_a_missing_folder_in_one_line_whatever_its_name(tmp_pat
     assert "--no-such" in result.err  # lines of options count, too
 
 
+@long
 def test_the_action_names_an_unreadable_golden_mesh_where_it_is(tmp_path):
     shutil.copy(CURVE, tmp_path / "x.toml")
     (tmp_path / "a,b").mkdir()

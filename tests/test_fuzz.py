@@ -12,7 +12,7 @@ def test_mutated_specs_give_a_mesh_or_a_message(count):
     assert mutate(count, seed=1) is None
 
 
-@pytest.mark.parametrize(("judged", "count"), [(models, 8), (overwriting, 30), *mostly_long([(models, 20)], 0)])
+@pytest.mark.parametrize(("judged", "count"), mostly_long([(overwriting, 30), (models, 8), (models, 20)]))
 def test_what_is_made_by_rules_gives_what_it_should(judged, count):
     assert judged(count, seed=1) is None
 

@@ -119,6 +119,7 @@ def test_a_pentagon_is_five_exact_faces_that_share_edges(kind: str, tmp_path: Pa
     )
 
 
+@long
 def test_steep_weights_are_balanced_with_the_same_image(tmp_path: Path) -> None:
     """The kernel calls this trapezoid invalid with the weights of its Bézier pieces."""
     corners = np.array([[0, 1], [2, 1], [1, 1], [0, 2], [2, 2]], dtype=float)
@@ -234,9 +235,7 @@ def rectangle(degree: int) -> Patch:
     [
         (integer_pentagon(), False, 5, 20),
         pytest.param(integer_pentagon().replace(weights=[1, 5, 0.3, 1, 2, 4, 1, 0.5]), True, 5, 20, marks=long),
-        pytest.param(rectangle(3), False, 1, 12, marks=long),  # fitted ones divide its edges
-        pytest.param(rectangle(7), True, 1, 12, marks=long),
-        pytest.param(rectangle(16), False, 1, 12, marks=long),
+        *mostly_long([(rectangle(n), n == 7, 1, 12) for n in (3, 7, 16)], 0),  # fitted ones divide its edges
     ],
 )
 def test_exact_patches_stay_exact_beside_fitted_ones(

@@ -458,7 +458,7 @@ def test_the_same_bytes_in_any_environment(arguments, variables, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "variables", mostly_long([{"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"LC_ALL": "C"}])
+    "variables", mostly_long([{"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"LC_ALL": "C"}], 0)
 )
 def test_any_locale_will_do(variables, tmp_path):
     spec = 'name = "Fläche ∆"\nknots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]\n'.encode()

@@ -232,6 +232,7 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert not any(each.folds for each in found)
 
 
+@long
 def test_rows_do_not_run_along_their_edges_at_corners():
     """Where they are free to, curvature is 1,900 at one corner, and varies three times as much."""
     filling = fill_loop(random_sides(7, 1))
@@ -239,6 +240,7 @@ def test_rows_do_not_run_along_their_edges_at_corners():
     assert filling.bending.variation < 1000
 
 
+@long
 def test_rows_are_free_where_a_patch_is_fairer_so(monkeypatch):
     bound, sides = Rows.fairest, random_sides(3, 0)
     fair = fill_loop(sides, raises=2).bending.variation

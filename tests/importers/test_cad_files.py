@@ -82,11 +82,9 @@ def written(shape, folder):
 
 @pytest.mark.parametrize(
     ("radii", "volume", "elevated", "kind"),
-    [
-        ((2, 2, 2), 975.187, ["--elevate", 0], "brep"),
-        pytest.param((2, 2, 2), 975.587, [], "iges", marks=long),
-        pytest.param(None, 1776.5, [], "step", marks=long),  # a torus of 1776.53
-    ],
+    mostly_long(
+        [((2,) * 3, 975.187, ["--elevate", 0], "brep"), ((2,) * 3, 975.587, [], "iges"), (None, 1776.53, [], "step")]
+    ),
 )
 def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kind, tmp_path):
     """The shape that the file holds is valid, and its seams are what the message says."""

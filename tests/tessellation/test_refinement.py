@@ -268,6 +268,7 @@ def overshooting(by: float) -> Patch:
     return Patch(GRID, points, None, BICUBIC)
 
 
+@long
 def test_a_flat_patch_is_looked_at_beside_one_that_is_split():
     """While the other one still fails, nothing is known of it."""
     points = np.column_stack([GRID + np.array([10, 0]), 3 * bicubic().control_points[:, 2]])
