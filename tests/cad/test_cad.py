@@ -119,7 +119,6 @@ def test_a_pentagon_is_five_exact_faces_that_share_edges(kind: str, tmp_path: Pa
     )
 
 
-@long
 def test_steep_weights_are_balanced_with_the_same_image(tmp_path: Path) -> None:
     """The kernel calls this trapezoid invalid with the weights of its Bézier pieces."""
     corners = np.array([[0, 1], [2, 1], [1, 1], [0, 2], [2, 2]], dtype=float)

@@ -19,7 +19,7 @@ SAMPLED = 1e-3
 """Error of a distance between samples 1 % of the size apart: they are off the surface by its curvature only."""
 
 
-@pytest.mark.parametrize("name", mostly_long(NAMES, 6))
+@pytest.mark.parametrize("name", mostly_long(NAMES, 3))
 def test_a_patch_is_where_its_other_descriptions_are(name):
     """Raised in degree, with weights that are e^<a, s> times the others, and in any order of the knots."""
     whole = named(name)

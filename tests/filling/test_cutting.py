@@ -173,7 +173,6 @@ def test_straight_corners_do_not_fold():
     assert_not_folded(filling)
 
 
-@long
 def test_a_spike_is_a_fault_where_corners_are_concave_or_beyond_measure():
     filling = fill_loop(graph_sides(0.5 * L[[0, 1, 2, 5], :2]), raises=0)
     assert filling.fault is None

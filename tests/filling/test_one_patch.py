@@ -232,7 +232,6 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert not any(each.folds for each in found)
 
 
-@long
 def test_rows_do_not_run_along_their_edges_at_corners():
     """Where they are free to, curvature is 1,900 at one corner, and varies three times as much."""
     filling = fill_loop(random_sides(7, 1))

@@ -129,7 +129,6 @@ def farthest(mesh, others):
     return max(there, *(trees[0].nearest(other.vertices)[0].max() for other in others))
 
 
-@long
 def test_the_film_alone_is_measured():
     """Without a step there is only the merged patch, from which the film reaches as far as ever."""
     patch = inner_knots()

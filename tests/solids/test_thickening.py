@@ -118,7 +118,7 @@ def test_a_closed_body_gets_a_second_shell():
         assert len(solid.groups) == 8
 
 
-@pytest.mark.parametrize("path", mostly_long(SURFACES, 4), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", mostly_long(SURFACES, 3), ids=lambda path: path.stem)
 def test_every_surface_becomes_a_solid(path):
     """Its volume is about its area times the thickness, where that is small."""
     surface = meshed(path, 12)
