@@ -143,6 +143,7 @@ def test_the_action_names_a_missing_folder_in_one_line_whatever_its_name(tmp_pat
     assert "--no-such" in result.err  # lines of options count, too
 
 
+@long
 def test_the_action_names_an_unreadable_golden_mesh_where_it_is(tmp_path):
     shutil.copy(CURVE, tmp_path / "x.toml")
     (tmp_path / "a,b").mkdir()
@@ -221,7 +222,7 @@ def test_one_spec_and_several_pass_and_a_removed_or_moved_one_fails(names, tmp_p
     assert job(folder).text == good
 
 
-@pytest.mark.parametrize("variables", mostly_long(ELSEWHERE), ids=lambda variables: next(iter(variables)))
+@pytest.mark.parametrize("variables", mostly_long(ELSEWHERE, 0), ids=lambda variables: next(iter(variables)))
 def test_it_passes_where_nothing_changed(checkout, variables):
     result = job(checkout, **variables)
     assert result.status == 0, result.text + result.err

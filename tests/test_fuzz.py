@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.marks import long, mostly_long
+from tests.marks import mostly_long
 from tests.tools.fuzz import foreign_files, imports, kill, models, mutate, overwriting
 from tests.tools.judge import CORPUS, READERS, judge, seeds
 
@@ -12,7 +12,7 @@ def test_mutated_specs_give_a_mesh_or_a_message(count):
     assert mutate(count, seed=1) is None
 
 
-@pytest.mark.parametrize(("judged", "count"), [(models, 8), (overwriting, 30), *mostly_long([(models, 20)], 0)])
+@pytest.mark.parametrize(("judged", "count"), mostly_long([(overwriting, 30), (models, 8), (models, 20)]))
 def test_what_is_made_by_rules_gives_what_it_should(judged, count):
     assert judged(count, seed=1) is None
 
@@ -29,8 +29,7 @@ def test_mutated_files_of_other_programs_are_read_or_refused(name, count):
     assert imports(count, seed=1, names=[name]) is None
 
 
-@long
-@pytest.mark.parametrize("victim", ["mesh.ply", "degenerate"])
+@pytest.mark.parametrize("victim", mostly_long(["mesh.ply", "degenerate"], 0))
 def test_a_killed_process_leaves_what_was_there_or_what_is_new(victim):
     assert kill(2, seed=1, victims=[victim]) is None
 

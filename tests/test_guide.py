@@ -40,6 +40,7 @@ def test_its_commands_do_what_it_shows(tmp_path):
         assert (np.abs(there.astype(int) - drawn).max(axis=2) > 60).mean() <= 0.03  # other fonts change 1 or 2 %
 
 
+@long
 def test_its_kinds_of_commands_need_no_extra_that_it_does_not_name(tmp_path):
     done = ran(tmp_path, "--kinds")
     assert len(done) >= 10

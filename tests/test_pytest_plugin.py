@@ -178,6 +178,7 @@ def test_names(mesh_regression, n):
     assert "gtb_cli/" not in text
 
 
+@long
 def test_it_costs_nothing_until_a_mesh_is_checked_is_loaded_once_and_leaves_its_option_to_others(folder):
     """It is installed, named on the command line and named in a conftest.py."""
     installed = folder / "site" / "x-1.dist-info"

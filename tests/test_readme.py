@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from gtb_cli.commands.cli import COMMANDS
-from tests.marks import long
+from tests.marks import long, mostly_long
 from tests.shell import REPOSITORY, SPECS, script, shell
 
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
@@ -68,7 +68,7 @@ def test_its_commands_run(block, workplace):
     assert "error" not in result.err
 
 
-@pytest.mark.parametrize("names", ["pentagon", pytest.param("bicubic hexagon pentagon", marks=long)])
+@pytest.mark.parametrize("names", mostly_long(["pentagon", "bicubic hexagon pentagon"], 0))
 def test_its_ways_to_share_work_without_a_scheduler_do(names, workplace):
     names = names.split()
     lines = re.findall(r"^    (printf .*xargs.*|gtb .*SLURM.*)", COMMANDS_PAGE, re.MULTILINE)

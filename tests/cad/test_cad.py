@@ -102,8 +102,7 @@ def encoded(name: str, kind: str) -> bytes:
     return encode_cad(spline_surfaces(spec).surfaces, kind, name=name).data
 
 
-@pytest.mark.parametrize("kind", CAD_FORMATS)
-@long
+@pytest.mark.parametrize("kind", mostly_long(CAD_FORMATS, 0))
 def test_a_pentagon_is_five_exact_faces_that_share_edges(kind: str, tmp_path: Path) -> None:
     patch = integer_pentagon()
     shape = read(encoded("example-4.1-integer", kind), kind, tmp_path)
@@ -235,9 +234,7 @@ def rectangle(degree: int) -> Patch:
     [
         (integer_pentagon(), False, 5, 20),
         pytest.param(integer_pentagon().replace(weights=[1, 5, 0.3, 1, 2, 4, 1, 0.5]), True, 5, 20, marks=long),
-        pytest.param(rectangle(3), False, 1, 12, marks=long),  # fitted ones divide its edges
-        pytest.param(rectangle(7), True, 1, 12, marks=long),
-        pytest.param(rectangle(16), False, 1, 12, marks=long),
+        *mostly_long([(rectangle(n), n == 7, 1, 12) for n in (3, 7, 16)], 0),  # fitted ones divide its edges
     ],
 )
 def test_exact_patches_stay_exact_beside_fitted_ones(

@@ -64,7 +64,7 @@ def test_steep_weights_make_no_false_digits(seed, fine):
     assert abs(found.value - fine) <= found.error < 0.01 * fine
 
 
-@pytest.mark.parametrize("span", mostly_long([2, 4, 8]))
+@pytest.mark.parametrize("span", mostly_long([2, 4, 8], 0))
 def test_areas_have_the_digits_that_are_said_beside_finer_rules(span):
     """The pentagon's, by rules of order 64 to 192, which agree; and with weights from 1e-8 to 1e8."""
     pentagon = load(SPECS / "pentagon.toml")
@@ -72,7 +72,7 @@ def test_areas_have_the_digits_that_are_said_beside_finer_rules(span):
     assert abs(area.value - 8.4447212898530) <= area.error <= 1e-9
     steep = pentagon.replace(weights=10.0 ** (span * np.random.default_rng(6).uniform(-1, 1, (3, 8))[span // 3]))
     (area,) = extents(steep).values()
-    rule = quadrature(steep, 100)
+    rule = quadrature(steep, 64)
     slopes = np.moveaxis(steep.derivatives(rule.parameters, 1, "linear"), 2, 0)
     fine = np.linalg.norm(np.cross(*slopes), axis=1) @ rule.weights
     assert abs(area.value - fine) <= area.error <= 0.02 * fine

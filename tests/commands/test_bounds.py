@@ -79,8 +79,7 @@ def test_what_needs_more_memory_is_refused(format, tmp_path):
     assert text.endswith(": not enough memory for this within --max-memory 400M\n")
 
 
-@long
-@pytest.mark.parametrize("megabytes", [360, 500])
+@pytest.mark.parametrize("megabytes", mostly_long([360, 500], 0))
 def test_libraries_that_do_not_fit_are_said_to_need_memory_and_not_to_be_missing(megabytes, tmp_path):
     words = ("--max-memory", f"{megabytes}M", "mesh", BICUBIC, "-f", "step", "-o", tmp_path / "x.step")
     result = process(*words)
@@ -89,6 +88,7 @@ def test_libraries_that_do_not_fit_are_said_to_need_memory_and_not_to_be_missing
         assert (result.status, result.err, os.listdir(tmp_path)) == (2, message, [])
 
 
+@long
 def test_within_its_bounds_a_command_does_what_it_does_without(tmp_path):
     bounds = ("--max-seconds", "50", "--max-memory", "3G")
     with open(PENTAGON, "rb") as spec:
@@ -103,8 +103,7 @@ def test_within_its_bounds_a_command_does_what_it_does_without(tmp_path):
     assert one == other
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@long
+@pytest.mark.parametrize("number", mostly_long([signal.SIGINT, signal.SIGTERM], 0))
 def test_a_signal_stops_the_command(number, tmp_path):
     words = command("--max-seconds", "50", *HUGE, "-o", tmp_path / "x.obj")
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # which a job in the background ignores

@@ -12,6 +12,7 @@ import pytest
 
 from gtb_cli.formats.export import write_mesh
 from gtb_cli.meshes.mesh import Mesh
+from tests.marks import long
 from tests.shell import PENTAGON, gtb
 from tests.tiny_meshes import plane, surface
 
@@ -127,6 +128,7 @@ def test_a_folder_without_an_end_or_a_pipe_in_it(folders, monkeypatch):
     assert f"{one / 'pipe.obj'}: is not a file" in result.err
 
 
+@long
 def test_a_deep_folder_and_names_that_forge_lines(folders):
     one, two = folders
     with contextlib.chdir(one):

@@ -23,7 +23,7 @@ from tests.specs import load
 # --- axes
 
 
-@pytest.mark.parametrize("name", ["pentagon", "hebesphenorotunda", "example-3.1"])
+@pytest.mark.parametrize("name", mostly_long(["pentagon", "example-3.1", "hebesphenorotunda"], 2))
 def test_y_is_up_in_glb_and_meshes_that_are_read_stand_as_in_the_spec(name, tmp_path):
     """glTF 2.0, section 3.3: +Y is up. So viewers show it, and trimesh gives the numbers of the file."""
     spec, path, lying, manifest = SPECS / f"{name}.toml", tmp_path / "a.glb", tmp_path / "z.glb", tmp_path / "m.json"
@@ -157,7 +157,7 @@ SHAPES = (["-n", "4"], ["-n", "3", "--parametrization", "linear"], ["--tolerance
 TEXTS = COLLAPSED | {name: (SPECS / f"{name}.toml").read_text("utf-8") for name in ("teapot", "repeated-knot")}
 
 
-@pytest.mark.parametrize("name", mostly_long(TEXTS, 4))
+@pytest.mark.parametrize("name", mostly_long(TEXTS, 2))
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # as the command does: what overflows must not come out
 def test_no_file_has_a_number_that_is_none(name):
     text = TEXTS[name].encode()

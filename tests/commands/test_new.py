@@ -19,7 +19,7 @@ from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.vocabulary import SHELLS, TEMPLATES
-from tests.marks import mostly_long
+from tests.marks import long, mostly_long
 from tests.shell import gtb, process
 
 THINGS = [("bowl", 5), ("shade", 6), ("joint", 3), ("handle", None)]
@@ -169,6 +169,7 @@ def completions(words: str, count: int) -> list[str]:
     return result.out.decode().split()
 
 
+@long
 def test_commands_options_and_files_are_completed():
     assert completions("gtb ", 1) == [f"plain,{name}" for name in COMMANDS]
     assert completions("gtb che", 1) == ["plain,check"]

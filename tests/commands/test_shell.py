@@ -116,10 +116,7 @@ def names(folder: Path) -> list[str]:
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=long if name in ("degenerate", "knot-limit", "fill", "fair") else ())
-        for name in COMMANDS
-    ],
+    mostly_long(sorted(COMMANDS, key=("degenerate", "knot-limit", "fill", "fair").__contains__), len(COMMANDS) - 4),
 )
 def test_the_example_in_the_help_runs(name, workplace):
     result = script(example_of(name), workplace)
@@ -286,8 +283,7 @@ def start_batch(start, folder: Path) -> subprocess.Popen:
     return child
 
 
-@long
-@pytest.mark.parametrize("whole_group", [True, False])
+@pytest.mark.parametrize("whole_group", mostly_long([True, False], 0))
 def test_ctrl_c_ends_all_processes(whole_group, start, tmp_path):
     (tmp_path / "out").mkdir()
     child = start_batch(start, tmp_path / "out")
@@ -427,8 +423,7 @@ def test_a_limit_of_memory_that_is_too_low_for_libraries_is_said_at_once(start):
     assert run_within(start, 200, "info", PENTAGON) == (2, message)
 
 
-@long
-@pytest.mark.parametrize("megabytes", [320, 360, 400])
+@pytest.mark.parametrize("megabytes", mostly_long([320, 360, 400], 0))
 def test_with_any_larger_limit_the_process_ends_by_itself(start, tmp_path, megabytes):
     status, error = run_within(start, megabytes, "mesh", PENTAGON, "-n", "1000", "-o", tmp_path / "x.obj")
     assert (status, ": not enough memory for this\n" in error) in ((0, False), (2, True))
@@ -463,7 +458,7 @@ def test_the_same_bytes_in_any_environment(arguments, variables, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "variables", mostly_long([{"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"LC_ALL": "C"}])
+    "variables", mostly_long([{"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"LC_ALL": "C"}], 0)
 )
 def test_any_locale_will_do(variables, tmp_path):
     spec = 'name = "Fläche ∆"\nknots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]\n'.encode()

@@ -19,7 +19,7 @@ SAMPLED = 1e-3
 """Error of a distance between samples 1 % of the size apart: they are off the surface by its curvature only."""
 
 
-@pytest.mark.parametrize("name", mostly_long(NAMES, 6))
+@pytest.mark.parametrize("name", mostly_long(NAMES, 3))
 def test_a_patch_is_where_its_other_descriptions_are(name):
     """Raised in degree, with weights that are e^<a, s> times the others, and in any order of the knots."""
     whole = named(name)
@@ -51,8 +51,7 @@ def random_patch(seed: int, sides: int) -> Patch:
     return Patch(knots, bumps(knots) + 0.3 * rng.normal(size=(len(knots), 3)), np.exp(rng.normal(size=len(knots))))
 
 
-@pytest.mark.parametrize("seed", range(6))
-@long
+@pytest.mark.parametrize("seed", mostly_long(range(6), 0))
 def test_two_surfaces_beside_their_samples(seed):
     a, b = random_patch(seed, 3 + seed % 4), random_patch(100 + seed, 4 + seed % 3)
     found = distance(a, b)
@@ -64,8 +63,7 @@ def test_two_surfaces_beside_their_samples(seed):
         assert there.query(way.at)[0] == pytest.approx(way.distance, abs=SAMPLED * size)
 
 
-@pytest.mark.parametrize("count", [8, 16])
-@long
+@pytest.mark.parametrize("count", mostly_long([8, 16], 0))
 def test_weights_far_apart_do_not_keep_a_nearest_point_from_being_reached(count):
     """With weights from 1e-12 to 1e12, surfaces end in thin layers along edges, many steps away."""
     patch = named("sixty_knots").part(np.arange(count))

@@ -65,9 +65,8 @@ def test_energy_agrees_with_differences(name, kind):
 
 
 @pytest.mark.parametrize(
-    ("kind", "keep"), mostly_long([("thin-plate", "tangents"), ("dirichlet", "tangents"), ("dirichlet", "boundary")])
+    ("kind", "keep"), mostly_long([("thin-plate", "tangents"), ("dirichlet", "tangents"), ("dirichlet", "boundary")], 0)
 )
-@long
 def test_a_fair_patch_has_less_energy_and_the_same_boundary(kind, keep):
     patch = load(SPECS / "hexagon.toml")
     result = fair(patch, kind, keep)
@@ -108,8 +107,7 @@ def curved(patch: Patch) -> np.ndarray:
 SURFACES = ("pentagon", "hexagon", "nonagon", "example-4.4", "bicubic", "repeated-knot", "vase", "trapezoid")
 
 
-@pytest.mark.parametrize("name", mostly_long(SURFACES, 2))
-@long
+@pytest.mark.parametrize("name", mostly_long(SURFACES, 0))
 def test_a_fair_patch_bends_less_by_an_independent_integral_and_than_a_thin_plate_and_stays(name):
     """It does so near edges as well, but where these hardly bend beside the inside, as those of the trapezoid."""
     found = load(SPECS / f"{name}.toml")
@@ -139,7 +137,7 @@ def test_the_printed_energies_are_those_of_a_finer_quadrature(name, kind):
     made = fair(patch, kind)
     for value, of in zip(made.energies, (patch, made.patch), strict=True):
         size = np.abs(of.control_points).max()
-        assert value == pytest.approx(energy(of, kind, 160), rel=2e-5, abs=1e-12 * size**2)
+        assert value == pytest.approx(energy(of, kind, 112), rel=2e-5, abs=1e-12 * size**2)
 
 
 def test_no_small_change_lowers_the_energy():
@@ -147,7 +145,7 @@ def test_no_small_change_lowers_the_energy():
     least = energy(patch)
     rng = np.random.default_rng(2)
     free = ~kept_knots(patch, ["boundary"] * 4)
-    for _ in range(5):
+    for _ in range(2):
         moved = patch.control_points + 1e-3 * rng.normal(size=(len(patch.knots), 3)) * free[:, None]
         assert energy(patch.replace(control_points=moved)) > least
 
@@ -158,6 +156,14 @@ def test_round_surfaces_are_fair_already(patch):
     assert made.patch is patch
     assert made.free == 1
     assert made.after.variation < 1e-12
+
+
+def test_what_the_finest_quadrature_calls_less_fair_is_left(monkeypatch):
+    monkeypatch.setattr("gtb_cli.fairing.fair._least_varied", lambda _, given, free: given * [1, 1, 3])
+    patch = load(PENTAGON)
+    made = fair(patch)
+    assert made.patch is patch
+    assert made.after.energy == made.before.energy
 
 
 def test_a_folded_plane_unfolds():
@@ -182,7 +188,7 @@ def test_what_is_kept_along_edges(keep):
     bumps = np.random.default_rng(3).normal(size=(49, 3)) * 0.2
     bumps[24] += 3
     patch = Patch(np.column_stack([i, j]), np.column_stack([i, j, i * j / 6]) + bumps, coefficients="binomial")
-    made = fair(patch, keep=keep)
+    made = fair(patch, "thin-plate", keep)
     assert made.free == {"tangents": 9, "curvature": 1}[keep]
     assert made.patch is not patch
     t = np.linspace(0.5, 5.5, 6)
@@ -216,12 +222,14 @@ def model(bend: float) -> Model:
     return Model((Patch(knots, points, coefficients="binomial"), other))
 
 
-@pytest.mark.parametrize(("bend", "free"), mostly_long([(0.0, 6), (0.5, 9)]))
-def test_patches_of_a_model_meet_as_before(bend, free):
+@pytest.mark.parametrize(
+    ("bend", "free", "kind"), mostly_long([(0, 6, "thin-plate"), (0, 6, "variation"), (0.5, 9, "variation")])
+)
+def test_patches_of_a_model_meet_as_before(bend, free, kind):
     given = model(bend)
     (before,) = given.seams
     assert (before.angle < 1e-6) == (bend == 0)
-    made = fair(given)
+    made = fair(given, kind)
     assert [part.free for part in made] == [free, free]
     after = given.replace(patches=tuple(part.patch for part in made)).seams
     assert len(after) == 1

@@ -13,7 +13,7 @@ from gtb_cli.filling.sides import HoleSide, points_and_tangents, side_normals, s
 from gtb_cli.filling.tangent_rows import EdgeRows
 from tests.benchmarks.filling import cubic, sides as graph_sides
 from tests.filling.loops import ARC, homogeneous, random_sides
-from tests.marks import mostly_long
+from tests.marks import long, mostly_long
 
 PAGE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]])
 
@@ -63,6 +63,7 @@ def test_a_hole_in_a_known_surface_is_filled_as_it(kind, most):
     assert np.abs(off[kind]).max() < most
 
 
+@long
 def test_the_end_of_a_pipe_is_closed():
     assert fill_loop(known("pipe"), raises=1).bending.energy < 20
 

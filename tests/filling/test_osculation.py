@@ -94,8 +94,7 @@ def test_curvatures_are_those_of_polynomial_strips(n: int, degree: int) -> None:
     assert_osculates(fill_loop(sides(found), continuity="g2"), found)
 
 
-@long
-@pytest.mark.parametrize(("scale", "shift"), [(1e9, 0), (1e-9, 0), (1, 1e7)])
+@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e9, 0), (1e-9, 0), (1, 1e7)], 0))
 def test_any_size_and_place_with_curvatures(scale: float, shift: float) -> None:
     found = {name: rows.copy() for name, rows in strips(4, 1, 2).items()}
     plain = fill_loop(sides(found), continuity="g2")

@@ -14,6 +14,7 @@ from gtb_cli.formats.export import encode_mesh, held_vertices, warnings_for, wri
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS
+from tests.marks import mostly_long
 from tests.shell import run_process
 from tests.tiny_meshes import curve, encoded, model, surface
 
@@ -117,7 +118,7 @@ def test_warned_where_32_bits_move_or_merge_vertices():
     assert warnings_for(pole, "ply") == []
 
 
-@pytest.mark.parametrize("ascii", [False, True])
+@pytest.mark.parametrize("ascii", mostly_long([False, True]))
 @pytest.mark.parametrize("format", FORMATS)
 def test_the_vertices_that_a_format_holds_are_those_read_from_its_file(format, ascii, tmp_path):
     shown = ascii and FORMATS[format].text == "on request"

@@ -82,11 +82,9 @@ def written(shape, folder):
 
 @pytest.mark.parametrize(
     ("radii", "volume", "elevated", "kind"),
-    [
-        ((2, 2, 2), 975.187, ["--elevate", 0], "brep"),
-        pytest.param((2, 2, 2), 975.587, [], "iges", marks=long),
-        pytest.param(None, 1776.5, [], "step", marks=long),  # a torus of 1776.53
-    ],
+    mostly_long(
+        [((2,) * 3, 975.187, ["--elevate", 0], "brep"), ((2,) * 3, 975.587, [], "iges"), (None, 1776.53, [], "step")]
+    ),
 )
 def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kind, tmp_path):
     """The shape that the file holds is valid, and its seams are what the message says."""
@@ -104,6 +102,7 @@ def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kin
     assert all(len(uses) == 2 for uses in uses_of_edges(shape).values()) or kind != "brep"
 
 
+@long
 def test_pieces_are_points_at_smooth_corners_and_follow_a_part_from_which_the_patch_is_off():
     zone = kernel("BRepPrimAPI").BRepPrimAPI_MakeSphere(2.0, -np.pi / 2, np.pi / 3).Shape()
     part = part_of(pile([*parts(zone, "FACE")][:1]))
@@ -169,6 +168,7 @@ def test_faces_that_are_not_sewn_yet_and_some_turned_have_the_same_hole():
         assert min(np.abs(np.sort(each, axis=0) - np.sort(side.ends, axis=0)).max() for each in ends) < 1e-6
 
 
+@long
 def test_closed_edges_and_wavering_splines_are_three_or_more_smooth_sides():
     room = kernel("BRepPrimAPI")
     cup = [*parts(room.BRepPrimAPI_MakeCylinder(3, 5).Shape(), "FACE")][:1]

@@ -119,7 +119,7 @@ def test_what_coincides_in_32_bits_only():
     assert (found.same, found.method) == (True, "vertices")
 
 
-@pytest.mark.parametrize("offset", [0.0, 1e8])
+@pytest.mark.parametrize("offset", mostly_long([1e8, 0.0]))
 def test_what_coincides_in_32_bits_is_compared_in_64(offset):
     """A corner that leaves its vertex by less than 32-bit numbers tell apart, in meshes that have more digits."""
     mesh = surface(4)
@@ -191,7 +191,7 @@ SABOTAGE = {
 }
 
 
-@pytest.mark.parametrize("name", SABOTAGE)
+@pytest.mark.parametrize("name", mostly_long(sorted(SABOTAGE, key="the last face missing".__eq__), len(SABOTAGE) - 1))
 @pytest.mark.parametrize("tolerance", mostly_long([None, "1%"]))
 @pytest.mark.parametrize("arranged", [lambda mesh: mesh, lambda mesh: shuffled(mesh)[0], lambda mesh: split(mesh, 2)])
 def test_what_is_in_the_same_place_and_yet_different(name, tolerance, arranged):
@@ -318,9 +318,11 @@ def test_coinciding_bodies_are_the_same_in_any_order():
     assert not difference(known_exactly(double), known_exactly(Mesh(double.vertices, cells))).same
 
 
-def test_faces_that_are_there_twice_have_no_order():
+@pytest.mark.parametrize("left_out", mostly_long([slice(3, 6, 2), slice(0)]))
+def test_faces_that_are_there_twice_have_no_order(left_out):
     """Two faces on the same vertices: each looks to one of two sides, with one of two textures, and is in a group."""
     kinds = list(itertools.product(("1/1 2/1 3/1", "3/1 2/1 1/1", "2/1 3/1 1/2"), "ab"))
+    del kinds[left_out]
     rest = (("2/1 4/1 3/1", "a"), ("1/1 2/1 4/1", "b"))
     read = {
         pair: decode_mesh(

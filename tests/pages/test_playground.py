@@ -37,6 +37,7 @@ def folder(tmp_path):
     return tmp_path / "playground"
 
 
+@long
 def test_the_packages_are_enough(folder):
     """Without anything else but numpy, commands give what the page asks for: texts, files, and errors with lines."""
     with zipfile.ZipFile(folder / "packages.zip") as archive:

@@ -16,7 +16,7 @@ from gtb_cli.solids.thickening import MAX_MITRE, folded_faces, thicken, thinnest
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
-from tests.marks import long, mostly_long
+from tests.marks import mostly_long
 from tests.shell import CURVE
 from tests.specs import GOOD_SPECS, is_curve, load
 from tests.surfaces import area, assert_closed, cylinder, octant, quartic_octant, volume
@@ -118,7 +118,7 @@ def test_a_closed_body_gets_a_second_shell():
         assert len(solid.groups) == 8
 
 
-@pytest.mark.parametrize("path", mostly_long(SURFACES, 4), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", mostly_long(SURFACES, 3), ids=lambda path: path.stem)
 def test_every_surface_becomes_a_solid(path):
     """Its volume is about its area times the thickness, where that is small."""
     surface = meshed(path, 12)
@@ -182,8 +182,7 @@ def test_a_roof_is_as_thick_as_its_sides_up_to_a_bound(angle):
                 np.testing.assert_allclose(move @ normal, thickness, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("angle", "n"), [(20, 64), (60, 16), (60, 64), (100, 32)])
-@long
+@pytest.mark.parametrize(("angle", "n"), mostly_long([(20, 64), (60, 16), (60, 64), (100, 32)], 0))
 def test_in_a_concave_edge_faces_narrower_than_the_corner_moves_are_not_turned_over(angle, n):
     """The offset of each side ends D tan(angle / 2) before the edge."""
     a, thickness = math.radians(angle), 0.1

@@ -142,7 +142,7 @@ def test_smooth_models_have_the_same_normals_on_both_sides_of_an_edge(name, degr
 # Meshes of them
 
 LONG = [{"resolution": 2, "parametrization": "toric"}, {"resolution": 3}, {"resolution": 7}, {"tolerance": 0.015}]
-OPTIONS = ({"resolution": 2}, {"tolerance": 0.1}, *mostly_long(LONG))
+OPTIONS = ({"resolution": 2}, *mostly_long([{"tolerance": 0.1}, *LONG]))
 
 
 @pytest.mark.parametrize("options", [{"resolution": 1}, *OPTIONS], ids=str)

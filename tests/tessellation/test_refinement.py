@@ -273,6 +273,7 @@ def overshooting(by: float) -> Patch:
     return Patch(GRID, points, None, BICUBIC)
 
 
+@long
 def test_a_flat_patch_is_looked_at_beside_one_that_is_split():
     """While the other one still fails, nothing is known of it."""
     points = np.column_stack([GRID + np.array([10, 0]), 3 * bicubic().control_points[:, 2]])
@@ -324,7 +325,7 @@ def test_an_arc_between_knots_that_crowd_is_not_passed_by(apart):
     assert len(mesh.cells) < 50
 
 
-@pytest.mark.parametrize("knot", [(1.77, 0.0006), *mostly_long([((0.0001, 1.0),)], 0)])
+@pytest.mark.parametrize("knot", mostly_long([((1.77, 0.0006),), ((0.0001, 1.0),)], 0))
 def test_a_knot_near_an_edge_does_not_cut_up_its_neighbourhood(knot):
     """While slivers passed on the rule for slivers, 26 marked edges became 12,684, and in the end millions of faces."""
     knots = PENTAGON.copy()

@@ -121,6 +121,7 @@ def test_edges_of_other_parameters_are_joined_in_even_and_refined_meshes(case):
     assert not len(tessellate(model, tolerance=3e-3 * scale).open_sides)
 
 
+@long
 def test_they_are_watertight_on_the_command_line(tmp_path):
     save(body(1), tmp_path / "body.toml")
     for options in (["-n", "5"], ["--tolerance", "1%"], ["-n", "6", "--parametrization", "toric"]):

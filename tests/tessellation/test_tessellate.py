@@ -45,23 +45,11 @@ def assert_sphere(mesh) -> None:
     assert volume(mesh) > 0
 
 
+FINE = [{"resolution": 5, "parametrization": "toric"}, {"resolution": 7}, {"tolerance": 0.03}, {"tolerance": 0.005}]
+
+
 @pytest.mark.parametrize("make", [ball, globe])
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"resolution": 2},
-        {"tolerance": 0.2},
-        *mostly_long(
-            [
-                {"resolution": 5, "parametrization": "toric"},
-                {"resolution": 7},
-                {"tolerance": 0.03},
-                {"tolerance": 0.005},
-            ]
-        ),
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize("options", [{"resolution": 2}, {"tolerance": 0.2}, *mostly_long(FINE)], ids=str)
 def test_a_closed_model_is_watertight_and_looks_outwards(make, options):
     mesh = tessellate(make(), **options)
     assert_sphere(mesh)

@@ -9,7 +9,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.patch import Patch
 from tests.exact import CONTEXT, Number, numbers, point
-from tests.marks import long, mostly_long
+from tests.marks import mostly_long
 from tests.specs import SPECS, load
 from tests.surfaces import inside, octant, plane, quartic_octant, rim, torus
 
@@ -131,8 +131,7 @@ def test_curvature_is_that_of_difference_quotients(name):
         assert_same(curvature(patch, u[None]), by_quotients(patch, u))
 
 
-@pytest.mark.parametrize("name", mostly_long(GENERAL, 4))
-@long
+@pytest.mark.parametrize("name", mostly_long(GENERAL, 0))
 def test_curvature_keeps_its_digits_near_the_boundary(name):
     """Where it has no limit there, too. Only edges along an axis: elsewhere floats cannot say how near they are."""
     patch = load(SPECS / f"{name}.toml")

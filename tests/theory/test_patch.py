@@ -6,11 +6,11 @@ from hypothesis import given, settings
 
 from gtb_cli.errors import DomainError
 from tests.laws import LAWS
-from tests.marks import long
+from tests.marks import mostly_long
 from tests.patches import NAMES, any_patch, named
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=long if name == "sixty_knots" else ()) for name in NAMES])
+@pytest.mark.parametrize("name", mostly_long(sorted(NAMES, key="sixty_knots".__eq__), 14))
 def test_a_named_patch_obeys(name):
     for law in LAWS:
         law(named(name))
