@@ -1,6 +1,7 @@
 """The text of a spec: TOML or JSON bytes → plain data, and faults by line."""
 
 import re
+from collections import Counter
 from typing import cast
 
 from gtb_cli.errors import Fault, SpecError
@@ -60,8 +61,14 @@ class Document:
         return {path: lines[-1] for path, lines in around.items() if lines}
 
 
+_UNKNOWN = re.compile(r"unknown name '\w+'")
+
+
 class Faults:
-    """The faults of a document, collected in any order; `count` is the number of all, of which `SHOWN` are kept."""
+    """The faults of a document, collected in any order; `count` is the number of all, of which `SHOWN` are kept.
+
+    An unknown name is one fault, however often it stands there.
+    """
 
     SHOWN = 20
 
@@ -69,12 +76,17 @@ class Faults:
         self.count = 0
         self._document, self.source, self._note = document, source, note
         self._faults: list[tuple[Path, str, int | None]] = []
+        self._more = Counter[str]()  # places of unknown names, but for their first ones
         self.doubt: tuple[Path, str] | None = None  # what is probably meant otherwise, and is no fault
         for path, line, message in document.repeated:
             self.add(path, message, line)
 
     def add(self, path: Path, message: str, line: int | None = None) -> None:
         """Note a fault of the value at a path; its line is found later unless given."""
+        name = _UNKNOWN.search(message)
+        if name and any(name[0] in other for _, other, _ in self._faults):
+            self._more[name[0]] += 1
+            return
         self.count += 1
         if self.count <= self.SHOWN:
             self._faults.append((path, message, line))
@@ -89,7 +101,11 @@ class Faults:
     def found(self) -> list[Fault]:
         """Return the faults in the order of the file."""
         lines = self._document.lines({path for path, _, _ in self._faults})
-        faults = [(line or lines.get(path, 0), path, message) for path, message, line in self._faults]
+        more = {name: f" (and at {count} more place{'s' * (count > 1)})" for name, count in self._more.items()}
+        faults = [
+            (line or lines.get(path, 0), path, message + more.get((_UNKNOWN.search(message) or [""])[0], ""))
+            for path, message, line in self._faults
+        ]
         return [
             Fault(message + self._note, self.source, line or None, key=place(path) or None)
             for line, path, message in sorted(faults, key=lambda fault: fault[0])

@@ -17,6 +17,7 @@ from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.text import Annotation
 
 SUPERSAMPLING = 3  # computed pixels along one of the picture: their mean gives smooth outlines
 HIDDEN_STRENGTH = 0.3  # opacity of what is behind a surface
@@ -184,6 +185,23 @@ class View:
             away = (9 * x / length, 9 * y / length) if length else (6.3, 6.3)
             note(self.ax, text, place, away, va="center", color=INK, bbox=HALO)
 
+    def names(self, texts: Sequence[str], places: Sequence[FloatArray], colour: str) -> None:
+        """Write texts at seen places, moved into the frame; one that would cover an earlier one is left out."""
+        frame, taken = self.ax.get_window_extent(), list[Any]()
+        for text, place in zip(texts, places, strict=True):
+            written = note(self.ax, text, place, (0, 0), va="center", color=colour, bbox=HALO)
+            box = written.get_window_extent()
+            right, up = (
+                max(low - start, 0.0) - max(stop - high, 0.0)
+                for start, stop, low, high in zip(box.min, box.max, frame.min, frame.max, strict=True)
+            )
+            written.set_position((right * 72 / self.ax.figure.dpi, up * 72 / self.ax.figure.dpi))
+            box = box.translated(right, up)
+            if box.count_overlaps(taken):
+                written.remove()
+            else:
+                taken.append(box)
+
     def triad(self) -> None:
         """Draw the directions of the axes of space in the first corner without surface, from the lower left one on."""
         if self.projection is None:
@@ -267,10 +285,10 @@ def _smoothed(image: FloatArray) -> FloatArray:
     return np.asarray(np.rint(mean * 255).astype(np.uint8))
 
 
-def note(ax: Axes, text: str, place: ArrayLike, offset: tuple[float, float], **style: Any) -> None:
+def note(ax: Axes, text: str, place: ArrayLike, offset: tuple[float, float], **style: Any) -> Annotation:
     """Write a text beside a place, by an offset in points to the right and upwards."""
     defaults = {"textcoords": "offset points", "ha": "center", "fontsize": 8, "zorder": 7}
-    ax.annotate(text, place, offset, **{**defaults, **style})  # type: ignore[arg-type]
+    return ax.annotate(text, place, offset, **{**defaults, **style})  # type: ignore[arg-type]
 
 
 def _refined(points: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.plots.look import Look, subscript
 from gtb_cli.plots.net_lines import curve_path, edge_path, is_flat, net_of
 from gtb_cli.plots.palette import INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
-from gtb_cli.plots.scene import HALO, HIDDEN_STRENGTH, ShadedTriangles, View, note, plain, plane_view, space_views
+from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, View, plain, plane_view, space_views
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_name
@@ -70,9 +70,8 @@ def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: L
             draw_net(view, shape.patches, look)
         if look.labels and not stripes:
             refs = shape.joints.open if isinstance(shape, Model) else enumerate(range(len(free)))
-            for path, ref in zip(free, refs, strict=True):
-                name = edge_name(shape.patches, ref) if isinstance(shape, Model) else f"edge {ref[1]}"
-                note(view.ax, name, view.seen(path)[len(path) // 2, :2], (0, 0), va="center", color=OPEN, bbox=HALO)
+            names = [edge_name(shape.patches, ref) if isinstance(shape, Model) else f"edge {ref[1]}" for ref in refs]
+            view.names(names, [view.seen(path)[len(path) // 2, :2] for path in free], OPEN)
         view.triad()
 
 

@@ -98,6 +98,16 @@ def test_open_edges_of_a_model_are_red_and_those_of_a_patch_are_not():
     assert 60 < near(box, OPEN).sum() != near(named, OPEN).sum()
     names = re.findall(">(edge .)<", gtb("plot", PENTAGON, "--labels", "-f", "svg").text)
     assert names == [f"edge {k}" for k in range(5)]
+
+
+def test_names_stay_inside_the_frame_and_do_not_cover_each_other():
+    figure = Figure(figsize=(2, 2), dpi=100)
+    (view,) = space_views([figure.add_axes((0, 0, 1, 1))], Camera(), [None], [np.eye(3)])
+    places = [view.seen(point)[:2] for point in (*np.eye(3), np.eye(3)[0])]
+    view.names(["a long name of a patch", "b" * 20, "c", "d"], places, OPEN)
+    boxes = [text.get_window_extent() for text in view.ax.texts]
+    assert [text.get_text()[0] for text in view.ax.texts] == ["a", "b", "c"]
+    assert all(box.min.min() >= -1 and box.max.max() <= 201 for box in boxes)
     assert not near(png(SPECS / "pentagon.toml", *SMALL), OPEN).any()
 
 
