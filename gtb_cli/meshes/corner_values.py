@@ -6,34 +6,34 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, cross
 from gtb_cli.meshes.coincident import numbered_places
-from gtb_cli.meshes.correspondence import Slots
+from gtb_cli.meshes.correspondence import Slots, by_nearness
 from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, KnownMesh, Mesh, Values, are_marks
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
 
 
-def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | None, left_out: Collection[str] = ()) -> tuple[str, ...]:
+def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = ()) -> tuple[str, ...]:
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
-    are others (no slots), values are compared at places of vertices that both meshes have.
+    are others (no slots, but how far places are apart at most), values are compared where both meshes have vertices.
     """
     skipped = {FACETS, *left_out}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
     remarks = _remarks(a, b, here, there, slots)
-    if not remarks or slots is None:
+    if not remarks or isinstance(slots, float):
         return remarks
     places = numbered_places(a.mesh.vertices)[1]  # as faces that are there twice may share no vertices
     cells = places[a.mesh.cells]
     return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots))
 
 
-def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | None) -> tuple[str, ...]:
+def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
-    remarks = []
+    remarks, keys = [], list[Slots]()
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
             if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
@@ -44,34 +44,65 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
             if name.startswith(OTHER):
                 remarks += [f"{name}: not the same"] if (rows[of[0, 0]] != others[others_of[0, 0]]).any() else []
                 continue
-            held, others_held = rows[of.ravel()], others[others_of.ravel()]
-            if slots is None:
-                one, other = _at_shared_places(a.mesh, b.mesh, held, others_held)
+            if isinstance(slots, float):
+                keys = keys or _places(a.mesh, b.mesh, slots)
+                one, other = _met(keys, (rows, others), (of, others_of))
             else:
                 step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
                 one, other = (each[::step] for each in slots)
             if len(one):
-                remarks += _unlike(name, held[one], others_held[other], a.mesh.cells.ravel()[one], slots is None)
+                held, vertex = (rows[of.ravel()[one]], others[others_of.ravel()[other]]), a.mesh.cells.ravel()[one]
+                remarks += _unlike(name, *held, vertex, len(keys) > 0)
+            else:
+                remarks.append(f"{name}: cannot be compared, as no vertices are in the same place")
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
 
 
-def _at_shared_places(a: Mesh, b: Mesh, *values: FloatArray) -> Slots:
-    """Pair a corner of each mesh at all places that vertices of both have, if in neither of them corners there differ.
+def _places(a: Mesh, b: Mesh, reach: float) -> list[Slots]:
+    """Number the corners of two meshes by places; first also by directions, which faces keep that are cut otherwise."""
+    found = by_nearness(a, b, reach)[:2]
+    spans = np.concatenate([np.diff(mesh.vertices[mesh.cells], axis=1) for mesh in (a, b)])
+    with np.errstate(all="ignore"):
+        along = spans[:, 0] if a.is_curve else cross(spans[:, 0], spans[:, 1])
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+    _, number = numbered_places(np.nan_to_num(along.round(4)))
+    numbers = np.split(number.astype(np.int64)[:, None], [len(a.cells)])
+    by_direction = [cells * (int(number.max()) + 1) + own for cells, own in zip(found, numbers, strict=True)]
+    return [(each[0].ravel(), each[1].ravel()) for each in (by_direction, found)]
 
-    So values of meshes with other faces are compared as far as they belong to places.
+
+def _met(keys: list[Slots], values: Slots, of: Slots) -> Slots:
+    """Pair corners with the same number: each value with the nearest one that the other mesh has there.
+
+    At places where no corners of both meshes look into the same direction, all are paired.
     """
-    places, found = np.split(numbered_places(np.concatenate([a.vertices, b.vertices]))[1], [len(a.vertices)]), []
-    for mesh, at, rows in zip((a, b), places, values, strict=True):
-        place = at[mesh.cells.ravel()]
-        first = np.full(len(a.vertices) + len(b.vertices), -1)
-        first[place[::-1]] = np.arange(len(place))[::-1]
-        others = rows[first[place]]
-        first[place[((rows != others) & ~(np.isnan(rows) & np.isnan(others))).any(axis=1)]] = -1
-        found.append(first)
-    shared = np.flatnonzero((found[0] >= 0) & (found[1] >= 0))
-    return found[0][shared], found[1][shared]
+    from scipy.spatial import cKDTree
+
+    width = max(rows.shape[1] for rows in values)
+    if width > min(rows.shape[1] for rows in values):
+        return np.zeros(1, np.int64), np.zeros(1, np.int64)
+    far = 8.0 * width  # between places; values are within 3 of each other in each of their numbers
+    tops = [np.where(np.isfinite(rows), np.abs(rows), 0).max(axis=0, initial=0) for rows in values]
+    size = np.maximum(*tops) + (np.maximum(*tops) == 0)
+    found = []
+    for slots in keys:
+        corners, points = list[IntArray](), list[FloatArray]()
+        for key, rows, at in zip(slots, values, of, strict=True):
+            corners.append(np.unique(key.astype(np.int64) * len(rows) + at.ravel(), return_index=True)[1])
+            numbers = rows[at.ravel()[corners[-1]]] / size
+            points.append(np.column_stack([far * key[corners[-1]], np.where(np.isfinite(numbers), numbers, 2.0)]))
+        for k in (0, 1):
+            tree = cKDTree(points[1 - k], balanced_tree=False, compact_nodes=False)
+            nearest = np.asarray(tree.query(points[k], distance_upper_bound=far)[1])
+            is_met = nearest < len(corners[1 - k])
+            pair = corners[k][is_met], corners[1 - k][nearest[is_met]]
+            found.append(pair if k == 0 else pair[::-1])
+    one, other = (np.concatenate(each) for each in zip(*found, strict=True))
+    start, place = sum(len(each) for each, _ in found[:2]), keys[1][0][one]
+    kept = (np.arange(len(one)) < start) | ~np.isin(place, place[:start])
+    return one[kept], other[kept]
 
 
 def _listed(names: list[str]) -> str:
@@ -105,7 +136,8 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
     if are_marks(name):
         moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
         one, many = ("vertex has", "vertices have") if at_places else ("cell has", "cells have")
-        told = f"{len(moved)} {one if len(moved) == 1 else many} another one, first at vertex"
+        count = len(np.unique(vertex[moved])) if at_places else len(moved)
+        told = f"{count} {one if count == 1 else many} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
     if name == NORMALS:
         with np.errstate(invalid="ignore", divide="ignore"):
