@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from hashlib import file_digest, sha256
 from typing import TYPE_CHECKING
 
 import click
@@ -50,11 +48,11 @@ def approve(
     such as 'part-*', even if they differ by less than the tolerance. A link that leads out of GOLDEN is never followed.
 
     Every mesh is read first, and what changes is said. If one cannot be read, or OUT has no files, nothing is taken
-    over. All files appear together: if one cannot be written, or is changed meanwhile, GOLDEN stays as it was.
+    over. All files appear together: if one cannot be written, GOLDEN stays as it was.
     """
     _refuse_folders(golden, out)
     comparing = Comparing(tolerance=tolerance, ignore=ignore)
-    sums = {path: _sum(path) for path in files_in(out, {}).values()}
+    stamps = {path: _stamp(path) for path in files_in(out, {}).values()}
     verdicts = {verdict.name: verdict for verdict in _compared(golden, out, comparing)}
     chosen = _named(names, verdicts, golden, out) if names else [each for each in verdicts.values() if not each.same]
     taken = [each for each in chosen if os.path.lexists(each.paths[1])]
@@ -64,7 +62,7 @@ def approve(
     rest = [verdicts[name] for name in verdicts.keys() - {each.name for each in gone if prune}]
     if prune and (faults := _what_has_to_stay(golden, gone, rest)):
         raise GtbError(*faults)
-    for line in _take_over(golden, taken, comparing, sums):
+    for line in _take_over(golden, taken, comparing, stamps):
         console.note(line)
     for verdict in gone if prune else ():
         _remove(golden, verdict.paths[0])
@@ -119,16 +117,14 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
     return [verdict for name in chosen if not (verdict := verdicts[name]).same or verdict.found is not None]
 
 
-def _sum(path: str) -> bytes:
-    """Return a sum of a file's bytes; of none, if it is not a file or cannot be read, which is said later."""
-    if not os.path.isfile(path):
-        return b""
-    with suppress(OSError), open(path, "rb") as file:
-        return file_digest(file, "sha256").digest()
-    return b""
+def _stamp(path: str) -> tuple[int, ...]:
+    """Return what changes with a file's bytes; nothing for a link to nowhere."""
+    return (found.st_ino, found.st_ctime_ns, found.st_size) if os.path.exists(path) and (found := os.stat(path)) else ()
 
 
-def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, sums: Mapping[str, bytes]) -> list[str]:
+def _take_over(
+    golden: str, taken: Sequence[Verdict], comparing: Comparing, stamps: Mapping[str, tuple[int, ...]]
+) -> list[str]:
     """Replace all files or none; return what changes in each."""
     from gtb_cli.files import StagedFiles
 
@@ -138,7 +134,7 @@ def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, sums
             target = verdict.paths[0]
             try:
                 content = _new_content(golden, verdict)
-                if sha256(content).digest() != sums.get(verdict.paths[1]):
+                if _stamp(verdict.paths[1]) != stamps.get(verdict.paths[1]):
                     raise GtbError(Fault("was changed after it was compared", verdict.paths[1]))
                 changes.append(f"{target}: {_changed(verdict, content, comparing)}")
             except GtbError as error:

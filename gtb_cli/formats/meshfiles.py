@@ -14,7 +14,7 @@ import numpy as np
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.files import read_file
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, mark_of
-from gtb_cli.meshes.mesh import GROUPS, LIBRARIES, KnownMesh, Mesh, Values, largest_coordinates, rounding
+from gtb_cli.meshes.mesh import GROUPS, KnownMesh, Mesh, Values, largest_coordinates, rounding
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
 MAX_FILE_BYTES = 1 << 31  # largest size of a file in bytes; larger ones are refused
@@ -80,9 +80,6 @@ def _values(content: FileArrays, mesh: Mesh, shown: str) -> Values:
     except GtbError as error:
         raise GtbError(f"{shown}: {_printable(str(error))}") from None
     ranges = dict(content.ranges)
-    own = [([mark_of(f"{os.path.splitext(os.path.basename(shown))[0]}.mtl")], 0, len(mesh.cells))]
-    if ranges.get(LIBRARIES) == own:  # a file and its library that are called otherwise
-        ranges[LIBRARIES] = [([0.0], 0, len(mesh.cells))]
     names, held = {name for name, *_ in content.groups}, sum(stop - start for _, start, stop in mesh.groups)
     if len(names) > 1 or 0 < held < len(mesh.cells):  # not the name of the whole mesh
         ranges[GROUPS] = [([mark_of(name)], start, stop) for name, start, stop in content.groups]

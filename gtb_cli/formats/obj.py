@@ -13,7 +13,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
+from gtb_cli.meshes.mesh import COLOURS, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
@@ -161,8 +161,8 @@ class _ObjLines:
         marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
         libraries = "\n".join(name for keyword, name, _ in self.names if keyword == b"mtllib") if materials else ""
-        for label, text in ((f"{OTHER}points and settings", told), (LIBRARIES, libraries)):
-            marks[label] = [([mark_of(text)], 0, self.cell_count)] if text else []
+        for label, text in (("points and settings", told), ("material libraries", libraries)):
+            marks[f"{OTHER}{label}"] = [([mark_of(text)], 0, self.cell_count)] if text else []
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
         further = [np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan) for part in self.further]

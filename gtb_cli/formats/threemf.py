@@ -27,7 +27,7 @@ from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.vocabulary import PATCH_COLOURS
 
 UNIT_NAMES = {"mm": "millimeter", "cm": "centimeter", "m": "meter", "in": "inch", "ft": "foot"}  # the format's names
-MODEL = "3D/3dmodel.model"  # the part of the archive that holds the mesh
+MODEL, _LINKS = "3D/3dmodel.model", "_rels/.rels"  # the parts of the archive that hold the mesh, and what it is
 LARGEST = 1 << 31  # bytes of this part, which the archive counts with 32 bits
 
 
@@ -51,7 +51,7 @@ def threemf_blocks(
     kind = "surface" if len(sides_of(cells[kept]).alone) else "model"
     parts = {
         "[Content_Types].xml": [_CONTENT_TYPES],
-        "_rels/.rels": [_RELATIONSHIPS],
+        _LINKS: [_RELATIONSHIPS],
         MODEL: _model(single[first], cells, kept, groups, f'name="{escape(name)}" type="{kind}"', UNIT_NAMES[unit]),
     }
     file = BytesIO()
@@ -114,21 +114,6 @@ def read_threemf(data: bytes) -> FileArrays:
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
 
-def _targets(archive: zipfile.ZipFile) -> set[str]:
-    """Return the parts that an archive calls its model."""
-    found, part, most = set[str](), "_rels/.rels", 1 << 20
-
-    def start(_: str, given: dict[str, str]) -> None:
-        if given.get("Type", "").endswith("/3dmodel"):
-            found.add(given["Target"].lstrip("/"))
-
-    if part in archive.namelist() and archive.getinfo(part).file_size <= most:
-        parser = expat.ParserCreate()
-        parser.StartElementHandler = start
-        parser.Parse(archive.read(part), True)
-    return found
-
-
 # A material: the number of a group, those of members at the corners, and what else is said of triangles with it
 _Part: TypeAlias = tuple[str | None, tuple[str | None, ...], str]
 
@@ -149,14 +134,17 @@ class _Reader:
 
     def __init__(self, archive: zipfile.ZipFile) -> None:
         names = [name for name in archive.namelist() if name.lower().endswith(".model")]
-        targets = _targets(archive)
-        if len(targets) > 1 or not targets <= {*archive.namelist()}:
-            raise GtbError("calls several parts its model, or one that is not there")
-        name = next(iter([*targets, *([MODEL] if MODEL in names else names)]), None)
+        name = MODEL if MODEL in names else next(iter(names), None)
         if name is None:
             raise GtbError("is a ZIP archive without the model of a 3MF file")
-        if len({*archive.namelist()}) < len(archive.namelist()):
-            raise GtbError("has two parts with one name")
+        told = (
+            archive.read(_LINKS)
+            if _LINKS in archive.namelist() and archive.getinfo(_LINKS).file_size < 1 << 20
+            else b""
+        )
+        is_other = _LINKS in archive.namelist() and (told.count(b"/01/3dmodel") != 1 or name.encode() not in told)
+        if is_other or len({*archive.namelist()}) < len(archive.namelist()):
+            raise GtbError(f"has a part twice, or {_LINKS} names another model than {name}")
         if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise GtbError("is compressed in a way that no 3MF file is")
         least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
@@ -173,7 +161,9 @@ class _Reader:
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         others = ((each.filename, each.CRC) for each in archive.infolist() if each.filename != name)
-        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$|.*\.model$", re.I)  # as pictures are, and settings
+        about = re.compile(
+            r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$|.*\.model$"
+        )  # as pictures and settings of parts are
         self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start

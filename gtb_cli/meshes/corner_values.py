@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, cross
+from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.correspondence import Slots, by_nearness
 from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, KnownMesh, Mesh, Values, are_marks
@@ -19,7 +19,7 @@ def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Co
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
-    are others (no slots, but how far places are apart at most), values are compared where both meshes have vertices.
+    are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have.
     """
     skipped = {FACETS, *left_out}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
@@ -33,7 +33,7 @@ def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Co
 
 def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
-    remarks, keys = [], list[Slots]()
+    remarks, keys = [], list[list[IntArray]]()
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
             if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
@@ -45,64 +45,55 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
                 remarks += [f"{name}: not the same"] if (rows[of[0, 0]] != others[others_of[0, 0]]).any() else []
                 continue
             if isinstance(slots, float):
-                keys = keys or _places(a.mesh, b.mesh, slots)
-                one, other = _met(keys, (rows, others), (of, others_of))
+                keys = keys or _numbers(a.mesh, b.mesh, slots)
+                one, other = _met(keys, (rows, of.ravel()), (others, others_of.ravel()))
             else:
                 step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
                 one, other = (each[::step] for each in slots)
-            if len(one):
-                held, vertex = (rows[of.ravel()[one]], others[others_of.ravel()[other]]), a.mesh.cells.ravel()[one]
-                remarks += _unlike(name, *held, vertex, len(keys) > 0)
-            else:
-                remarks.append(f"{name}: cannot be compared, as no vertices are in the same place")
+            held, others_held = rows[of.ravel()[one]], others[others_of.ravel()[other]]
+            nowhere = [f"{name}: cannot be compared, as no vertices are in the same place"]
+            at_places, vertex = len(keys) > 0, a.mesh.cells.ravel()[one]
+            remarks += _unlike(name, held, others_held, vertex, at_places) if len(one) else nowhere
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
 
 
-def _places(a: Mesh, b: Mesh, reach: float) -> list[Slots]:
-    """Number the corners of two meshes by places; first also by directions, which faces keep that are cut otherwise."""
-    found = by_nearness(a, b, reach)[:2]
-    spans = np.concatenate([np.diff(mesh.vertices[mesh.cells], axis=1) for mesh in (a, b)])
-    with np.errstate(all="ignore"):
-        along = spans[:, 0] if a.is_curve else cross(spans[:, 0], spans[:, 1])
-        along /= np.linalg.norm(along, axis=1, keepdims=True)
-    _, number = numbered_places(np.nan_to_num(along.round(4)))
-    numbers = np.split(number.astype(np.int64)[:, None], [len(a.cells)])
-    by_direction = [cells * (int(number.max()) + 1) + own for cells, own in zip(found, numbers, strict=True)]
-    return [(each[0].ravel(), each[1].ravel()) for each in (by_direction, found)]
+def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
+    """Number corners of two meshes by places and directions, which other triangles of a surface keep; and by places."""
+    places, directions = by_nearness(a, b, reach)[:2], list[FloatArray]()
+    for mesh in (a, b):
+        spans = np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1)
+        directions.append(unit(spans[0] if mesh.is_curve else cross(*spans)).round(4))
+    number = numbered_places(np.concatenate(directions))[1].astype(np.int64)[:, None] * (
+        int(places[1].max()) + len(a.vertices) + 1
+    )
+    both = [place + each for place, each in zip(places, np.split(number, [len(a.cells)]), strict=True)]
+    return [[each.ravel() for each in both], [each.ravel() for each in places]]
 
 
-def _met(keys: list[Slots], values: Slots, of: Slots) -> Slots:
-    """Pair corners with the same number: each value with the nearest one that the other mesh has there.
-
-    At places where no corners of both meshes look into the same direction, all are paired.
-    """
+def _met(keys: list[list[IntArray]], *values: tuple[FloatArray, IntArray]) -> Slots:
+    """Pair corners with the same number: each value there with the nearest of the other mesh; at places last."""
     from scipy.spatial import cKDTree
 
-    width = max(rows.shape[1] for rows in values)
-    if width > min(rows.shape[1] for rows in values):
-        return np.zeros(1, np.int64), np.zeros(1, np.int64)
-    far = 8.0 * width  # between places; values are within 3 of each other in each of their numbers
-    tops = [np.where(np.isfinite(rows), np.abs(rows), 0).max(axis=0, initial=0) for rows in values]
-    size = np.maximum(*tops) + (np.maximum(*tops) == 0)
-    found = []
+    width = min(rows.shape[1] for rows, _ in values)
+    tops = [np.abs(np.where(np.isfinite(rows), rows, 0))[:, :width].max(axis=0) for rows, _ in values]
+    pairs, met, far = list[list[IntArray]](), np.empty(0, dtype=np.int64), 8.0 * width
     for slots in keys:
         corners, points = list[IntArray](), list[FloatArray]()
-        for key, rows, at in zip(slots, values, of, strict=True):
-            corners.append(np.unique(key.astype(np.int64) * len(rows) + at.ravel(), return_index=True)[1])
-            numbers = rows[at.ravel()[corners[-1]]] / size
-            points.append(np.column_stack([far * key[corners[-1]], np.where(np.isfinite(numbers), numbers, 2.0)]))
+        for key, place, (rows, of) in zip(slots, keys[1], values, strict=True):
+            corner = np.unique(key.astype(np.int64) * len(rows) + of, return_index=True)[1]
+            corners.append(corner := corner[~np.isin(place[corner], met)])
+            numbers = rows[of[corner], :width] / np.maximum(np.maximum(*tops), 1e-300)
+            points.append(np.column_stack([far * key[corner], np.where(np.isfinite(numbers), numbers, 2.0)]))
         for k in (0, 1):
-            tree = cKDTree(points[1 - k], balanced_tree=False, compact_nodes=False)
-            nearest = np.asarray(tree.query(points[k], distance_upper_bound=far)[1])
+            nearest = np.asarray(cKDTree(points[1 - k]).query(points[k], distance_upper_bound=far)[1])
             is_met = nearest < len(corners[1 - k])
-            pair = corners[k][is_met], corners[1 - k][nearest[is_met]]
-            found.append(pair if k == 0 else pair[::-1])
-    one, other = (np.concatenate(each) for each in zip(*found, strict=True))
-    start, place = sum(len(each) for each, _ in found[:2]), keys[1][0][one]
-    kept = (np.arange(len(one)) < start) | ~np.isin(place, place[:start])
-    return one[kept], other[kept]
+            pair = [corners[k][is_met], corners[1 - k][nearest[is_met]]]
+            pairs.append(pair[::-1] if k else pair)
+        met = keys[1][0][pairs[0][0]]
+    one, other = zip(*pairs, strict=True)
+    return np.concatenate(one), np.concatenate(other)
 
 
 def _listed(names: list[str]) -> str:

@@ -30,7 +30,6 @@ GROUPS, OBJECTS, MATERIALS = "groups", "objects", "materials in "  # these with 
 COLOURS, SMOOTHING = "colours of vertices", "smoothing groups"
 MARKED = " (long lists)"  # values that are marks end with it
 OTHER = "other data: "  # what a file holds that belongs to neither vertices nor cells: compared as a whole
-LIBRARIES = f"{OTHER}material libraries"
 
 
 @by_value
