@@ -59,6 +59,7 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
     return tuple(remarks)
 
 
+@np.errstate(all="ignore")  # of huge meshes
 def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
     """Number corners of two meshes by places and directions, which other triangles of a surface keep; and by places."""
     places, directions = by_nearness(a, b, reach)[:2], list[FloatArray]()
