@@ -117,14 +117,14 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
     return [verdict for name in chosen if not (verdict := verdicts[name]).same or verdict.found is not None]
 
 
-def _stamp(path: str) -> tuple[int, ...]:
-    """Return what changes with a file's bytes; nothing for a link to nowhere."""
-    return (found.st_ino, found.st_ctime_ns, found.st_size) if os.path.exists(path) and (found := os.stat(path)) else ()
+def _stamp(path: str) -> object:
+    """Return what changes with a file's bytes; None for a link to nowhere."""
+    return (
+        (found.st_ino, found.st_ctime_ns, found.st_size) if os.path.exists(path) and (found := os.stat(path)) else None
+    )
 
 
-def _take_over(
-    golden: str, taken: Sequence[Verdict], comparing: Comparing, stamps: Mapping[str, tuple[int, ...]]
-) -> list[str]:
+def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, stamps: Mapping[str, object]) -> list[str]:
     """Replace all files or none; return what changes in each."""
     from gtb_cli.files import StagedFiles
 

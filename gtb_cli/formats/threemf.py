@@ -161,9 +161,7 @@ class _Reader:
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         others = ((each.filename, each.CRC) for each in archive.infolist() if each.filename != name)
-        about = re.compile(
-            r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$|.*\.model$"
-        )  # as pictures and settings of parts are
+        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$|.*\.model$")  # pictures, settings, further models
         self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
