@@ -25,7 +25,7 @@ class SplineSurfaces(NamedTuple):
 
     `error` is their largest distance from the patches, of polar pieces along normals; `angle` the largest angle in
     degrees to the tangent planes of a patch along its edges, and `bend` that between two pieces of one patch along
-    their common edge. `reasons` are the names of fitted patches, and why they are fitted.
+    their common edge; `lost` is as in `FittedPieces`. `reasons` are the names of fitted patches, and why they are.
     """
 
     surfaces: tuple[SplineSurface, ...]
@@ -33,6 +33,7 @@ class SplineSurfaces(NamedTuple):
     error: float
     bend: float
     angle: float
+    lost: float
     reasons: tuple[tuple[str, str], ...]
 
 
@@ -62,7 +63,7 @@ def spline_surfaces(
         except DomainError as fault:
             reasons[index] = str(fault)
     if not reasons:
-        return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, 0.0, ())
+        return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, 0.0, 0.0, ())
     closest = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
     much, enough = 0.1, 0.1  # a share of places with planes that no B-spline follows, and degrees that suffice then
     names = {index: name_of(patches[index], index) for index in reasons}
@@ -70,8 +71,7 @@ def spline_surfaces(
     halves = {i: [edges.get((i, k)) for k in range(len(patches[i].domain.vertices))] for i in reasons}
     # Of points, as control points inside may be far away
     size = float(np.ptp(np.concatenate([patch.evaluate(patch.knots) for patch in patches]), axis=0).max())
-    allowed = 1e-4 * size if tolerance is None else tolerance
-    gap_allowed = 1e-8 * size  # between edges that should be exact
+    allowed, gap_allowed = 1e-4 * size if tolerance is None else tolerance, 1e-8 * size  # of edges: they are exact
     best: dict[int, FittedPieces] = {}
     borders = {index: part_borders(patches[index], part) for index in reasons}
     ways = [(polar_pieces, POLAR_SPANS)] if any(_has_smooth_corner(patches[index]) for index in reasons) else []
@@ -106,6 +106,7 @@ def spline_surfaces(
         tuple(chain.from_iterable(exact[i] if i in exact else best[i].surfaces for i in range(len(patches)))),
         sum(len(one.surfaces) for one in best.values()),
         *reached,
+        max(one.lost for one in best.values()),
         tuple((name, reasons[index]) for index, name in names.items()),
     )
 

@@ -32,8 +32,7 @@ class HalfEdge(NamedTuple):
 
     def at(self, t: FloatArray) -> tuple[FloatArray | None, FloatArray, FloatArray]:
         """Return (k, 3) points at (k,) parameters in [0, 1], their weights, and places as fractions of this half."""
-        degree = len(self.rows) - 1
-        k = np.arange(degree + 1)
+        degree, k = len(self.rows) - 1, np.arange(len(self.rows))
         shares = np.array([math.comb(degree, j) for j in k]) * t[:, None] ** k * (1 - t[:, None]) ** (degree - k)
         shares = shares * self.rows[:, 3]
         weights = shares.sum(axis=1)

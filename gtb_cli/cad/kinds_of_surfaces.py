@@ -34,10 +34,12 @@ def encode_surfaces(
         others = f" (one of {len(found.reasons)} such patches)" if len(found.reasons) > 1 else ""
         who = f"{name}{others}: " if isinstance(spec, Model) else ""
         bend = f"tangent planes differ by up to {found.angle:.3g} degrees at edges and {found.bend:.3g} at inner seams"
+        if found.lost and found.angle > 90:  # the largest angle is that of planes which no B-spline follows
+            bend = f"tangent planes are lost at {100 * found.lost:.2g}% of edges and seams"
         warnings.append(f"fitted within {found.error:.2g}, not exact, {bend}: {who}{shortened(reason)}")
     counts = {"exact": len(found.surfaces) - found.fitted, "fitted": found.fitted}
-    faces = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
-    faces += " face" if len(found.surfaces) == 1 else " faces"
+    how = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
+    faces = f"{how} face{'s' if len(found.surfaces) > 1 else ''}"
     bodies = {"solid": body.solids, "open shell": body.shells}
     parts = [f"{count} {name}{'s' if count > 1 else ''}" for name, count in bodies.items() if count]
     if body.seams is not None:  # which say more than the warning

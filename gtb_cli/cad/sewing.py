@@ -117,11 +117,10 @@ def _surface(surface: SplineSurface) -> Any:
     m, n = surface.net.shape[:2]
     poles = collections.Array2_gp_Pnt(1, m, 1, n)
     weights = collections.Array2_double(1, m, 1, n)
-    for i in range(m):
-        for j in range(n):
-            x, y, z, w = surface.net[i, j].tolist()
-            poles.SetValue(i + 1, j + 1, point(x, y, z))
-            weights.SetValue(i + 1, j + 1, w)
+    for i, j in np.ndindex(m, n):
+        x, y, z, w = surface.net[i, j].tolist()
+        poles.SetValue(i + 1, j + 1, point(x, y, z))
+        weights.SetValue(i + 1, j + 1, w)
     given = (poles,) if (surface.net[..., 3] == surface.net[0, 0, 3]).all() else (poles, weights)
     if m == surface.degrees[0] + 1 and n == surface.degrees[1] + 1:
         return kernel("Geom").Geom_BezierSurface(*given)

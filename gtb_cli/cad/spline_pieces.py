@@ -35,8 +35,7 @@ class Splines:
     """B-splines of a degree on spans of [0, 1], with the places where they are fitted, and where measured."""
 
     def __init__(self, degree: int, ends: FloatArray, conditions: int = 0) -> None:
-        self.degree = degree
-        spans, starts, lengths = len(ends) - 1, ends[:-1, None], np.diff(ends)[:, None]
+        self.degree, spans, starts, lengths = degree, len(ends) - 1, ends[:-1, None], np.diff(ends)[:, None]
         self.knots = np.pad(ends, degree, mode="edge")
         # Greville's points: an interpolating spline of any degree does not oscillate between them.
         self.greville = np.convolve(self.knots, np.full(degree, 1 / degree), "valid")[1:-1]

@@ -181,10 +181,13 @@ def _certificate(filling: Filling) -> dict[str, Any]:
                 "angle": known(limits.angle),
                 "curvature": known(limits.curvature),
                 "curvature_exponent": known(limits.curvature_exponent),
+                "curvature_near": known(near),
                 "folds": limits.folds,
             }
             for part in filling.parts or (filling,)
-            for corner, (side, limits) in enumerate(zip(part.sides, part.corners, strict=True))
+            for corner, (side, limits, near) in enumerate(
+                zip(part.sides, part.corners, part.corner_curvatures, strict=True)
+            )
         ],
         **_bending(filling.bending, filling.bending_errors[0]),
         "nearer": _bending(filling.bending_nearer, filling.bending_errors[1]),
@@ -258,7 +261,7 @@ def _report_corners(filling: Filling, console: Console) -> None:
 
     most, where, parts = 0.0, "", filling.parts or (filling,)
     for number, part in enumerate(parts):
-        for corner, limits in enumerate(part.corners):
+        for corner, (limits, near) in enumerate(zip(part.corners, part.corner_curvatures, strict=True)):
             place = f"{f'part {number}, ' if len(parts) > 1 else ''}corner {corner}"
             named = f"{place}, of {part.sides[corner - 1].name} and {part.sides[corner].name}"
             if limits.angle > PLANE_DEGREES:
@@ -266,7 +269,9 @@ def _report_corners(filling: Filling, console: Console) -> None:
             elif math.isinf(limits.curvature):
                 power = limits.curvature_exponent
                 console.note(f"{named}: one tangent plane, and curvature grows like distance ^ {power:.2g}")
-            elif limits.curvature >= most:
-                most, where = limits.curvature, f", at {place}"
+            elif max(limits.curvature, near) >= most:
+                most, where = max(limits.curvature, near), f", at {place}"
     if where:
-        console.note(f"corners: tangent planes, curvature at most {round(most, 12):.3g}{where}")
+        console.note(
+            f"corners: tangent planes, curvature at most {round(most, 12):.3g} within a tenth of an edge{where}"
+        )

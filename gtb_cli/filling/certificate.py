@@ -67,6 +67,8 @@ class Filling:
         Angle in degrees between the planes of sides k − 1 and k at corner k; NaN if a side has no planes.
     corners : tuple of CornerLimits
         The limits of the patch's own normals and curvatures at each corner, in closed form.
+    corner_curvatures : tuple of float
+        The largest curvature from a tenth to a millionth of the shorter edge from each corner; NaN where it has none.
     raises : tuple of int
         Number of times that the degree of each side was raised.
     folds : int
@@ -90,6 +92,7 @@ class Filling:
     contacts: tuple[Contact, ...]
     corner_angles: FloatArray
     corners: tuple[CornerLimits, ...]
+    corner_curvatures: tuple[float, ...]
     raises: tuple[int, ...]
     folds: int
     sharp_turns: int
@@ -120,7 +123,7 @@ class Filling:
             what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
-            way_out = "try a fullness nearer to 1, other ribbons, or curves that cut the hole into smaller ones"
+            way_out = "try a fullness of 0.8 or 0.5, other ribbons, or curves that cut the hole into smaller ones"
         elif self.sharpness > 2000 or (concave_corners(self.sides) and (self.sharp_turns or self.sharpness > SPIKE)):
             what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
             way_out = "raise degrees more, or try other ribbons, or curves that cut the hole into smaller ones"

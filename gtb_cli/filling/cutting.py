@@ -97,6 +97,7 @@ def fill_parts(sides: Sequence[HoleSide], fill: Fill, cut_sides: bool) -> Fillin
         tuple(contact for part in parts for contact in part.contacts),
         np.concatenate([part.corner_angles for part in parts]),
         tuple(corner for part in parts for corner in part.corners),
+        tuple(near for part in parts for near in part.corner_curvatures),
         tuple(times for part in parts for times in part.raises),
         0,
         sum(part.sharp_turns for part in parts),

@@ -141,8 +141,9 @@ def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Call
         except DomainError as error:
             raise DomainError(f"`fills` {hole}: {str(error).removeprefix('hole: ')}") from None
         if filling.fault:
-            fault = filling.fault.replace('`continuity="g0"`', f'`fills` "{hole}=g0"')
-            raise RequirementError(f"`fills` {hole}: {fault}")
+            without = f'`fills` "{hole}=g0"'
+            fault = filling.fault.replace('`continuity="g0"`', without)
+            raise RequirementError(f"`fills` {hole}: {fault}" + f", or {without}" * (without not in fault))
         if filling.sharp_turns or filling.sharpness > SPIKE:
             warn(f"`fills` {hole}: the patch turns sharply; `fill` says where")
         spec = filling.model or spec

@@ -27,13 +27,14 @@ from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.algebraic import AlgebraicSurface, algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
+from gtb_cli.filling.corner_layers import corner_layer
 from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
-from gtb_cli.filling.rows import Rows
+from gtb_cli.filling.rows import CROSSING, Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
-from gtb_cli.knots.domain import domain
+from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
@@ -45,6 +46,9 @@ VISIBLE, NEARER = LEFT_OUT
 
 FLAT_BEND = 1e-9
 """Curvature of a flat neighbour, by rounding, of 1 / size."""
+
+MOST_CURVED = 150.0
+"""Largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores."""
 
 
 class _Attempt(NamedTuple):
@@ -90,7 +94,8 @@ def fill_loop(
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
-    attempt = partial(_attempt, unit, normals, np.flatnonzero(sound).tolist(), inner, fullness)
+    met = [None] * len(unit) if _is_flat(unit, normals) else normals
+    attempt = partial(_attempt, unit, normals, met, np.flatnonzero(sound).tolist(), inner, fullness)
     best = _best(attempt, _plans(unit, raises))
     patch = best.patch
     ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
@@ -107,6 +112,8 @@ def fill_loop(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
+    at, basis = [edge_of(patch, k) for k in range(len(ordered))], best.patch.rational_basis
+    layers = np.array([corner_layer(basis.domain, basis.log_weights, best.patch.control_points, e)[0] for e in at])
     return Filling(
         patch,
         ordered,
@@ -115,12 +122,24 @@ def fill_loop(
         errors,
         contacts,
         corner_angles,
-        tuple(corner_limits(patch, edge_of(patch, k)) for k in range(len(ordered))),
+        tuple(corner_limits(patch, edge) for edge in at),
+        tuple(layers / size),
         best.raises,
         best.folds,
         0 if best.folds else best.sharp_turns,
         tuple(remarks),
     )
+
+
+def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> bool:
+    """Tell whether sides and their planes lie in one plane: a patch that meets the curves meets the planes, too."""
+    given = [n for n in normals if n is not None]
+    if not given or any(side.bend is not None for side in sides):
+        return False
+    points, n = np.concatenate([side.points for side in sides]), given[0][0]
+    turned = np.linalg.norm(np.cross(np.concatenate(given), n), axis=1)
+    rounding = max(side.rounding for side in sides)
+    return bool(turned.max() <= rounding and np.abs((points - points[0]) @ n).max() <= rounding)
 
 
 def _check_options(
@@ -224,6 +243,7 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
 def _attempt(
     sides: Sequence[HoleSide],
     normals: Sequence[FloatArray | None],
+    met: Sequence[FloatArray | None],
     sound: Sequence[int],
     inner: str,
     fullness: float,
@@ -236,7 +256,7 @@ def _attempt(
 
     Folds are also looked for at the sound corners. At most so many patches are tried.
     """
-    edges = [edge_rows(side, n, least) for side, n in zip(sides, normals, strict=True)]
+    edges = [edge_rows(side, n, least) for side, n in zip(sides, met, strict=True)]
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
@@ -270,7 +290,7 @@ def _solved(
         return
     depths = np.minimum(_depths(region.vertices, energy_samples(region, resolution, NEARER)[0]) / VISIBLE, 1)
     # Where curvature is given along edges, less bending is had by leaving it just inside them.
-    search = _FairSearch(places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
+    search = _FairSearch(region, places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
     found = search.fairest()
     if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
         found = search.led_to(surface, *found[0]) + found
@@ -283,8 +303,10 @@ def _solved(
 class _FairSearch:
     """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
 
-    def __init__(self, places: Samples, depths: FloatArray, least: Callable[..., FloatArray], power: int) -> None:
-        self._places, self._least, self._power = places, least, power
+    def __init__(
+        self, domain: Domain, places: Samples, depths: FloatArray, least: Callable[..., FloatArray], power: int
+    ) -> None:
+        self._domain, self._places, self._least, self._power = domain, places, least, power
         # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
         self._zones = places.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
@@ -311,7 +333,28 @@ class _FairSearch:
         unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
         if not np.array_equal(unbound, found[best]):
             pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
+        pairs[0] = self._calmed(energies[best], *pairs[0], 0.0 if pairs[0][1] is unbound else CROSSING)
         return pairs + [(scored[0], found[0])] * (best > 0)
+
+    def _calmed(
+        self, energy: FloatArray, score: float, points: FloatArray, crossing: float
+    ) -> tuple[float, FloatArray]:
+        """Return a surface, or one that bends less at corners and more elsewhere, as its rows cross edges there more.
+
+        Scores rise with the largest curvature near corners.
+        """
+        corners, calmer = range(len(self._domain.vertices)), list[tuple[float, FloatArray]]()
+        share = np.full(len(corners), crossing)
+        for _ in range(5):
+            layers = [corner_layer(self._domain, self._places.log_weights, points, k) for k in corners]
+            curved = np.nan_to_num(layers).prod(axis=1)
+            calmer.append((score * max(1.0, curved.max() / MOST_CURVED), points))
+            if curved.max() <= MOST_CURVED or calmer[-1][0] > calmer[max(0, len(calmer) - 2)][0]:
+                break
+            share = np.where(curved > MOST_CURVED, np.maximum(1.4 * share, CROSSING / 2), share)
+            points = self._least(energy, share=share)
+            (score,) = self.scores([points])
+        return min(calmer, key=itemgetter(0))
 
     def _energies(self, points: FloatArray) -> list[FloatArray]:
         """Return energies in the metric of a surface, those of what is seen first.
@@ -333,7 +376,8 @@ class _FairSearch:
         for _ in range(rounds):
             led = self._least(form, origin=led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led)))
         farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
-        return [(score, led)] * (farther[0] < farther[1] and self.scores([led])[0] <= worst * score)
+        is_nearer = farther[0] < farther[1] and self.scores([led])[0] <= worst * score
+        return [(score, led)] if is_nearer else []
 
 
 def _depths(vertices: FloatArray, places: FloatArray) -> FloatArray:

@@ -1,6 +1,7 @@
 """Rows of control points inside the edges, with factors of their fields, and all points that have the least energy."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from gtb_cli.filling.osculation import polar
 from gtb_cli.filling.tangent_rows import EdgeRows
 
 RANK = 1e-12  # relative size of what counts as nothing in forms of bounds and equations
+CROSSING = 0.9  # least share of how far rows cross edges in the image of the domain
 
 
 class Rows:
@@ -58,14 +60,14 @@ class Rows:
         return points, moves
 
     def fairest(
-        self, matrix: FloatArray, fullness: float, origin: FloatArray | float = 0.0, share: float = 0.9
+        self, matrix: FloatArray, fullness: float, origin: Any = 0.0, share: FloatArray | float = CROSSING
     ) -> FloatArray:
         """Return the (n, 3) control points with the least form of ways from an origin; fields are longer by a factor.
 
         Second rows depend on the factors: the form is minimised with them free, then by Gauss's and Newton's method,
         which has converged to eight digits in two steps. Then factors move as little as they can, in the metric of
         the form, to fulfil the bounds of corners, and inner points to fulfil the equations of corners. Rows cross edges
-        at corners by this `share`, at least, of what they do in the image of the domain with the corner's edges.
+        at each corner by at least a `share` of what they do in the image of the domain with the corner's edges.
         """
         rounds = 2
         matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
@@ -109,13 +111,13 @@ class Rows:
         turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
         return {corner for corner, turn in enumerate(turns) if turn.min() <= 0}
 
-    def _bounds(self, turning: set[int], share: float) -> tuple[FloatArray, FloatArray]:
+    def _bounds(self, turning: set[int], share: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows cross their edges, and do not meet."""
         rounding = 1e-3  # of fields: some cross an edge, but not near its end
         smooth_cosine = np.cos(np.radians(150))  # in space: there, rows that ran along their edges would fold
         # Least distances of a row from its edge, of the edge's first leg, and from the way midway between the edges
         crossing, apart = 0.25, 0.1
-        rows, least = [], []
+        rows, least, of_corner = [], [], np.broadcast_to(share, len(self._net.corners))
         for corner in range(len(self._net.corners)):
             legs, normals = self._legs(self._given, corner)
             lengths = np.linalg.norm(legs[[0, 3]], axis=1)
@@ -126,7 +128,7 @@ class Rows:
             if not (smooth or corner in turning):
                 knots = self._net.knots[self._net.corners[corner, :5]]
                 parts = np.linalg.solve((knots[[4, 1]] - knots[0]).T, (knots[[2, 3]] - knots[0]).T)
-                crossings = share * np.diag(parts) * np.linalg.norm(np.cross(legs[0], legs[3])) / lengths**2
+                crossings = of_corner[corner] * np.diag(parts) * np.linalg.norm(np.cross(legs[0], legs[3])) / lengths**2
             middle = legs[0] / lengths[0] + legs[3] / lengths[1]
             convex = np.cross(legs[0], legs[3]) @ normals.sum(axis=0) > 0
             for knot, end, normal, sign in zip((2, 3), (0, 1), normals, (1, -1), strict=True):

@@ -76,7 +76,7 @@ class HoleSide:
         """
         if continuity == "g2":
             if self.bend is None:
-                needed = "a ribbon and a ribbon2" if self.across is None else "a ribbon2 (a .gbp file degree 5)"
+                needed = "a ribbon and a ribbon2" if self.across is None else "a ribbon2 (.gbp: degree 5; parts: none)"
                 raise DomainError(f"{self.name}: its neighbour's curvature is not known: continuity g2 needs {needed}")
             if not np.isfinite(self.bend).all():
                 place = stations()[int(np.flatnonzero(~np.isfinite(self.bend))[0])]

@@ -52,12 +52,9 @@ class Powers(NamedTuple):
 
 def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> tuple[CornerKnots, float]:
     """Return the knots, merged where places are equal, with points in units of their extent; and the extent."""
-    edges = [(corner - 1) % len(domain.vertices), corner]
-    heights, incidence = domain.heights[:, edges], domain.incidence[:, edges]
-    steps = [np.where(incidence[:, 1 - k] & (h > 0), h, np.inf).min() for k, h in enumerate(heights.T)]
-    gaps = LAYER_TOLERANCE * heights.max(axis=0) / steps
-    place, own = alike((heights / steps).T, gaps), incidence.all(axis=1).argmax()
-    factors = np.column_stack([np.ones(len(place)), heights / steps, points - points[own]])
+    exponents, gaps, own = exponents_at(domain, corner)
+    place = alike(exponents.T, gaps)
+    factors = np.column_stack([np.ones(len(place)), exponents, points - points[own]])
     tops, sums = summed(place, log_weights, factors)
     means, logs, here = sums[:, 1:] / sums[:, :1], tops + np.log(sums[:, 0]), place[own]
     means, logs = np.delete(means - means[here], here, axis=0), np.delete(logs - logs[here], here)
@@ -65,6 +62,14 @@ def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     b = cleared(means[:, 2:], rounding)
     extent = float(np.abs(b).max()) or 1.0  # no product of points of this size is beyond floats
     return CornerKnots(means[:, :2], logs, b / extent, gaps, rounding / extent), extent
+
+
+def exponents_at(domain: Domain, corner: int) -> tuple[FloatArray, FloatArray, int]:
+    """Return the (n, 2) exponents of all knots at a corner of Δ, up to which they are equal, and a knot at it."""
+    edges = [(corner - 1) % len(domain.vertices), corner]
+    heights, incidence = domain.heights[:, edges], domain.incidence[:, edges]
+    steps = [np.where(incidence[:, 1 - k] & (h > 0), h, np.inf).min() for k, h in enumerate(heights.T)]
+    return heights / steps, LAYER_TOLERANCE * heights.max(axis=0) / steps, int(incidence.all(axis=1).argmax())
 
 
 def alike(columns: FloatArray, gaps: Iterable[float]) -> IntArray:

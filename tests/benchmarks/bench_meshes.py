@@ -1,6 +1,7 @@
 """Even meshes of a million vertices, beside the evaluation of their points alone, and linear beside toric ones."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -8,10 +9,10 @@ from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import Complex, joined_complex
-from gtb_cli.tessellation.sampler import Sampler, evenly, torically
+from gtb_cli.tessellation.sampler import Sampler, torically
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.rational_basis import Parametrization
+from gtb_cli.theory.rational_basis import LinearParametrization, Parametrization
 from tests.benchmarks import Row, paired, segments, sized
 from tests.benchmarks.bench_evaluate import scattered, spec
 from tests.shell import SPECS
@@ -43,7 +44,8 @@ def evaluation(patch: Patch, kind: Parametrization, mosaic: Complex, resolution:
     """The points of an even mesh, by a parametrisation that has not learnt anything yet."""
 
     def run() -> np.ndarray:
-        sampler = Sampler((patch,), torically if kind == "toric" else evenly(resolution))
+        even = partial(LinearParametrization.locations, resolution=resolution)
+        sampler = Sampler((patch,), torically if kind == "toric" else even)
         return sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
 
     return run

@@ -151,6 +151,15 @@ def test_a_refusal_names_what_turns_the_patch_over(sign, what, way_out):
     assert re.match(f"the patch {what}: {way_out}", filling.fault)
 
 
+def test_a_flat_hole_is_filled_flat():
+    """Long sides and blunt corners: with rows that keep to the planes the patch was turned over."""
+    x, y = np.array([[8.0, 10, 10, 8, -8, -10, -10, -8], [-3, -2.9, 2.9, 3, 3, 2.9, -2.9, -3]])
+    filling = fill_loop(plane_sides(np.column_stack([x, y, 0 * x]), [1] * 8), raises=1)
+    assert filling.fault is None
+    assert filling.angle < 1e-6
+    assert np.ptp(filling.patch.control_points[:, 2]) == 0
+
+
 @pytest.mark.parametrize("seed", mostly_long([2, 1, 0, *range(3, 8)], 0))  # refused, as 1 is, and not
 def test_no_plane_patch_that_passes_is_folded(seed):
     """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
@@ -228,15 +237,21 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     found = [corner_limits(patch, corner) for corner in range(5)]
     assert max(each.angle for each in found) < 1e-6
     assert [each.curvature_exponent for each in found] == [0] * 5
-    assert max(each.curvature for each in found) < 20
-    assert not any(each.folds for each in found)
+    assert max(each.curvature + 20 * each.folds for each in found) < 20
 
 
-def test_rows_do_not_run_along_their_edges_at_corners():
-    """Where they are free to, curvature is 1,900 at one corner, and varies three times as much."""
-    filling = fill_loop(random_sides(7, 1))
-    assert max(limits.curvature for limits in filling.corners) < 600
-    assert filling.bending.variation < 1000
+@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 125), (6, 3, 150), (7, 1, 260), (8, 7, 175)]))
+def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
+    """Rows that run along their edges have a layer of 24,000 beside limits of 100 in the first, and 1,900 in (7, 1)."""
+    filling = fill_loop(random_sides(n, seed))
+    patch, told = filling.patch, np.array(filling.corner_curvatures)
+    edges = np.linalg.norm([np.ptp(side.ends, axis=0) for side in filling.sides], axis=1)
+    assert (told * np.minimum(edges, np.roll(edges, 1))).max() < most
+    places = patch.knots[:n, None] + 1e-3 * np.delete(patch.knots, np.s_[:n], axis=0) - 1e-3 * patch.knots[:n, None]
+    seen = patch.curvature(places.reshape(-1, 2), "linear")
+    largest = np.abs(seen.mean) + np.sqrt(np.maximum(seen.mean**2 - seen.gaussian, 0))
+    found = largest.reshape(n, -1).max(axis=1) / told
+    assert 0.7 < found[told.argmax()] <= found.max() < 1.1
 
 
 def test_rows_are_free_where_a_patch_is_fairer_so(monkeypatch):
@@ -302,7 +317,8 @@ def test_bounds_are_met_with_the_least_multipliers(seed):
 @pytest.mark.parametrize(("score", "others"), [(99.0, []), (101.0, [(1, True), (2, False), (3, True)])])
 def test_plans_end_where_none_of_their_patches_can_win(score, others, monkeypatch):
     """The first plan has a second patch without faults: of others only a first one would be better, if any."""
-    tried, sides = [], plane_sides(L[[0, 1, 2, 5]], [1] * 4)
+    tilt = np.array([0, 0, 0.1])  # what is in one plane has no fields
+    tried, sides = [], [replace(s, across=s.across + tilt) for s in plane_sides(L[[0, 1, 2, 5]], [1] * 4)]
     good = fill_loop(sides, raises=0).patch
     points = good.control_points.copy()
     points[4:] += np.random.default_rng(0).normal(size=points[4:].shape)
