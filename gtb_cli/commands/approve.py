@@ -52,6 +52,7 @@ def approve(
     """
     _refuse_folders(golden, out)
     comparing = Comparing(tolerance=tolerance, ignore=ignore)
+    stamps = {path: _stamp(path) for path in files_in(out, {}).values()}
     verdicts = {verdict.name: verdict for verdict in _compared(golden, out, comparing)}
     chosen = _named(names, verdicts, golden, out) if names else [each for each in verdicts.values() if not each.same]
     taken = [each for each in chosen if os.path.lexists(each.paths[1])]
@@ -61,7 +62,7 @@ def approve(
     rest = [verdicts[name] for name in verdicts.keys() - {each.name for each in gone if prune}]
     if prune and (faults := _what_has_to_stay(golden, gone, rest)):
         raise GtbError(*faults)
-    for line in _take_over(golden, taken, comparing):
+    for line in _take_over(golden, taken, comparing, stamps):
         console.note(line)
     for verdict in gone if prune else ():
         _remove(golden, verdict.paths[0])
@@ -116,7 +117,14 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
     return [verdict for name in chosen if not (verdict := verdicts[name]).same or verdict.found is not None]
 
 
-def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing) -> list[str]:
+def _stamp(path: str) -> object:
+    """Return what changes with a file's bytes; None for a link to nowhere."""
+    return (
+        (found.st_ino, found.st_ctime_ns, found.st_size) if os.path.exists(path) and (found := os.stat(path)) else None
+    )
+
+
+def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, stamps: Mapping[str, object]) -> list[str]:
     """Replace all files or none; return what changes in each."""
     from gtb_cli.files import StagedFiles
 
@@ -126,6 +134,8 @@ def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing) -> l
             target = verdict.paths[0]
             try:
                 content = _new_content(golden, verdict)
+                if _stamp(verdict.paths[1]) != stamps.get(verdict.paths[1]):
+                    raise GtbError(Fault("was changed after it was compared", verdict.paths[1]))
                 changes.append(f"{target}: {_changed(verdict, content, comparing)}")
             except GtbError as error:
                 errors += error.args

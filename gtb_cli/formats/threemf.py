@@ -27,7 +27,7 @@ from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.vocabulary import PATCH_COLOURS
 
 UNIT_NAMES = {"mm": "millimeter", "cm": "centimeter", "m": "meter", "in": "inch", "ft": "foot"}  # the format's names
-MODEL = "3D/3dmodel.model"  # the part of the archive that holds the mesh
+MODEL, _LINKS = "3D/3dmodel.model", "_rels/.rels"  # the parts of the archive that hold the mesh, and what it is
 LARGEST = 1 << 31  # bytes of this part, which the archive counts with 32 bits
 
 
@@ -51,7 +51,7 @@ def threemf_blocks(
     kind = "surface" if len(sides_of(cells[kept]).alone) else "model"
     parts = {
         "[Content_Types].xml": [_CONTENT_TYPES],
-        "_rels/.rels": [_RELATIONSHIPS],
+        _LINKS: [_RELATIONSHIPS],
         MODEL: _model(single[first], cells, kept, groups, f'name="{escape(name)}" type="{kind}"', UNIT_NAMES[unit]),
     }
     file = BytesIO()
@@ -137,6 +137,14 @@ class _Reader:
         name = MODEL if MODEL in names else next(iter(names), None)
         if name is None:
             raise GtbError("is a ZIP archive without the model of a 3MF file")
+        told = (
+            archive.read(_LINKS)
+            if _LINKS in archive.namelist() and archive.getinfo(_LINKS).file_size < 1 << 20
+            else b""
+        )
+        is_other = _LINKS in archive.namelist() and (told.count(b"/01/3dmodel") != 1 or name.encode() not in told)
+        if is_other or len({*archive.namelist()}) < len(archive.namelist()):
+            raise GtbError(f"has a part twice, or {_LINKS} names another model than {name}")
         if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise GtbError("is compressed in a way that no 3MF file is")
         least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
@@ -153,7 +161,7 @@ class _Reader:
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         others = ((each.filename, each.CRC) for each in archive.infolist() if each.filename != name)
-        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$")  # as pictures and settings of parts are
+        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$|.*\.model$")  # pictures, settings, further models
         self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start

@@ -6,34 +6,34 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.meshes.coincident import numbered_places
-from gtb_cli.meshes.correspondence import Slots
+from gtb_cli.meshes.correspondence import Slots, by_nearness
 from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, KnownMesh, Mesh, Values, are_marks
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
 
 
-def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | None, left_out: Collection[str] = ()) -> tuple[str, ...]:
+def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = ()) -> tuple[str, ...]:
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
-    are others (no slots), values are compared at places of vertices that both meshes have.
+    are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have.
     """
     skipped = {FACETS, *left_out}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
     remarks = _remarks(a, b, here, there, slots)
-    if not remarks or slots is None:
+    if not remarks or isinstance(slots, float):
         return remarks
     places = numbered_places(a.mesh.vertices)[1]  # as faces that are there twice may share no vertices
     cells = places[a.mesh.cells]
     return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots))
 
 
-def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | None) -> tuple[str, ...]:
+def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
-    remarks = []
+    remarks, keys = [], list[list[IntArray]]()
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
             if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
@@ -44,34 +44,57 @@ def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slo
             if name.startswith(OTHER):
                 remarks += [f"{name}: not the same"] if (rows[of[0, 0]] != others[others_of[0, 0]]).any() else []
                 continue
-            held, others_held = rows[of.ravel()], others[others_of.ravel()]
-            if slots is None:
-                one, other = _at_shared_places(a.mesh, b.mesh, held, others_held)
+            if isinstance(slots, float):
+                keys = keys or _numbers(a.mesh, b.mesh, slots)
+                one, other = _met(keys, (rows, of.ravel()), (others, others_of.ravel()))
             else:
                 step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
                 one, other = (each[::step] for each in slots)
-            if len(one):
-                remarks += _unlike(name, held[one], others_held[other], a.mesh.cells.ravel()[one], slots is None)
+            held, others_held = rows[of.ravel()[one]], others[others_of.ravel()[other]]
+            nowhere = [f"{name}: cannot be compared, as no vertices are in the same place"]
+            at_places, vertex = len(keys) > 0, a.mesh.cells.ravel()[one]
+            remarks += _unlike(name, held, others_held, vertex, at_places) if len(one) else nowhere
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
 
 
-def _at_shared_places(a: Mesh, b: Mesh, *values: FloatArray) -> Slots:
-    """Pair a corner of each mesh at all places that vertices of both have, if in neither of them corners there differ.
+@np.errstate(all="ignore")  # of huge meshes
+def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
+    """Number corners of two meshes by places and directions, which other triangles of a surface keep; and by places."""
+    places, directions = by_nearness(a, b, reach)[:2], list[FloatArray]()
+    for mesh in (a, b):
+        spans = np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1)
+        directions.append(unit(spans[0] if mesh.is_curve else cross(*spans)).round(4))
+    number = numbered_places(np.concatenate(directions))[1].astype(np.int64)[:, None] * (
+        int(places[1].max()) + len(a.vertices) + 1
+    )
+    both = [place + each for place, each in zip(places, np.split(number, [len(a.cells)]), strict=True)]
+    return [[each.ravel() for each in both], [each.ravel() for each in places]]
 
-    So values of meshes with other faces are compared as far as they belong to places.
-    """
-    places, found = np.split(numbered_places(np.concatenate([a.vertices, b.vertices]))[1], [len(a.vertices)]), []
-    for mesh, at, rows in zip((a, b), places, values, strict=True):
-        place = at[mesh.cells.ravel()]
-        first = np.full(len(a.vertices) + len(b.vertices), -1)
-        first[place[::-1]] = np.arange(len(place))[::-1]
-        others = rows[first[place]]
-        first[place[((rows != others) & ~(np.isnan(rows) & np.isnan(others))).any(axis=1)]] = -1
-        found.append(first)
-    shared = np.flatnonzero((found[0] >= 0) & (found[1] >= 0))
-    return found[0][shared], found[1][shared]
+
+def _met(keys: list[list[IntArray]], *values: tuple[FloatArray, IntArray]) -> Slots:
+    """Pair corners with the same number: each value there with the nearest of the other mesh; at places last."""
+    from scipy.spatial import cKDTree
+
+    width = min(rows.shape[1] for rows, _ in values)
+    tops = [np.abs(np.where(np.isfinite(rows), rows, 0))[:, :width].max(axis=0) for rows, _ in values]
+    pairs, met, far = list[list[IntArray]](), np.empty(0, dtype=np.int64), 8.0 * width
+    for slots in keys:
+        corners, points = list[IntArray](), list[FloatArray]()
+        for key, place, (rows, of) in zip(slots, keys[1], values, strict=True):
+            corner = np.unique(key.astype(np.int64) * len(rows) + of, return_index=True)[1]
+            corners.append(corner := corner[~np.isin(place[corner], met)])
+            numbers = rows[of[corner], :width] / np.maximum(np.maximum(*tops), 1e-300)
+            points.append(np.column_stack([far * key[corner], np.where(np.isfinite(numbers), numbers, 2.0)]))
+        for k in (0, 1):
+            nearest = np.asarray(cKDTree(points[1 - k]).query(points[k], distance_upper_bound=far)[1])
+            is_met = nearest < len(corners[1 - k])
+            pair = [corners[k][is_met], corners[1 - k][nearest[is_met]]]
+            pairs.append(pair[::-1] if k else pair)
+        met = keys[1][0][pairs[0][0]]
+    one, other = zip(*pairs, strict=True)
+    return np.concatenate(one), np.concatenate(other)
 
 
 def _listed(names: list[str]) -> str:
@@ -105,7 +128,8 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
     if are_marks(name):
         moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
         one, many = ("vertex has", "vertices have") if at_places else ("cell has", "cells have")
-        told = f"{len(moved)} {one if len(moved) == 1 else many} another one, first at vertex"
+        count = len(np.unique(vertex[moved])) if at_places else len(moved)
+        told = f"{count} {one if count == 1 else many} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
     if name == NORMALS:
         with np.errstate(invalid="ignore", divide="ignore"):

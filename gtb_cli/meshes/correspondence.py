@@ -94,7 +94,7 @@ def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator
             (_, cells), (_, others) = (_places(mesh, np.float32) for mesh in (a, b))
         if np.array_equal(cells, others):
             yield cells, others, False
-    cells, others, _, are_all = _by_nearness(a, b, tolerance, own)
+    cells, others, _, are_all = by_nearness(a, b, tolerance, own)
     if are_all:
         yield cells, others, False
 
@@ -111,7 +111,7 @@ def _places(mesh: Mesh, kind: type = np.float64) -> tuple[IntArray, IntArray]:
     return corners[first[used]], labels[place[mesh.cells]]
 
 
-def _by_nearness(
+def by_nearness(
     a: Mesh, b: Mesh, tolerance: float, own: Sequence[tuple[IntArray, IntArray]] = ()
 ) -> tuple[IntArray, IntArray, FloatArray, bool]:
     """Cells in numbers of places of `a`, and further ones for places of `b`; all places; whether there are no further.
@@ -246,7 +246,7 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
         return None
     cells, others, points = a.cells, b.cells, a.vertices
     if a.vertices.shape != b.vertices.shape or np.abs(a.vertices - b.vertices).max() > tolerance:
-        cells, others, points, _ = _by_nearness(a, b, tolerance)
+        cells, others, points, _ = by_nearness(a, b, tolerance)
     rows, other_rows = _unequal(cells, others, len(points))
     faces = _faces(cells[rows], others[other_rows])
     if (faces.there < faces.here).any() and (faces.here < faces.there).any():
@@ -313,7 +313,7 @@ def unlike(
     most = 2 * tolerance * (len(a.mesh.cells) if first.is_curve else reach)
     if not math.isclose(extent, others_extent, rel_tol=0, abs_tol=most):  # both may be infinite
         told.append(f"{extent:.9g} against {others_extent:.9g} in {'length' if first.is_curve else 'area'}")
-    cells, others, *_ = _by_nearness(a.mesh, b.mesh, close)
+    cells, others, *_ = by_nearness(a.mesh, b.mesh, close)
     faces = _faces(cells, others)
     only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0
     if only.any() != others_only.any():

@@ -208,8 +208,9 @@ def difference(
         found = _decided(a.mesh, b.mesh, allowed)
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks = 0 if lone is None else lone.turned, tuple[str, ...]()
+    close = min(allowed, max(resolution, 1e-6 * diagonal))
     if same_kind and found.distance <= allowed:
-        turned, remarks = unlike(a, b, allowed, min(allowed, max(resolution, 1e-6 * diagonal)), lone is None)
+        turned, remarks = unlike(a, b, allowed, close, lone is None)
     return made(
         method="surface",
         distance=found.distance,
@@ -221,7 +222,7 @@ def difference(
         turned=turned,
         remarks=remarks,
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
-        values=() if "attributes" in ignore or kind == "surface" else unlike_values(a, b, None),
+        values=() if "attributes" in ignore or kind == "surface" else unlike_values(a, b, close),
         uncompared="attributes" not in ignore
         and (found.distance <= allowed or lone is not None)
         and any(each.values().keys() - {FACETS} for each in (a, b)),

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from gtb_cli.commands.cli import COMMANDS
+from gtb_cli.verdicts.comparing import Comparing
 from tests.marks import long, mostly_long
 from tests.shell import (
     BICUBIC,
@@ -255,6 +256,16 @@ def test_a_first_approval_that_is_stopped_leaves_no_new_folder(tmp_path):
     (tmp_path / "out" / "x.txt").write_text("new", encoding="utf-8")
     done = run_process([sys.executable, "-c", STOPPED_WITH_A_FOLDER, "approve", "golden", "out"], tmp_path)
     assert (done.status, names(tmp_path)) == (128 + signal.SIGTERM, ["out"])
+
+
+def test_what_changes_while_it_is_compared_is_not_taken_over(tmp_path, monkeypatch):
+    for name in ("golden", "out"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "x.txt").write_text(name)
+    compare, change = Comparing._pair, partial((tmp_path / "out" / "x.txt").write_text, "one")
+    monkeypatch.setattr(Comparing, "_pair", lambda *words: (compare(*words), change())[0])
+    assert "x.txt: was changed after" in gtb("approve", tmp_path / "golden", tmp_path / "out", status=2).err
+    assert (tmp_path / "golden" / "x.txt").read_text() == "golden"
 
 
 def test_signals_that_are_ignored_stay_ignored(start, tmp_path):

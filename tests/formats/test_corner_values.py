@@ -78,9 +78,8 @@ def test_files_of_other_formats_are_compared_in_what_both_hold(tmp_path, mesh):
     assert all(diff(tmp_path / "a.obj", tmp_path / f"a.{kind}").same for kind in ("ply", "glb", "stl"))
     turned = Mesh(mesh.vertices, mesh.cells, normals=-mesh.normals)
     write_mesh(turned, tmp_path / "b.obj", normals=True)
-    assert [diff(tmp_path / "b.obj", tmp_path / f"a.{kind}").same for kind in ("ply", "glb", "stl")] == [
-        *(False, False, True)
-    ]
+    same = [diff(tmp_path / "b.obj", tmp_path / f"a.{kind}").same for kind in ("ply", "glb", "stl")]
+    assert same == [False, False, True]
 
 
 def test_corners_are_compared_whatever_the_order_of_faces(tmp_path, mesh):
