@@ -76,7 +76,8 @@ class HoleSide:
         """
         if continuity == "g2":
             if self.bend is None:
-                needed = "a ribbon and a ribbon2" if self.across is None else "a ribbon2 (a .gbp file degree 5; parts have g1)"
+                needed = "a ribbon2 (a .gbp file degree 5; parts have g1)"
+                needed = "a ribbon and a ribbon2" if self.across is None else needed
                 raise DomainError(f"{self.name}: its neighbour's curvature is not known: continuity g2 needs {needed}")
             if not np.isfinite(self.bend).all():
                 place = stations()[int(np.flatnonzero(~np.isfinite(self.bend))[0])]
@@ -133,9 +134,7 @@ def raised(points: FloatArray, times: int, multiplier: FloatArray | None = None)
     for _ in range(times):
         i, j = np.arange(len(factor)), np.arange(len(points))
         total = len(i) + len(j) - 2
-        shares = np.array([[math.comb(len(i) - 1, a) * math.comb(len(j) - 1, b) for b in j] for a in i]) / np.array(
-            [[math.comb(total, a + b) for b in j] for a in i]
-        )
+        shares = np.outer(binomials(len(i) - 1), binomials(len(j) - 1)) / binomials(total)[i[:, None] + j]
         found = np.zeros((total + 1, points.shape[1]))
         np.add.at(found, i[:, None] + j, (shares * factor[:, None])[:, :, None] * points)
         points = found
