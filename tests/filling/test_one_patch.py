@@ -629,10 +629,10 @@ def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
     turned = "[[patches]]\ncopy = 'side'\nrepeat = 3\nrotate = {axis = 'z', degrees = '90*k'}\n"
     loop.write_text(f"name = 'square'\ninclude = ['side.toml']\n{turned}", encoding="utf-8")
     assert 'name = "square"' in gtb("fill", loop, "--elevate", ONCE, status=0).text
-    found, _ = read_loop(loop.read_bytes(), str(loop))
-    direct = loop_from_curves(
-        [[[1, -1, 0], [1, 1, 0]], [[1, 1, 0], [-1, 1, 0]], [[-1, 1, 0], [-1, -1, 0]], [[-1, -1, 0], [1, -1, 0]]]
-    )
+    found, _ = read_loop(loop.read_bytes(), str(loop), weld=0.25)
+    assert {side.weld for side in found} == {0.25}
+    corners = [[1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]
+    direct = loop_from_curves(list(itertools.pairwise(corners)))
     for made, (curve, across) in zip(found, direct, strict=True):
         np.testing.assert_allclose(made.curve[:, :3], curve, atol=1e-15)
         np.testing.assert_allclose(made.across / made.across[:, 2:], across, atol=1e-12)
