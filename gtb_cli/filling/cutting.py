@@ -44,8 +44,7 @@ class _Search:
     """A search for cuts that leave only parts that are filled without a fault."""
 
     def __init__(self, fill: Fill, cut_sides: bool) -> None:
-        self.fill = fill
-        self.cut_sides = cut_sides
+        self.fill, self.cut_sides = fill, cut_sides
         self.trials = 12  # of fillings, in all
 
     def parts(self, sides: Sequence[HoleSide], cuts: int) -> Parts | None:
@@ -175,10 +174,9 @@ def _cut(sides: Sequence[HoleSide], i: int, j: int, start: Corner, end: Corner, 
     sharp = sum(max(0.0, least_angle - angle) for angle in angles) / least_angle
     bend = sum(math.acos(min(1.0, float(way @ chord) / length)) for way in (leave, arrive))
     size = float(np.ptp(boundary, axis=0).max())
-    cut = HoleSide(name, np.column_stack([curve, np.ones(4)]), _field(curve, start, end, leave, arrive))
-    assert cut.across is not None
-    back = replace(cut.reversed(), across=-cut.across[::-1])
-    around = [*sides, *sides]
+    across, around = _field(curve, start, end, leave, arrive), [*sides, *sides]
+    cut = HoleSide(name, np.column_stack([curve, np.ones(4)]), across)
+    back = replace(cut.reversed(), across=-across[::-1])
     places = np.array([side.ends[0] for side in sides])
     yield _Cut(
         [*around[i : j if j > i else j + len(sides)], back],

@@ -19,10 +19,10 @@ from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.one_patch import closed, fill_loop, met_with
 from gtb_cli.filling.part_holes import Part
 from gtb_cli.filling.sides import HoleSide
-from gtb_cli.filling.strips import curve_side
+from gtb_cli.filling.strips import curve_sides
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.models.model import Model
-from gtb_cli.theory.edges import edge_name, patch_name
+from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
@@ -221,6 +221,4 @@ def _sides(
             if len(rows) < number:
                 raise DomainError(f"{key}[{index}]: is the row after a ribbon, and there is none")
             rows.append(points)
-    names = [patch_name(curve, index) for index, curve in enumerate(loop)]
-    sides = [curve_side(*side) for side in zip(loop, found, names, strict=True)]
-    return [replace(side, weld=loop.weld or 0.0) for side in sides]
+    return curve_sides(loop, found)

@@ -8,14 +8,13 @@ import numpy as np
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.filling.part_holes import Part, part_of
 from gtb_cli.filling.sides import MAX_DEGREE, HoleSide
-from gtb_cli.filling.strips import curve_side, strip_side
+from gtb_cli.filling.strips import curve_sides, strip_side
 from gtb_cli.importers.cad_files import cad_kind, kernel_faults, read_shape
 from gtb_cli.importers.nurbs import span_matrices
 from gtb_cli.importers.words import Words
 from gtb_cli.language.loading import parse_loop
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.models.model import Model, with_weld
-from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import percentage
 
@@ -47,12 +46,10 @@ def read_loop(
     spec = with_weld(spec, weld)
     if spec.dimension == 2:
         return spec, None
-    names = [patch_name(patch, index) for index, patch in enumerate(spec.patches)]
     try:
-        sides = [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
+        return curve_sides(spec, rows), spec.name
     except DomainError as error:
         raise SpecError(f"{source}: {error}") from None
-    return _welded(sides, spec.weld), spec.name
 
 
 def _welded(sides: list[HoleSide], weld: float | str | None) -> list[HoleSide]:

@@ -27,7 +27,6 @@ from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.algebraic import AlgebraicSurface, algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
-from gtb_cli.filling.corner_layers import corner_layer
 from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
 from gtb_cli.filling.rows import CROSSING, Rows
@@ -36,13 +35,12 @@ from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.moment.torus import exponents, shares
-from gtb_cli.theory.corners import corner_limits, limits_of_normals
+from gtb_cli.theory.corners import corner_layer, corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
 VISIBLE, NEARER = LEFT_OUT
 """Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
-
 
 FLAT_BEND = 1e-9
 """Curvature of a flat neighbour, by rounding, of 1 / size."""

@@ -78,10 +78,6 @@ class Rim:
         bend = ((second[:, :3] - points * second[:, 3:]) * normals).sum(axis=1) / weights
         return cls(degree, points, rates, normals, across, weights, bend)
 
-    def polar_way(self) -> FloatArray:
-        """Return (96, 3) ways from the points to the polar of the curve, times its weights."""
-        return np.asarray(((0.5 - stations()) * self.weights / self.degree)[:, None] * self.rates)
-
     def parts(self, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (…, 96) components a and g of (…, 96, 3) tangent vectors a P' + g across."""
         along = (fields * self.rates).sum(axis=-1) / (self.rates**2).sum(axis=1)
@@ -108,16 +104,10 @@ def patch_bend(patch: Patch, edge: int, curve: FloatArray, normals: FloatArray) 
 class SecondRow:
     """Row 2 of an edge as a quadratic function of row 1, up to fields in the tangent planes.
 
-    Row 1 is the polar of the curve plus a sum of fields, (m, 3) Bézier points of weight 0, times factors.
-
-    Attributes
-    ----------
-    weights : (m − 1,) float
-        Products c ω of its knots, times the square of the factor of row 1.
-    tangential : list of (m − 1, 3) float
-        Shifts of row 2 that leave II as it is.
-    sums : (k, f) float
-        Factors of the given fields in each of the `fields`.
+    Row 1 is the polar of the curve plus a sum of fields, (m, 3) Bézier points of weight 0, times factors. Row 2 has
+    (m − 1,) products c ω, `weights`, times the square of the factor of row 1. Its (m − 1, 3) `tangential` shifts leave
+    II as it is. The (k, f) `sums` are factors of the given fields in each of the `fields`; `across` has (1 + f, 96)
+    components of the polar and of the given fields across the edge.
     """
 
     def __init__(
@@ -127,7 +117,10 @@ class SecondRow:
         self.curve, self.fields, self.sums, self._rim, self._bend = curve, fields, np.eye(len(fields)), rim, bend
         t = stations()
         values, rates = bernstein(rim.degree - 1, t), (rim.degree - 1) * bernstein(rim.degree - 2, t)
-        along, self._across = rim.parts(np.stack([rim.polar_way(), *(values @ field for field in fields)]))
+        way = ((0.5 - t) * rim.weights / rim.degree)[
+            :, None
+        ] * rim.rates  # to the polar of the curve, times its weights
+        along, self.across = rim.parts(np.stack([way, *(values @ field for field in fields)]))
         mixed = [((rates @ np.diff(field, axis=0)) * rim.normals).sum(axis=1) for field in fields]
         self._along, self._mixed = along, np.stack([along[0] * rim.bend, *mixed])
         polars = polar(polar(curve))
@@ -153,18 +146,14 @@ class SecondRow:
         The last is the error of II, relative to its largest terms: above rounding, this shift is only nearest to it.
         """
         f = np.concatenate([[1.0], factors @ self.sums])
-        a, g, h = f @ self._along, f @ self._across, f @ self._mixed
-        terms = self._along * h + a * self._mixed - self._along * a * self._rim.bend + self._across * g * self._bend
+        a, g, h = f @ self._along, f @ self.across, f @ self._mixed
+        terms = self._along * h + a * self._mixed - self._along * a * self._rim.bend + self.across * g * self._bend
         wanted = (f @ terms) * self._factor - self._own
         shift = self._inverse @ wanted
         largest = np.abs(f[:, None] * terms * self._factor).max() + np.abs(self._own).max()
         error = np.abs(self._matrix @ shift - wanted).max() / (largest or 1.0)
         rates = 2 * self.sums @ (terms[1:] * self._factor @ self._inverse.T)
         return shift.reshape(-1, 3), rates.reshape(len(factors), -1, 3), float(error)
-
-    def crosses(self) -> bool:
-        """Tell whether a sum of fields crosses the edge everywhere."""
-        return crosses(self._across[1:])
 
 
 class StripRow(SecondRow):
@@ -224,7 +213,7 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
         rim, most = Rim.of(curve, normals), len(curve) - 2
         if side.strip is not None:
             degree = (most - 1 + side.degree) // 2
-            if degree >= side.degree and (strip := StripRow(rim, side, curve, degree)).crosses():
+            if degree >= side.degree and crosses((strip := StripRow(rim, side, curve, degree)).across[1:]):
                 return strip
             continue
         powers = range(count + 1) if step > 1 else range(1)
@@ -237,7 +226,7 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
                 continue
             rows, factors = [raised(field, most - degree) for field in found], trial.normal(size=len(found))
             second = SecondRow(rim, curve, rows, side.bend)
-            if not second.crosses():
+            if not crosses(second.across[1:]):
                 continue
             error = second.shifts(factors)[2]
             if error <= exact:

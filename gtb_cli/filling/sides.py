@@ -133,9 +133,7 @@ def raised(points: FloatArray, times: int, multiplier: FloatArray | None = None)
     for _ in range(times):
         i, j = np.arange(len(factor)), np.arange(len(points))
         total = len(i) + len(j) - 2
-        shares = np.array([[math.comb(len(i) - 1, a) * math.comb(len(j) - 1, b) for b in j] for a in i]) / np.array(
-            [[math.comb(total, a + b) for b in j] for a in i]
-        )
+        shares = np.outer(binomials(len(i) - 1), binomials(len(j) - 1)) / binomials(total)[i[:, None] + j]
         found = np.zeros((total + 1, points.shape[1]))
         np.add.at(found, i[:, None] + j, (shares * factor[:, None])[:, :, None] * points)
         points = found

@@ -9,17 +9,18 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.filling.osculation import Rim, heights
 from gtb_cli.filling.sides import HoleSide, bernstein, bezier_form, side_normals, stations
-from gtb_cli.theory.patch import Patch
+from gtb_cli.models.model import Model
+from gtb_cli.theory.edges import patch_name
 
 
-def curve_side(curve: Patch, ribbons: Sequence[FloatArray], name: str) -> HoleSide:
-    """Make a side from a curve patch and up to two further rows of control points, of a strip quadratic across.
+def curve_sides(loop: Model, ribbons: Sequence[Sequence[FloatArray]]) -> list[HoleSide]:
+    """Make sides from curves, each with up to two further rows of control points, of a strip quadratic across.
 
-    Raises `DomainError` if the patch is not a curve, or not a rational Bézier curve.
+    Raises `DomainError` if one is not a rational Bézier curve.
     """
-    if curve.dimension != 1:
-        raise DomainError(f"{name}: is a surface, and the sides of a loop are curves")
-    return strip_side(name, bezier_form(curve, ribbons, name), 2)
+    names = [patch_name(curve, index) for index, curve in enumerate(loop)]
+    rows = zip(loop, ribbons, names, strict=True)
+    return [replace(strip_side(each[2], bezier_form(*each), 2), weld=loop.weld or 0.0) for each in rows]
 
 
 def strip_side(name: str, rows: Sequence[FloatArray], degree: int) -> HoleSide:

@@ -40,6 +40,7 @@ from gtb_cli.theory.corner_powers import (
     alike,
     corner_knots,
     determinants,
+    exponents_at,
     newton_polygon,
     orders_on,
     subsets,
@@ -51,6 +52,9 @@ from gtb_cli.values import frozen
 
 PLANE_DEGREES = 1e-4
 """Angle up to which limits of normals are one, as of control points with six decimals."""
+
+DISTANCES = np.logspace(-1, -6, 6)
+"""From a corner, of its shorter edge, at which curvature is sampled."""
 
 
 @frozen
@@ -195,7 +199,7 @@ def _with_curvature(
     if not is_plane or growth < 0:
         return replace(found, normal_exponent=tilt, curvature=math.inf, curvature_exponent=growth)
     gaussian, mean = np.concatenate(limits, axis=1)
-    largest = float((np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))).max())
+    largest = float(_principal(gaussian, mean).max())
     single = _single(gaussian, largest**2) / extent / extent, _single(mean, largest) / extent
     return CornerLimits(found.normals, tilt, largest / extent, 0.0, *single, found.folds)
 
@@ -335,6 +339,60 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
     first, second = (sums.at(places, shift) for sums, shift in zip(leading, (a, b), strict=True))
     length = np.linalg.norm(area.at(places, a + b), axis=1)
     xx, xy, yy = (form.at(places, shift)[:, 0] / length for form, shift in zip(limits, _orders(a, b), strict=True))
-    e, f, g = dot(first, first), dot(first, second), dot(second, second)
-    det = (cross(first, second) ** 2).sum(axis=1)  # e g − f² without cancellation
-    return np.stack([(xx * yy - xy**2) / det, (2 * f * xy - g * xx - e * yy) / (2 * det)])
+    det = (cross(first, second) ** 2).sum(axis=1)  # without cancellation
+    return _gaussian_and_mean((first, second), (xx, xy, yy), det)
+
+
+def _gaussian_and_mean(rates: Sequence[FloatArray], second: Sequence[FloatArray], det: FloatArray) -> FloatArray:
+    """Return (2, p) curvatures from (p, 3) derivatives, the second form, and the determinant of the first."""
+    (v, w), (vv, vw, ww) = rates, second
+    return np.stack([(vv * ww - vw**2) / det, (2 * dot(v, w) * vw - dot(w, w) * vv - dot(v, v) * ww) / (2 * det)])
+
+
+def _principal(gaussian: FloatArray, mean: FloatArray) -> FloatArray:
+    """Return the largest absolute values of principal curvatures."""
+    return np.asarray(np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0)))
+
+
+def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> tuple[float, float]:
+    """Return the largest principal curvature near a corner of Δ, sampled, and the length of its shorter edge.
+
+    NaN where the (n, 3) control points have fewer than two directions. At `DISTANCES` from the corner there are layers
+    that limits at it do not show. With v and w dual to the two knots that lead, sums of ``ξ (ξ − 1)``, ``ξ η`` and ``η
+    (η − 1)`` give the second form without what is tangential: digits stay, however near the corner is.
+    """
+    ways, reach = 21, 3.0  # fan of rates (1 / (1 + e^-q), 1 / (1 + e^q)): the last ones run along the edges
+    x, gaps, own = exponents_at(domain, corner)
+    b = points - points[own]
+    ends = [np.where(x[:, 1 - k] <= gaps[1 - k], x[:, k], 0).argmax() for k in (0, 1)]
+    edge = float(np.linalg.norm(b[ends], axis=1).min())
+    others = np.delete(np.arange(len(x)), own)
+    chain = others[newton_polygon(x[others], gaps)]
+    sizes = np.linalg.norm(b[chain], axis=1)
+    chain, sizes = chain[sizes > 0], sizes[sizes > 0]
+    if len(chain) < 2 or edge == 0:
+        return math.nan, edge
+    q = np.linspace(-reach, reach, ways)
+    rates = 1 / (1 + np.exp(np.stack([-q, q], axis=1)))
+    leads = log_weights[chain] - log_weights[own] + np.log(sizes)
+    far = np.log(DISTANCES * edge)[:, None, None]
+    s = (-((leads - far) / (rates @ x[chain].T)).max(axis=2)[:, :, None] * rates).reshape(-1, 2)
+    order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
+    terms = np.exp(s @ x.T + log_weights - log_weights[own])
+    b_and_1, largest = np.column_stack([b, np.ones(len(b))]), 0.0
+    for first, second in np.unique(order, axis=0).tolist():
+        t = terms[(order == (first, second)).all(axis=1)]
+        dual = x @ np.linalg.inv(x[chain[[first, second]]])
+        whole = np.clip(np.rint(dual), 0, 1)
+        xi, eta = np.where(np.abs(dual - whole) <= 1e-10, whole, dual).T
+        total = t.sum(axis=1, keepdims=True)
+        place = t @ b / total
+        factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)])
+        sums = (t * factors[:, None]) @ b_and_1
+        v, w, *seconds = sums[..., :3] - place * sums[..., 3:]
+        normal = cross(v, w)
+        area = np.linalg.norm(normal, axis=1)
+        vv, vw, ww = (dot(normal, second) / area for second in seconds)
+        found = _principal(*_gaussian_and_mean((w, v), (ww, vw, vv), area**2)) * total[:, 0]
+        largest = max(largest, float(found.max()))
+    return largest, edge

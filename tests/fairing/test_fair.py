@@ -203,11 +203,10 @@ def test_a_layer_on_the_edge_does_not_determine_its_planes():
     patch = square(lambda x, y: x * y)
     rows = patch.control_points.reshape(4, 4, 3).copy()
     rows[1] = rows[0]
-    kept = kept_knots(
-        patch.replace(control_points=rows.reshape(-1, 3)), ["boundary", "boundary", "boundary", "tangents"]
-    )
+    keeps = [*["boundary"] * 3, "tangents"]
+    kept = kept_knots(patch.replace(control_points=rows.reshape(-1, 3)), keeps)
     assert kept.reshape(4, 4)[:3].all(), "both rows over the edge with x = 0"
-    assert kept_knots(patch, ["boundary", "boundary", "boundary", "tangents"]).sum() == 14
+    assert kept_knots(patch, keeps).sum() == 14
 
 
 def model(bend: float) -> Model:
@@ -289,11 +288,9 @@ def test_what_cannot_be_fair():
 
 
 def test_fair_prints_a_spec():
-    result = gtb("fair", BICUBIC, "--energy", "dirichlet")
-    assert result.status == 0
-    np.testing.assert_array_equal(
-        parse(result.text).control_points, fair(load(BICUBIC), "dirichlet").patch.control_points
-    )
+    result = gtb("fair", BICUBIC, "--energy", "dirichlet", status=0)
+    expected = fair(load(BICUBIC), "dirichlet").patch.control_points
+    np.testing.assert_array_equal(parse(result.text).control_points, expected)
     assert " but for the outermost thousandth; but for the outermost hundredth: bending" in result.err
 
 

@@ -185,10 +185,8 @@ def test_a_spike_is_a_fault_where_corners_are_concave_or_beyond_measure():
 @long
 def test_the_command_writes_a_model_of_the_parts(tmp_path):
     corners = L[:, :2]
-    curves = [
-        Patch([0, 1], [[*a, 0], [*b, 0]], name=f"side-{k}")
-        for k, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-    ]
+    ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    curves = [Patch([0, 1], [[*a, 0], [*b, 0]], name=f"side-{k}") for k, (a, b) in enumerate(ends)]
     gtb_cli.save(Model(curves), tmp_path / "loop.toml")
     result = gtb("fill", tmp_path / "loop.toml", "--elevate", ONCE, "-o", tmp_path / "lid.toml", status=0)
     assert "the hole is cut from its concave corner (1, 1, 0) to (0, 0, 0)" in result.err
