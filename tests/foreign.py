@@ -3,90 +3,11 @@
 import math
 from collections.abc import Sequence
 from fractions import Fraction
+from pathlib import Path
+
+HERE = Path(__file__).parent
 
 Rows = Sequence[Sequence[Fraction]]
-
-TRP = b"""5
-0 0
-2 0
-3 1
-1 2
-0 2
-9
-0 0 0 0 0 1
-1 0 1 0 0.5 2
-2 0 2 0 0 1
-3 1 3 1 0 1.5
-0 1 0 1 0.25 1
-1 1 1 1 1 3
-2 1 2 1 1 1
-0 2 0 2 0 1
-1 2 1 2 0 0.5
-"""
-
-BV = b"""Group 1 bowl
-4
-2
-0 0 0  0 1 0  0 2 0
-1 0 0  1 1 4  1 2 0
-2 0 0  2 1 0  2 2 0
-5
-1 2
--2 -2 0  -2 0 1  -2 2 0
- 2 -2 0   2 0 1   2 2 0
-Group 2 dome #4
-8
-1 1
-0 0 0 1
-0 4 2 2
-3 0 0 3
-1 1 1 1
-3
-2
-0 0 0  1 0 1  2 0 0
-0 1 1  1 1 1
-0 2 0
-9
-1 1
-0 0 0  1 0 0  0 1 0
-0 0 1  0 0 1  0 0 1
-10
-1 1 1 1
-0 0 0  0 1 0  1 0 0  1 1 0
-0 0 1  0 0 1  0 0 1  0 0 1
-11
-1
-0 0 0 1
-2 0 0 2
-0 1 1 1
-Group 0 house
-1
-5 2
-0 0 0
-2 0 0
-2 2 0
-1 3 0
-0 2 0
-5 0 1 2 3 4
-3 0 2 1
-"""
-
-BPT = b"""2
-2 1
-0 0 0
-1 0 3
-2 0 0
-0 1 0
-1 1 1
-2 1 0.5
-1 1
-5 0 0
-6 0 0
-5 1 0
-6 1 1
-"""
-
-BZR = b"1 2\n0 0 0\n0 1 1\n0 2 0\n3 0 0\n3 1 2\n3 2 0\n"
 
 DEGREES, KNOTS = (2, 1), (["0", "0", "0", "2/5", "1", "1", "1"], ["0", "0", "1/2", "1", "1"])
 WEIGHTS = [1, 1, 2, 1, 1, 0.5, 3, 1, 1, 1, 0.25, 1]
@@ -135,10 +56,7 @@ def iges() -> bytes:
     return "\n".join(lines).encode() + b"\n"
 
 
-FILES = {
-    "toric.trp": TRP, "shapes.bv": BV, "two.bpt": BPT, "one.bzr": BZR,
-    "part.igs": iges(),
-}  # fmt: skip
+FILES = {path.name: path.read_bytes() for path in sorted((HERE / "importers/files").iterdir())} | {"part.igs": iges()}
 
 
 def bernstein(n: int, i: int, t: Fraction) -> Fraction:
@@ -170,7 +88,7 @@ def nurbs_point(u: Fraction, v: Fraction) -> list[Fraction]:
 
 def toric_point(u: Fraction, v: Fraction) -> list[Fraction]:
     """A point of the toric patch: products of edge functions, with binomials on edges."""
-    words = [Fraction(word) for word in TRP.decode().split()]
+    words = [Fraction(word) for word in FILES["toric.trp"].decode().split()]
     corners = [(words[1 + 2 * k], words[2 + 2 * k]) for k in range(5)]
     rows = [words[12 + 6 * k : 18 + 6 * k] for k in range(9)]
     terms = []
