@@ -8,7 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.language.document import shown
-from gtb_cli.language.expression import COUNTER
+from gtb_cli.language.expression import COUNTER, is_in_radians
 from gtb_cli.language.keys_and_values import (
     COORDINATE,
     MAX_POINTS,
@@ -128,7 +128,7 @@ def read_moves(table: Table, count: int) -> Moves:
     mirror = table.choice("mirror", AXES)
     moves = []
     for k in range(1, count + 1):
-        if "repeat" in entries:
+        if "repeat" in entries or "repeat" in table.meant:
             table = Table(entries, table.path, values.of_copy(COUNTER, k))
         moves.append(_move(table, mirror))
         if values.faults.count > before:  # the others have them, too
@@ -169,11 +169,13 @@ def _rotation(outer: Table) -> tuple[FloatArray | None, FloatArray]:
         outer.fault("rotate", f'must be a table such as {{axis = "z", degrees = 72}}, got {shown(entries)}')
         return None, np.zeros(3)
     table = Table(entries, (*outer.path, "rotate"), outer.values)
-    meant = table.unknown_keys(frozenset(("axis", "degrees", "about")))
+    table.unknown_keys(frozenset(("axis", "degrees", "about")))
     for key in ("axis", "degrees"):
-        if key not in entries and key not in meant:
+        if key not in entries and key not in table.meant:
             table.fault(key, "is missing")
     about, degrees = _vector(table, "about"), table.number("degrees", COORDINATE)
+    if is_in_radians(entries.get("degrees")) and outer.values.faults.doubt is None:
+        outer.values.faults.doubt = (*table.path, "degrees"), "takes degrees: leave deg out"
     if isinstance(entries.get("axis"), list):
         direction = _vector(table, "axis")
         if not direction.any():

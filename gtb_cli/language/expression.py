@@ -81,6 +81,11 @@ def degrees_in(text: str, names: Mapping[str, float]) -> str:
     return ""
 
 
+def is_in_radians(text: object) -> bool:
+    """Tell whether an expression is of an angle times `deg`, beside what `deg` does in functions."""
+    return isinstance(text, str) and bool(re.search(r"(^|[^/\s])\s*\bdeg\b", re.sub(r"\w+\([^()]*\)", "1", text)))
+
+
 def names_in(text: str) -> list[str]:
     """Return the names of numbers in an expression, well-formed or not."""
     found = (match["name"] for match in _WORDS.finditer(text[:MAX_CHARACTERS]))

@@ -126,14 +126,15 @@ class Table:
 
     def __init__(self, entries: dict[str, Any], path: Path, values: Values) -> None:
         self.entries, self.path, self.values = entries, path, values
+        self.meant = set[str]()  # keys that are probably there, with another name
 
     def fault(self, key: str, message: str) -> None:
         """Note a fault of the value under a key."""
         self.values.faults.add((*self.path, key), message)
 
-    def unknown_keys(self, known: frozenset[str], elsewhere: Mapping[str, str] = {}) -> set[str]:
-        """Note keys that are not known, with what is said of some; return the known ones that were probably meant."""
-        meant, faults, left = set(), self.values.faults, known - self.entries.keys()
+    def unknown_keys(self, known: frozenset[str], elsewhere: Mapping[str, str] = {}) -> None:
+        """Note keys that are not known, with what is said of some, and the known ones that were probably meant."""
+        faults, left = self.values.faults, known - self.entries.keys()
         for key in [key for key in self.entries if key not in known]:
             word = OTHER_WORDS.get(key)
             likely = word if word in left else likely_word(key, left) if faults.count < faults.SHOWN else None
@@ -141,8 +142,7 @@ class Table:
             if key in OPTIONS:
                 likely, hint = None, f": gtb mesh has an option --{key}"
             self.fault(key, elsewhere.get(key, f"is not a key of a spec{hint}"))
-            meant.add(likely or "")
-        return meant
+            self.meant.add(likely or "")
 
     def name(self, default: str | None) -> str | None:
         """Read the name; the default if it is absent or wrong."""

@@ -104,10 +104,10 @@ class Reader:
         elsewhere = dict.fromkeys(COPY_KEYS, "belongs to a copy, one of several [[patches]]")
         elsewhere |= AT_THE_TOP if table.path else {"weld": "belongs to a model of several [[patches]], not to a patch"}
         elsewhere |= dict.fromkeys(RIBBONS, "is for gtb fill alone, in the curves of its loop")
-        meant = table.unknown_keys(known, elsewhere)
+        table.unknown_keys(known, elsewhere)
         let = {} if table.path or not isinstance(let := table.entries.get("let"), dict) else let
         for key in ("knots", "control_points"):
-            if not any(key in keys for keys in (table.entries, meant, let)) and "patches" not in meant:
+            if not any(key in keys for keys in (table.entries, table.meant, let)) and "patches" not in table.meant:
                 table.fault(key, "is missing")
 
     def domain_fault(self, path: Path, error: DomainError) -> None:

@@ -12,6 +12,7 @@ from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, ed
 from gtb_cli.theory.patch import Patch
 
 MAX_SHOWN = 8  # numbers of an edge, edges of a ring, or nearly closed seams that a message shows
+FAR_WELD = 0.01  # of an edge's size: welding over a larger distance is worth a remark
 
 
 def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
@@ -38,7 +39,10 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
     found: list[tuple[EdgeRef, EdgeRef, str]] = []
     told = set()
     for first, second, distance in sorted(joints.almost, key=lambda pair: pair[2]):
-        found.append((first, second, str(_difference(curves[first], curves[second], tolerance, distance))))
+        reason = str(_difference(curves[first], curves[second], tolerance, distance))
+        if first[1] == second[1] and not _is_nearer_reversed(curves[first], curves[second]):
+            reason = reason.partition(", `weld`")[0]  # a copy that has hardly moved
+        found.append((first, second, reason))
         told |= {first, second}
     left = [ref for ref in joints.open if ref not in told]
     for one, other in touching([curves[ref] for ref in left], np.full(len(left), tolerance))[0].tolist():
@@ -54,9 +58,9 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:
     """Say how two near curves differ or, without a distance, two with the same ends; return None if all differs."""
-    turned = min((other, other.reversed()), key=lambda curve: float(np.abs(one.ends - curve.ends).max()))
+    turned = other.reversed() if _is_nearer_reversed(one, other) else other
     if not np.abs(one.ends - turned.ends).max() <= tolerance:
-        return f"{distance or 0.0:.3g} from {{}}, `weld` {above(distance or 0.0)} joins them"
+        return f"{distance or 0.0:.3g} from {{}}{_cure(one, distance or 0.0)}"
     count = len(one.points)
     if count == len(turned.points):
         if np.abs(one.points - turned.points).max() <= tolerance:
@@ -72,7 +76,15 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
     if distance is None:  # such as the two halves of a round opening
         return None
     counts = "" if count == len(turned.points) else f" ({count} control points against {len(turned.points)})"
-    return f"same ends as {{}}, but curves{counts} up to {distance:.3g} apart, `weld` {above(distance)} joins them"
+    return f"same ends as {{}}, but curves{counts} up to {distance:.3g} apart{_cure(one, distance)}"
+
+
+def _is_nearer_reversed(one: Curve, other: Curve) -> bool:
+    return bool(np.abs(one.ends - other.reversed().ends).max() < np.abs(one.ends - other.ends).max())
+
+
+def _cure(edge: Curve, distance: float) -> str:
+    return f", `weld` {above(distance)} joins them" if distance <= 2 * FAR_WELD * edge.size else ""
 
 
 def above(distance: float) -> str:
@@ -111,16 +123,15 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
 def seam_remarks(model: Model) -> list[str]:
     """Say how many seams of a model were welded, from how far apart, and which seams nearly close."""
     joints, patches, lines = model.joints, model.patches, []
-    far_weld = 0.01  # of an edge's size: welding over a larger distance is worth a remark
     welded = [joint for joint in joints.shared if joint.distance]
     if welded:
         worst = max(welded, key=lambda joint: joint.distance)
         names = " and ".join(edge_name(patches, ref) for ref in (worst.first, worst.second))
         lines.append(f"{len(welded)} seams were welded, which were up to {worst.distance:.3g} apart ({names})")
         sizes = [min(edge_curve(patches[p], e).size for p, e in (joint.first, joint.second)) for joint in welded]
-        far = sum(joint.distance > far_weld * size for joint, size in zip(welded, sizes, strict=True))
+        far = sum(joint.distance > FAR_WELD * size for joint, size in zip(welded, sizes, strict=True))
         if far:
-            lines.append(f"{far} of them were farther apart than {far_weld:.0%} of their edges")
+            lines.append(f"{far} of them were farther apart than {FAR_WELD:.0%} of their edges")
     points = CURVE_TOLERANCE * diagonal_of(patches)
     shrunk = [(size, ref) for ref in joints.collapsed if (size := edge_curve(patches[ref[0]], ref[1]).size) > points]
     if shrunk:
