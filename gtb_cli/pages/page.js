@@ -71,7 +71,7 @@ function set(changes) {
 
 function lack(mode) {   // say which mode of an address this page does not have, and why
   const reason = scene.absent[mode], text = document.createElement("li");
-  text.textContent = reason ? `The address asks for ${MODES[mode].toLowerCase()}, which is shown ${reason}.` : `The address asks for a mode "${mode}", which no page has.`;
+  text.textContent = reason ? `The address asks for ${MODES[mode].toLowerCase()}, which is shown ${reason}.` : `The address asks for a mode "${mode}": there are ${Object.keys(MODES).join(", ")}.`;
   $("remarks").append(text);
 }
 
@@ -293,6 +293,7 @@ function present(data) {
   version += 1;
   made.clear();
   $("title").textContent = scene.name;
+  $("working").hidden = !scene.quick;
   $("facts").textContent = scene.quick ? "a quick picture, without thickness and fills: more follows" : scene.facts;
   $("measures").replaceChildren(...scene.measures.flatMap(([name, text]) => [["dt", name], ["dd", text]].map(([tag, own]) => Object.assign(document.createElement(tag), { textContent: own }))));
   $("remarks").replaceChildren(...scene.remarks.map(text => Object.assign(document.createElement("li"), { textContent: text })));
@@ -321,7 +322,12 @@ function placed(before) {   // as large as before, and in the same place, unless
   return ratio === 1 && !moved[0] && !moved[1] ? {} : { zoom: state.zoom * ratio, panX: state.panX + moved[0], panY: state.panY + moved[1] };
 }
 
-function complain(text) { $("error").hidden = !text; $("error").textContent = text || ""; }
+function complain(text) {
+  if (text) $("working").hidden = true;
+  $("error").hidden = !text;
+  $("error").textContent = text || "";
+  $("error").scrollTop = 0;
+}
 
 function start() {
   if (!gl) { complain("This page needs WebGL 2, which the browser does not offer."); return; }
