@@ -39,10 +39,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
     found: list[tuple[EdgeRef, EdgeRef, str]] = []
     told = set()
     for first, second, distance in sorted(joints.almost, key=lambda pair: pair[2]):
-        reason = str(_difference(curves[first], curves[second], tolerance, distance))
-        if first[1] == second[1] and not _is_nearer_reversed(curves[first], curves[second]):
-            reason = reason.partition(", `weld`")[0]  # a copy that has hardly moved
-        found.append((first, second, reason))
+        found.append((first, second, str(_difference(curves[first], curves[second], tolerance, distance))))
         told |= {first, second}
     left = [ref for ref in joints.open if ref not in told]
     for one, other in touching([curves[ref] for ref in left], np.full(len(left), tolerance))[0].tolist():
@@ -58,7 +55,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:
     """Say how two near curves differ or, without a distance, two with the same ends; return None if all differs."""
-    turned = other.reversed() if _is_nearer_reversed(one, other) else other
+    turned = min((other, other.reversed()), key=lambda curve: float(np.abs(one.ends - curve.ends).max()))
     if not np.abs(one.ends - turned.ends).max() <= tolerance:
         return f"{distance or 0.0:.3g} from {{}}{_cure(one, distance or 0.0)}"
     count = len(one.points)
@@ -77,10 +74,6 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
         return None
     counts = "" if count == len(turned.points) else f" ({count} control points against {len(turned.points)})"
     return f"same ends as {{}}, but curves{counts} up to {distance:.3g} apart{_cure(one, distance)}"
-
-
-def _is_nearer_reversed(one: Curve, other: Curve) -> bool:
-    return bool(np.abs(one.ends - other.reversed().ends).max() < np.abs(one.ends - other.ends).max())
 
 
 def _cure(edge: Curve, distance: float) -> str:
