@@ -92,9 +92,12 @@ def fill_loop(
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
-    met = [None] * len(unit) if _is_flat(unit, normals) else normals
-    attempt = partial(_attempt, unit, normals, met, np.flatnonzero(sound).tolist(), inner, fullness)
-    best = _best(attempt, _plans(unit, raises))
+    ways = [[None] * len(unit)] * (fullness == 1 and _is_flat(unit, normals)) + [normals]
+    for met in ways:
+        attempt = partial(_attempt, unit, normals, met, np.flatnonzero(sound).tolist(), inner, fullness)
+        best = _best(attempt, _plans(unit, raises))
+        if not best.faults:
+            break
     patch = best.patch
     ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
     points = patch.control_points * size + middle
