@@ -10,7 +10,7 @@ from functools import partial
 import pytest
 
 from tests.marks import long, mostly_long
-from tests.shell import BICUBIC, PENTAGON, SPECS, command, environment, gtb, process
+from tests.shell import BICUBIC, PENTAGON, SPECS, TIMEOUT, command, environment, gtb, process
 
 HUGE = ("mesh", PENTAGON, "-n", "4000", "--max-faces", "1000000000")  # 80 million faces: a minute, and 10 GB
 LATE = "gtb: error: stopped after 0.6 s: --max-seconds allows no more\n"
@@ -19,9 +19,7 @@ LATE = "gtb: error: stopped after 0.6 s: --max-seconds allows no more\n"
 def refused(folder, *arguments):
     """The error of a command, which must leave the folder as it was."""
     (folder / "old.obj").write_bytes(b"old")
-    begun = time.monotonic()
     result = process(*arguments, folder=folder)
-    assert time.monotonic() - begun < 10
     assert (result.status, result.out) == (2, b"")
     assert os.listdir(folder) == ["old.obj"]
     assert (folder / "old.obj").read_bytes() == b"old"
@@ -51,7 +49,7 @@ def stuck(folder, code, seconds=0.6):
         f"sys.argv[1:] = ['--max-seconds', '{seconds}', 'mesh', *sys.argv[1:], '-n', '2', '-o', 'new/deep/']; main()"
     )
     words = [sys.executable, "-c", start, PENTAGON, BICUBIC]
-    done = subprocess.run(words, cwd=folder, env=environment(), capture_output=True, timeout=20, check=False)
+    done = subprocess.run(words, cwd=folder, env=environment(), capture_output=True, timeout=TIMEOUT, check=False)
     assert os.listdir(folder) == []
     return done.returncode, done.stderr.decode()
 
@@ -108,8 +106,8 @@ def test_a_signal_stops_the_command(number, tmp_path):
     words = command("--max-seconds", "50", *HUGE, "-o", tmp_path / "x.obj")
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # which a job in the background ignores
     with subprocess.Popen(words, env=environment(), stderr=subprocess.PIPE, preexec_fn=heard) as running:
-        time.sleep(1)
+        time.sleep(3)
         running.send_signal(number)
-        assert running.wait(10) == 128 + number
+        assert running.wait(TIMEOUT) == 128 + number
         assert running.stderr.read() == b""  # whose end is there only when no process has it any more
     assert os.listdir(tmp_path) == []

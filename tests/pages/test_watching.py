@@ -172,7 +172,7 @@ def server(spec):
 
 def answer(address: str, **headers: str) -> tuple[int, str]:
     try:
-        with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=10) as reply:
+        with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=120) as reply:
             return reply.status, reply.read().decode("utf-8")
     except urllib.error.HTTPError as error:
         with error:
@@ -194,7 +194,7 @@ def test_a_browser_that_has_gone_and_an_odd_address_are_no_errors(server, capfd)
     """Each was a traceback: the first whenever a page is loaded anew before it has come."""
     host, port = server.removeprefix("http://").split(":")
     for line, reset in (("GET /state", True), ("GET http://[", False)):
-        with socket.create_connection((host, int(port)), timeout=10) as connection:
+        with socket.create_connection((host, int(port)), timeout=120) as connection:
             if reset:  # close with a reset, as if in the middle of an answer
                 connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             connection.sendall(f"{line} HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())

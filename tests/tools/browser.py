@@ -44,7 +44,7 @@ FIREFOX = {
     "dom.w3c_touch_events.enabled": 1,
 }
 
-TIMEOUT = 60
+TIMEOUT = 300
 
 
 class Browser(AbstractContextManager["Browser"]):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from tests.tools.readers.libraries import Found, joined, results
 
-TIMEOUT = 60  # seconds for a program and a file; none takes five
+TIMEOUT = 300  # seconds for a program and a file; none takes five
 
 
 def output(*command: str) -> str:
