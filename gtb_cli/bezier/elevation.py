@@ -19,9 +19,9 @@ MAX_PLAIN_WEIGHT = 1e150  # and inverse of the smallest; other weights are handl
 def elevate(patch: Patch, by: int = 1) -> Patch:
     """Elevate the degree of a patch: more knots, weights and control points for the same image.
 
-    Knots of `multiplier` are added to the patch's knots, `by` times; see `product`. For Bézier curves,
-    triangles and tensor product patches this is the classical degree elevation by `by`, in both directions of the
-    latter.
+    Knots of `multiplier` are added to the patch's knots, `by` times; see `product`. For Bézier curves, triangles and
+    tensor product patches this is the classical degree elevation by `by`, in both directions of the latter; for others
+    the paper's Section 5 names it as future work.
 
     Parameters
     ----------
@@ -43,10 +43,6 @@ def elevate(patch: Patch, by: int = 1) -> Patch:
     -----
     The image is exactly the same. A curve with k_0 = k_1 keeps its points at the same fractions of its interval, and a
     Bézier patch at the same fractions of its domain; other surfaces are reparametrised.
-
-    References
-    ----------
-    The paper's Section 5 names it as future work; for lattices, any textbook.
     """
     if isinstance(by, bool) or not isinstance(by, int | np.integer) or by < 0:
         raise DomainError(f"by: expected a whole number, at least 0, got {by!r}")

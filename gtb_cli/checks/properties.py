@@ -64,16 +64,10 @@ def check(shape: SpecPath) -> Report | ModelReport: ...
 def check(shape: Patch | Model | SpecPath) -> Report | ModelReport:
     """Measure every property the paper proves, on a patch, or on each patch of a model and at the joints between them.
 
-    Notes
-    -----
     The parameters are fixed, so that the same patch gives the same numbers. Bounds are what rounding may do: they grow
     with the exponents, and with the distance of knots and control points from the origin relative to their extent.
     If a property holds only under conditions, whether the paper states them or not, it is "not applicable" to a patch
     that does not fulfil them; what rounding hides is "not decided". A few dozen knots take less than 0.2 s.
-
-    References
-    ----------
-    See `PROPERTIES`, which has one for each property.
     """
     found: Patch | Model = loaded(shape, Patch, Model)
     if isinstance(found, Model):

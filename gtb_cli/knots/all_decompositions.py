@@ -41,10 +41,6 @@ class LiftingCone:
         The dimension of the cone: n for a triangulation, d + 1 if the liftings are all affine.
     flips : tuple of Cells
         For a triangulation, the cells of the regular triangulations that share a facet of the cone; otherwise empty.
-
-    References
-    ----------
-    Gelfand, Kapranov and Zelevinsky 1994, chapter 7.
     """
 
     cells: Cells
@@ -66,7 +62,8 @@ def regular_decompositions(knots: ArrayLike, triangulations: bool = False) -> It
     """Yield every regular decomposition of knots once, in the order of a walk along flips.
 
     Liftings that induce the same decomposition form a cone, and the cones form a complete fan. Its cones of full
-    dimension belong to triangulations, which use some of the knots; all others are their faces.
+    dimension belong to triangulations, which use some of the knots; all others are their faces (Gelfand, Kapranov and
+    Zelevinsky 1994, chapter 7).
 
     Parameters
     ----------
@@ -85,17 +82,13 @@ def regular_decompositions(knots: ArrayLike, triangulations: bool = False) -> It
     Notes
     -----
     Knots that are multiples of 2^-32 of the largest (integers, say) are decided exactly, in integers. For others,
-    knots are equal or collinear as for `regular_decomposition`, and a lifting within 100 times that
-    tolerance of a facet lies on it.
+    knots are equal or collinear as for `regular_decomposition`, and a lifting within 100 times that tolerance of a
+    facet lies on it.
     Of real knots that are nearer to each other than a hundredth of the hull's size, cones may be too thin for floats.
     So each lifting is tried, and in the end, without `triangulations`, Euler's relation: the numbers of cones of each
     dimension of a complete fan, with alternating signs, add up to 1. With `triangulations`, some may be missing.
     Memory grows with the number of decompositions yielded, and time in proportion to it: the 387 triangulations of
     3 × 3 knots take about a second. Their number grows exponentially with n.
-
-    References
-    ----------
-    Gelfand, Kapranov and Zelevinsky 1994, chapter 7.
     """
     walk = _Walk(knots)
     todo = [walk.start()]

@@ -42,11 +42,8 @@ def convergence_rate(decomposition: RegularDecomposition) -> float:
     Notes
     -----
     The exponent is exact for control points in general position. Distances fall faster if the limit is smooth at the
-    place that decides, and a second exponent near ρ shows in all but the largest x.
-
-    References
-    ----------
-    Not in the paper, which has the limit (Thm 3.2, Thm 4.2) without a rate.
+    place that decides, and a second exponent near ρ shows in all but the largest x. The paper has the limit (Thm 3.2,
+    Thm 4.2) without a rate.
     """
     if not isinstance(decomposition, RegularDecomposition):
         raise DomainError(f"decomposition: expected a RegularDecomposition, got {type(decomposition).__name__}")

@@ -35,10 +35,6 @@ class RegularDecomposition:
         Corners of each cell as knot indices, counter-clockwise from the lowest, then leftmost, one; for d = 1 the left
         and the right end. The lowest index in the cell stands for all knots at the same place. The polygons tile Δ and
         meet edge to edge.
-
-    References
-    ----------
-    Sections 3 and 4 of the paper (property (f)), before Theorems 3.2 and 4.2.
     """
 
     knots: FloatArray
@@ -75,7 +71,8 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     """Decompose knots by the upper faces of the convex hull of the lifted knots (a_i, λ_i).
 
     A knot belongs to the cell of every upper face on which it lies, whether it is a vertex of that face or not; knots
-    below the upper hull do not belong to any cell. An affine lifting gives one cell.
+    below the upper hull do not belong to any cell. An affine lifting gives one cell. See Sections 3 and 4 of the paper,
+    property (f), before Theorems 3.2 and 4.2; Ex. 3.4, Ex. 4.4.
 
     Parameters
     ----------
@@ -93,13 +90,8 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     -----
     The hull is computed exactly, in integers, since floats are binary fractions. Simplices split by rounding of the
     input are then joined, the largest first: a knot lies on a face within 1e-12 of the lifting's range plus the effect
-    of rounding of the data. Gaps near this bound may be decided either way, but cells are joined only
-    into convex polygons, so that they always tile Δ. Quickhull, O(n log n) on average: 60 knots take about 10 ms, 1000
-    about 0.3 s.
-
-    References
-    ----------
-    Sections 3 and 4 of the paper (property (f)), Ex. 3.4, Ex. 4.4.
+    of rounding of the data. Gaps near this bound may be decided either way, but cells are joined only into convex
+    polygons, so that they always tile Δ. Quickhull, O(n log n) on average: 60 knots take 10 ms, 1000 about 0.3 s.
     """
     lifted = lifted_knots(knots, lifting)
     faces = upper_faces(lifted)

@@ -17,7 +17,7 @@ MAX_WEIGHT_LOG = 700.0  # exp(±700), and its products with knots and points, ar
 
 @of_patch
 def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patch:
-    """Give a patch the weights ``ω_i(x) = x^{λ_i} ω_i`` of its toric degeneration.
+    """Give a patch the weights ``ω_i(x) = x^{λ_i} ω_i`` of its toric degeneration (eq. 304, eq. 403).
 
     Parameters
     ----------
@@ -37,10 +37,6 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
     ------
     DomainError
         x is not finite and positive, or there is no lifting.
-
-    References
-    ----------
-    Eq. (304), eq. (403).
     """
     if not (math.isfinite(x) and x > 0):
         raise DomainError(f"x: must be finite and positive, got {x!r}")
@@ -63,7 +59,7 @@ def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> M
     Parameters
     ----------
     patch : Patch
-        The limit of a curve is its regular control curve.
+        The limit of a curve is its regular control curve (Thm 3.2); for surfaces it is Thm 4.2.
     lifting : (n,) float, optional
         λ_i; the default is the patch's own. The limit for x → 0 is that of −λ.
 
@@ -76,10 +72,6 @@ def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> M
     ------
     DomainError
         There is no lifting, or it does not fit.
-
-    References
-    ----------
-    Thm 3.2, Thm 4.2.
     """
     return cells_of(patch, regular_decomposition(patch.knots, lifting_of(patch, lifting)))
 

@@ -25,7 +25,8 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     """Merge knots into others: the limit of the patch, inside Δ, as knot k moves to the place of knot q.
 
     ``c̃_q = c_q``, ``ω̃_q = Σ c_i ω_i / c_q`` and ``b̃_q = Σ c_i ω_i b_i / Σ c_i ω_i``, summed over q and all k that
-    merge into it.
+    merge into it (Thm 3.1, Cor. 3.1, Thm 4.1, there with all c_i = 1). On the boundary of Δ the convergence may fail:
+    see `knot_limit`.
 
     Parameters
     ----------
@@ -43,14 +44,6 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     ------
     DomainError
         An index is out of range, moves form a cycle, or a move would change the hull.
-
-    Notes
-    -----
-    On the boundary of Δ the convergence may fail: see `gtb_cli.limits.knot_limit.knot_limit`.
-
-    References
-    ----------
-    Thm 3.1, Cor. 3.1, Thm 4.1 (there with all c_i = 1).
     """
     targets = ends_of_moves(patch, moves)
     stays = targets == np.arange(len(targets))
@@ -73,7 +66,7 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
 
 @of_patch
 def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
-    """Move knots part of the way to others: ``a_k + step (a_q − a_k)``, all at once.
+    """Move knots part of the way to others: ``a_k + step (a_q − a_k)``, all at once (Thm 4.1, Ex. 4.2).
 
     Parameters
     ----------
@@ -87,10 +80,6 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
     ------
     DomainError
         An error of `merge_knots`, or a step outside [0, 1].
-
-    References
-    ----------
-    Thm 4.1, Ex. 4.2.
     """
     if not 0 <= step <= 1:
         raise DomainError(f"step: expected a number from 0 to 1, got {step!r}")

@@ -159,7 +159,10 @@ def degeneration(
     accuracy: Accuracy | None = None,
     distances: bool = True,
 ) -> MeshSequence:
-    """Mesh the patches with weights x^λ ω, and their limit, the regular control curve or surface.
+    """Mesh the patches with weights x^λ ω, and their limit, the regular control curve or surface (Thm 3.2, Thm 4.2).
+
+    Vertex i has the same parameter, a point of Δ, in all meshes: corners and edges of the regular decomposition are
+    vertices and edges of the meshes. On the border of a cell, the limit depends only on the data of the border.
 
     Parameters
     ----------
@@ -191,15 +194,6 @@ def degeneration(
         Some x are on both sides of 1, or not positive, or there is no lifting.
     ToleranceError
         There are too many faces.
-
-    Notes
-    -----
-    Vertex i has the same parameter, a point of Δ, in all meshes: corners and edges of the regular decomposition are
-    vertices and edges of the meshes. On the border of a cell, the limit depends only on the data of the border.
-
-    References
-    ----------
-    Thm 3.2, Thm 4.2, Ex. 3.4, Ex. 4.4.
     """
     values = sorted({float(value) for value in xs})
     upward = _is_upward(values)

@@ -52,7 +52,9 @@ def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> Float
 
 
 def unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray:
-    """Solve ``Σ_j β_j(u_i) = 1`` at n distinct parameters for the (n,) coefficients c.
+    """Solve ``Σ_j β_j(u_i) = 1`` at n distinct parameters for the (n,) coefficients c (eq. 8, Thm 2.2).
+
+    The paper does not guarantee a positive solution: knots {0, 1, 3} with u = (1.5, 2, 2.25) do not have one.
 
     Parameters
     ----------
@@ -65,14 +67,6 @@ def unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray
     ------
     DomainError
         Knots are repeated, so that the system is singular, or the solution is not positive, hence not a basis.
-
-    Notes
-    -----
-    The paper does not guarantee a positive solution: knots {0, 1, 3} with u = (1.5, 2, 2.25) do not have one.
-
-    References
-    ----------
-    Eq. 8, Thm 2.2.
     """
     n = len(domain.knots)
     if u is None and domain.dimension == 1:

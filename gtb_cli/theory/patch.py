@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @by_value
 class Patch:
-    """A GT-Bézier curve (d = 1) or surface (d = 2): ``P(u) = Σ_i b_i T_i(u)``, u in Δ = conv{a_i}.
+    """A GT-Bézier curve (d = 1, Def. 3.1) or surface (d = 2, Def. 4.1): ``P(u) = Σ_i b_i T_i(u)``, u in Δ = conv{a_i}.
 
     Parameters
     ----------
@@ -59,10 +59,6 @@ class Patch:
     -----
     A value: patches with equal numbers and names are equal and have the same hash, also after pickling or copying.
     Arrays belong to the patch and are read-only; `replace` makes changed copies.
-
-    References
-    ----------
-    Def. 3.1, Def. 4.1.
     """
 
     knots: FloatArray
@@ -166,7 +162,7 @@ class Patch:
         return self.rational_basis.log_weights
 
     def evaluate(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
-        """Evaluate the patch.
+        """Evaluate the patch (eq. 301, eq. 401).
 
         Parameters
         ----------
@@ -185,10 +181,6 @@ class Patch:
         ------
         DomainError
             A parameter lies outside Δ by more than rounding.
-
-        References
-        ----------
-        Eq. (301), eq. (401).
         """
         columns, grid = self.domain.grid(u)
         points = self.points_at(self.rational_basis.locations(columns, parametrization), len(columns))
@@ -219,7 +211,7 @@ class Patch:
         return self.rational_basis.blend(self.control_points, locations, count)
 
     def derivatives(self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric") -> FloatArray:
-        """Differentiate the patch once, ∂P/∂u, or twice, ∂²P/∂u², also on the boundary of Δ.
+        """Differentiate the patch once, ∂P/∂u, or twice, ∂²P/∂u², also on the boundary of Δ (eq. 202, eq. 205).
 
         Parameters
         ----------
@@ -248,10 +240,6 @@ class Patch:
         1 < h_j(a_i) < 2. In the linear parametrisation all first derivatives are finite on edges; the second one across
         an edge is infinite if a knot is less than twice as far from it as the nearest ones. Control points for which
         the infinite terms vanish are found.
-
-        References
-        ----------
-        Eq. (202), eq. (205), by the quotient rule.
         """
         columns, grid = self.domain.grid(u)
         found = self._derivatives[0].at(columns, order, parametrization)
