@@ -19,11 +19,9 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.domain import Domain
 from gtb_cli.values import frozen
 
-# Steps of a lattice per step of the next coarser one: 3 would solve more nodes, 6 would spoil the polynomials
-STRIDE = 4
-
+STRIDE = 4  # of a coarser lattice in the next finer one: 3 would solve more nodes, 6 would spoil the polynomials
 ORDER = 6  # number of nodes of the polynomials along a line
-
+NODES_BEFORE, NODES_AFTER = ORDER // 2 - 1, ORDER // 2 + 1  # by which a line is extended beyond its first and last node
 MIN_COARSE_STEPS = 12  # fewest steps along a side of a coarser lattice: an even coarser one would say little near edges
 
 # Solves for (2, m) values at (m, 2) points, with or without approximate values to start from
@@ -36,10 +34,6 @@ def _lagrange(first: int, places: ArrayLike) -> FloatArray:
     ratio = (np.asarray(places) - nodes[:, None]) / (nodes[:, None] - nodes + np.eye(ORDER))[..., None]
     ratio[np.arange(ORDER), np.arange(ORDER)] = 1.0
     return np.asarray(ratio.prod(axis=1))
-
-
-# Nodes by which a line is extended before its first node and beyond its last
-NODES_BEFORE, NODES_AFTER = ORDER // 2 - 1, ORDER // 2 + 1
 
 
 @frozen
@@ -89,13 +83,9 @@ class VertexLattices:
         """Return the points at places numbered by lattice, y and x: (m,) → (m, 2)."""
         rest, x = np.divmod(place, self.last + 1)
         sheet, y = np.divmod(rest, self.last + 1)
-        return np.stack(
-            [
-                o.take(sheet) + x * a.take(sheet) + y * (b.take(sheet) + x * t.take(sheet))
-                for o, a, b, t in zip(self.origin.T, self.along.T, self.across.T, self.twist.T, strict=True)
-            ],
-            axis=1,
-        )
+        x, y = x[:, None], y[:, None]
+        o, a, b, t = (each.take(sheet, axis=0) for each in (self.origin, self.along, self.across, self.twist))
+        return np.asarray(o + x * a + y * (b + x * t))
 
     def lines(self, solve: Solver) -> FloatArray:
         """Return values at every `STRIDE`-th place of all rows, from a coarser lattice: (2, c, y, nodes)."""

@@ -17,12 +17,8 @@ from gtb_cli.moment.torus import scaled_exponentials
 from gtb_cli.values import frozen
 
 RESIDUAL = 1e-12  # largest accepted |μ(s) − p|, as a fraction of the hull's size
-
-# Residual accepted in the coordinates of the solver, whose axes may be longer and turned
-ACCEPTED_RESIDUAL = RESIDUAL / 2
-
+ACCEPTED_RESIDUAL = RESIDUAL / 2  # in the coordinates of the solver, whose axes may be longer and turned
 TARGET_RESIDUAL = 1e-14  # residual at which a point is done if all digits are asked for
-
 MAX_STEPS = 300  # regularised steps after which a point is missing
 
 

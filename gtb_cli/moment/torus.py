@@ -4,14 +4,9 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 
-# Numbers per work array (knots times parameters of a block): two megabytes, which fit in the cache
-BLOCK_NUMBERS = 1 << 18
-
-# Exponents below this are cut off: exp would be subnormal, a hundred times slower, for 1e-304 of the sum
-UNDERFLOW_EXPONENT = -700.0
-
-# Value of a share at `UNDERFLOW_EXPONENT`: shares up to this count as 0
-CUT_OFF_SHARE = float(np.exp(UNDERFLOW_EXPONENT))
+BLOCK_NUMBERS = 1 << 18  # of a work array, knots times parameters of a block: two megabytes, which fit in the cache
+UNDERFLOW_EXPONENT = -700.0  # lower ones are cut off: exp would be subnormal, a hundred times slower, for 1e-304
+CUT_OFF_SHARE = float(np.exp(UNDERFLOW_EXPONENT))  # shares up to this count as 0
 
 
 def block_length(knots: int) -> int:
