@@ -133,8 +133,9 @@ def turning_places(ray: FloatArray, sums: Sequence[Powers]) -> FloatArray:
         place = each.x @ across
         order = np.argsort(place, kind="stable")
         steps, rises = np.diff(place[order]), np.diff(each.logs[order])
-        turns += (-rises / steps).tolist()
-        slowest = min([slowest, *steps.tolist()])
+        apart = steps > 0  # otherwise two exponents are equal to rounding
+        turns += (-rises[apart] / steps[apart]).tolist()
+        slowest = min([slowest, *steps[apart].tolist()])
     if not turns:
         return np.zeros((1, 2))
     far = 16 / slowest  # where all but one term of each sum are below a millionth

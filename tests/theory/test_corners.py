@@ -137,3 +137,9 @@ def test_a_knot_below_the_line_of_the_next_ones_makes_several_limits():
     for slope, limit in zip((1e-6, 1e6), expected, strict=True):
         steps = np.array([1, slope]) / max(1, slope) * 1e-9
         np.testing.assert_allclose(patch.normals(steps), limit, atol=1e-3)
+
+
+def test_two_knots_in_line_with_a_corner_to_rounding_are_no_turn():
+    """Terms of both were at one place across a way into the corner (1, 2), and the limit ended in a division by 0."""
+    patch = Patch([[0, -1e-8], [0, 0], [1, 2], [1, 0], [2, 0]], np.random.default_rng(0).normal(size=(5, 3)))
+    assert np.isfinite(corner_limits(patch, 2).normals).all()
