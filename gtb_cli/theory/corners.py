@@ -354,12 +354,25 @@ def _principal(gaussian: FloatArray, mean: FloatArray) -> FloatArray:
     return np.asarray(np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0)))
 
 
-def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> tuple[float, float]:
-    """Return the largest principal curvature near a corner of Δ, sampled, and the length of its shorter edge.
+class CornerLayer(NamedTuple):
+    """The second form II at p places near a corner: (p,) largest principal curvatures, and how it depends on points.
 
-    NaN where the (n, 3) control points have fewer than two directions. At `DISTANCES` from the corner there are layers
-    that limits at it do not show. With v and w dual to the two knots that lead, sums of ``ξ (ξ − 1)``, ``ξ η`` and ``η
-    (η − 1)`` give the second form without what is tangential: digits stay, however near the corner is.
+    In the (p, 3) `normals`, `table` @ points has II_11, √2 II_12 and II_22: (p, 3, n), in axes orthogonal there. `edge`
+    is the length of the corner's shorter edge.
+    """
+
+    edge: float
+    curvatures: FloatArray
+    normals: FloatArray
+    table: FloatArray
+
+
+def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> CornerLayer:
+    """Sample a surface with (n, 3) control points near a corner of Δ; NaN where these have fewer than two directions.
+
+    At `DISTANCES` from the corner there are layers that limits at it do not show. With v and w dual to the two knots
+    that lead, sums of ``ξ (ξ − 1)``, ``ξ η`` and ``η (η − 1)`` give the second form without most of what is tangential:
+    digits stay, however near the corner is.
     """
     ways, reach = 21, 3.0  # fan of rates (1 / (1 + e^-q), 1 / (1 + e^q)): the last ones run along the edges
     x, gaps, own = exponents_at(domain, corner)
@@ -371,7 +384,7 @@ def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     sizes = np.linalg.norm(b[chain], axis=1)
     chain, sizes = chain[sizes > 0], sizes[sizes > 0]
     if len(chain) < 2 or edge == 0:
-        return math.nan, edge
+        return CornerLayer(edge, np.array([math.nan]), b[:1], np.zeros((1, 3, len(b))))
     q = np.linspace(-reach, reach, ways)
     rates = 1 / (1 + np.exp(np.stack([-q, q], axis=1)))
     leads = log_weights[chain] - log_weights[own] + np.log(sizes)
@@ -379,20 +392,26 @@ def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     s = (-((leads - far) / (rates @ x[chain].T)).max(axis=2)[:, :, None] * rates).reshape(-1, 2)
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
     terms = np.exp(s @ x.T + log_weights - log_weights[own])
-    b_and_1, largest = np.column_stack([b, np.ones(len(b))]), 0.0
+    parts = []
     for first, second in np.unique(order, axis=0).tolist():
         t = terms[(order == (first, second)).all(axis=1)]
         dual = x @ np.linalg.inv(x[chain[[first, second]]])
         whole = np.clip(np.rint(dual), 0, 1)
         xi, eta = np.where(np.abs(dual - whole) <= 1e-10, whole, dual).T
         total = t.sum(axis=1, keepdims=True)
-        place = t @ b / total
-        factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)])
-        sums = (t * factors[:, None]) @ b_and_1
-        v, w, *seconds = sums[..., :3] - place * sums[..., 3:]
-        normal = cross(v, w)
-        area = np.linalg.norm(normal, axis=1)
-        vv, vw, ww = (dot(normal, second) / area for second in seconds)
-        found = _principal(*_gaussian_and_mean((w, v), (ww, vw, vv), area**2)) * total[:, 0]
-        largest = max(largest, float(found.max()))
-    return largest, edge
+        factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)])[:, None] * t
+        v, w, vv, vw, ww = factors - factors.sum(axis=2, keepdims=True) * (t / total)
+        # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
+        long = np.linalg.norm(v @ b, axis=1, keepdims=True)
+        v, vv, vw = v / long, vv / long**2, vw / long
+        normals = unit(cross(v @ b, w @ b))
+        axes = np.stack([v @ b, cross(normals, v @ b)], axis=2)
+        shift, wide = ((w @ b)[:, None] @ axes).T
+        w = (w - shift.T * v) / wide.T
+        mixed, last = (vw - shift.T * vv) / wide.T, (ww - shift.T * (2 * vw - shift.T * vv)) / wide.T**2
+        table = np.stack([vv, math.sqrt(2) * mixed, last], axis=1)
+        table -= table @ b @ axes @ np.stack([v, w], axis=1)
+        parts.append((normals, table * total[:, :, None]))
+    normals, table = (np.concatenate(each) for each in zip(*parts, strict=True))
+    xx, xy, yy = (table @ b @ normals[:, :, None])[:, :, 0].T
+    return CornerLayer(edge, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / math.sqrt(2)), normals, table)

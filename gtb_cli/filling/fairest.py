@@ -1,0 +1,139 @@
+"""The fairest surface over a net: the best by a score that sees corners, or one led to a surface that is known."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from operator import itemgetter
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.fairing.energy import Samples
+from gtb_cli.fairing.fair import LEFT_OUT
+from gtb_cli.fairing.metric import blocks, forms
+from gtb_cli.fairing.variation import bendings
+from gtb_cli.filling.algebraic import AlgebraicSurface
+from gtb_cli.filling.rows import CROSSING
+from gtb_cli.knots.domain import Domain
+from gtb_cli.moment.torus import exponents, shares
+from gtb_cli.theory.corners import CornerLayer, corner_layer
+
+VISIBLE, NEARER = LEFT_OUT
+"""Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
+
+MOST_CURVED = 150.0
+"""Largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores."""
+
+
+class FairSearch:
+    """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
+
+    def __init__(
+        self, domain: Domain, places: Samples, depths: FloatArray, least: Callable[..., FloatArray], power: int
+    ) -> None:
+        self._domain, self._places, self._least, self._power = domain, places, least, power
+        # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
+        self._zones = places.areas * np.stack([depths**16, depths**4])
+        parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
+        self._inside, self._outside = (list(blocks(*places[:3], part)) for part in parts)
+
+    def scores(self, surfaces: Sequence[FloatArray]) -> list[float]:
+        """Return products of powers of bending and of its variation in both zones."""
+        flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
+        zones = np.stack([self._zones[0], self._places.areas])
+        both = zip(*bendings(self._inside + self._outside, zones, surfaces), strict=True)
+        return [b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in both]
+
+    def fairest(self) -> list[tuple[float, FloatArray]]:
+        """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
+        plane = np.column_stack([self._places.knots, np.zeros(len(self._places.knots))])
+        second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
+        energies = [third + 30 / self._places.areas.sum() * second]
+        found = [self._least(energies[0])]
+        energies += self._energies(found[0])
+        found += [self._least(energy) for energy in energies[1:]]
+        scored = self.scores(found)
+        best = int(np.argmin(scored))
+        pairs = [(scored[best], found[best])]
+        unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
+        if not np.array_equal(unbound, found[best]):
+            pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
+        pairs[0] = self._calmed(energies[best], *pairs[0], 0.0 if pairs[0][1] is unbound else CROSSING)
+        return pairs + [(scored[0], found[0])] * (best > 0)
+
+    def _calmed(
+        self, energy: FloatArray, score: float, points: FloatArray, crossing: float
+    ) -> tuple[float, FloatArray]:
+        """Return a surface, or one that bends less at corners, by pulls and as its rows cross edges there more.
+
+        Scores rise with the largest curvature near corners.
+        """
+        steps = (1.0, 0.1), (1.4, 0.1), (2.0, 0.1), (1.0, 1.0)  # factors of shares, and pulls of the energy's value
+        curved = self._curved(points)
+        found, beyond = [(score, curved.max(), points)], curved > MOST_CURVED
+        for factor, strength in steps:
+            if curved.max() <= MOST_CURVED and score <= found[0][0]:
+                break
+            share = np.where(beyond, np.maximum(factor * crossing, (factor - 1) * CROSSING), crossing)
+            pull = partial(self._pull, np.flatnonzero(beyond).tolist(), strength * energy)
+            points = self._least(energy, share=share, pull=pull)
+            (score,), curved = self.scores([points]), self._curved(points)
+            found.append((score, curved.max(), points))
+            beyond |= curved > MOST_CURVED
+        calmer = [(score * max(1.0, most / MOST_CURVED) ** 4, points) for score, most, points in found]
+        return min(calmer, key=itemgetter(0))
+
+    def _curved(self, points: FloatArray) -> FloatArray:
+        """Return the largest curvature near each corner, of 1 / its shorter edge."""
+        layers = [self._layer(points, corner) for corner in range(len(self._domain.vertices))]
+        return np.asarray(np.nan_to_num([layer.curvatures.max() * layer.edge for layer in layers]))
+
+    def _layer(self, points: FloatArray, corner: int) -> CornerLayer:
+        return corner_layer(self._domain, self._places.log_weights, points, corner)
+
+    def _pull(self, corners: Sequence[int], energy: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return soft equations that nothing is curved near corners, the stiffer the more it is: |κ|³ is little there.
+
+        Where curvature is what counts as quiet, they have the energy's value.
+        """
+        quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # of the places: there are more than are needed
+        value, rows, ways = np.vdot(points, energy @ points), [], []
+        for layer in (self._layer(points, corner) for corner in corners):
+            curved = layer.curvatures[each] * layer.edge / quiet
+            stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * layer.edge / quiet
+            rows.append((layer.table[each] * stiffness[:, None, None]).reshape(-1, len(points)))
+            ways.append(np.repeat(layer.normals[each], 3, axis=0))
+        return np.concatenate(rows), np.concatenate(ways)
+
+    def _energies(self, points: FloatArray) -> list[FloatArray]:
+        """Return energies in the metric of a surface, those of what is seen first.
+
+        The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
+        it varies less at the boundary, and more inside.
+        """
+        areas = self._places.areas  # where places are seen, both zones have them
+        ((found,),) = bendings(self._inside + self._outside, self._zones[0], [points])
+        pairs = forms(self._inside, areas, points, (2, 3)) + forms(self._outside, self._zones, points, (2, 3))
+        self._stiff = pairs[1, 1]
+        return [third + factor / found.area * second for second, third in pairs for factor in (0, 100, 400)]
+
+    def led_to(self, surface: AlgebraicSurface, score: float, fairest: FloatArray) -> list[tuple[float, FloatArray]]:
+        """Return the fairest, moved smoothly onto a surface that is known and bends more; none if it ends elsewhere."""
+        rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
+        t, led = shares(exponents(*self._places[:3])), fairest
+        form = (t * self._zones[1]) @ t.T + stiffness * self._stiff
+        for _ in range(rounds):
+            led = self._least(form, origin=led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led)))
+        farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
+        is_nearer = farther[0] < farther[1] and self.scores([led])[0] <= worst * score
+        return [(score, led)] if is_nearer else []
+
+
+def depths_in(vertices: FloatArray, places: FloatArray) -> FloatArray:
+    """Return how far places in a polygon are from its boundary, of the way to where they are seen, and 1 beyond it."""
+    along = np.roll(vertices, -1, axis=0) - vertices
+    inward = np.column_stack([-along[:, 1], along[:, 0]])
+    whole = ((vertices.mean(axis=0) - vertices) * inward).sum(axis=1)
+    return np.asarray(
+        np.minimum((((places[:, None] - vertices) * inward).sum(axis=2) / whole).min(axis=1) / VISIBLE, 1)
+    )
