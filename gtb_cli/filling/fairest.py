@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import compress
 from operator import itemgetter
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import BoolArray, FloatArray
 from gtb_cli.fairing.energy import Samples
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.metric import blocks, forms
@@ -64,45 +65,39 @@ class FairSearch:
     def _calmed(
         self, energy: FloatArray, score: float, points: FloatArray, crossing: float
     ) -> tuple[float, FloatArray]:
-        """Return a surface, or one that bends less at corners, by pulls and as its rows cross edges there more.
+        """Return a surface, or one that bends less at corners: it is pulled, and its rows cross edges there more.
 
         Scores rise with the largest curvature near corners.
         """
-        steps = (1.0, 0.1), (1.4, 0.1), (2.0, 0.1), (1.0, 1.0)  # factors of shares, and pulls of the energy's value
-        curved = self._curved(points)
-        found, beyond = [(score, curved.max(), points)], curved > MOST_CURVED
-        for factor, strength in steps:
-            if curved.max() <= MOST_CURVED and score <= found[0][0]:
-                break
-            share = np.where(beyond, np.maximum(factor * crossing, (factor - 1) * CROSSING), crossing)
-            pull = partial(self._pull, np.flatnonzero(beyond).tolist(), strength * energy)
-            points = self._least(energy, share=share, pull=pull)
-            (score,), curved = self.scores([points]), self._curved(points)
-            found.append((score, curved.max(), points))
+        steps = (1.0, 0.03), (1.4, 0.03), (1.4, 0.1), (2.0, 0.1)  # factors of shares, and pulls, of the energy's value
+        beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[tuple[float, FloatArray]]()
+        for step in (*steps, None):
+            curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
             beyond |= curved > MOST_CURVED
-        calmer = [(score * max(1.0, most / MOST_CURVED) ** 4, points) for score, most, points in found]
+            calmer.append((score * max(1.0, curved.max() / MOST_CURVED) ** 4, points))
+            if step is None or not beyond.any() or (len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]):
+                break
+            share = np.where(beyond, np.maximum(step[0] * crossing, (step[0] - 1) * CROSSING), crossing)
+            points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy))
+            (score,) = self.scores([points])
         return min(calmer, key=itemgetter(0))
 
-    def _curved(self, points: FloatArray) -> FloatArray:
-        """Return the largest curvature near each corner, of 1 / its shorter edge."""
-        layers = [self._layer(points, corner) for corner in range(len(self._domain.vertices))]
-        return np.asarray(np.nan_to_num([layer.curvatures.max() * layer.edge for layer in layers]))
+    def _layers(self, points: FloatArray) -> list[CornerLayer]:
+        corners = range(len(self._domain.vertices))
+        return [corner_layer(self._domain, self._places.log_weights, points, corner) for corner in corners]
 
-    def _layer(self, points: FloatArray, corner: int) -> CornerLayer:
-        return corner_layer(self._domain, self._places.log_weights, points, corner)
+    def _pull(self, beyond: BoolArray, energy: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by its third power.
 
-    def _pull(self, corners: Sequence[int], energy: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return soft equations that nothing is curved near corners, the stiffer the more it is: |κ|³ is little there.
-
-        Where curvature is what counts as quiet, they have the energy's value.
+        Where curvature is what counts as quiet, their squares have the energy's value.
         """
         quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # of the places: there are more than are needed
         value, rows, ways = np.vdot(points, energy @ points), [], []
-        for layer in (self._layer(points, corner) for corner in corners):
-            curved = layer.curvatures[each] * layer.edge / quiet
-            stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * layer.edge / quiet
-            rows.append((layer.table[each] * stiffness[:, None, None]).reshape(-1, len(points)))
-            ways.append(np.repeat(layer.normals[each], 3, axis=0))
+        for near in compress(self._layers(points), beyond):
+            curved = near.curvatures[each] * near.edge / quiet
+            stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
+            rows.append((near.table[each] * stiffness[:, None, None]).reshape(-1, len(points)))
+            ways.append(np.repeat(near.normals[each], 3, axis=0))
         return np.concatenate(rows), np.concatenate(ways)
 
     def _energies(self, points: FloatArray) -> list[FloatArray]:

@@ -17,7 +17,7 @@ CROSSING = 0.9  # least share of how far rows cross edges in the image of the do
 
 
 Pull: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Soft equations ``⟨normal, Σ factor P⟩ = 0`` at given points: (c, n) factors and (c, 3) normals."""
+"""(c, n) rows and (c, 3) ways, for points, that add ``⟨way, row · P⟩²`` to an energy."""
 
 
 class Rows:
@@ -64,20 +64,15 @@ class Rows:
         return points, moves
 
     def fairest(
-        self,
-        matrix: FloatArray,
-        fullness: float,
-        origin: Any = 0.0,
-        share: FloatArray | float = CROSSING,
-        pull: Pull | None = None,
+        self, matrix: FloatArray, fullness: float, origin: Any = 0.0, share: Any = CROSSING, pull: Pull | None = None
     ) -> FloatArray:
         """Return the (n, 3) control points with the least form of ways from an origin; fields are longer by a factor.
 
         Second rows depend on the factors: the form is minimised with them free, then by Gauss's and Newton's method,
         which has converged to eight digits in two steps. Then factors move as little as they can, in the metric of
         the form, to fulfil the bounds of corners, and inner points to fulfil the equations of corners. Rows cross edges
-        at each corner by at least a `share` of what they do in the image of the domain with the corner's edges. The
-        squares of a pull count when inner points move.
+        at each corner by at least a `share` of what they do in the image of the domain with the corner's edges. A pull
+        moves inner points.
         """
         rounds = 2
         matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
@@ -105,7 +100,7 @@ class Rows:
         given = np.array([n is not None for n in self._normals])
         for _ in range(rounds if given.all() and pull is None else 4):  # coefficients follow free rows, and pulls
             equations = CornerForms.of(points, self._net.log_weights, self._net.corners, given)
-            points = final.moved(points, equations, pull(points) if pull else None)
+            points = final.moved(points, equations, *(pull(points) if pull else ()))
         return points
 
     def _legs(self, points: FloatArray, corner: int) -> tuple[FloatArray, FloatArray]:
@@ -213,26 +208,21 @@ class _Form:
         images = np.tensordot(moves, self._form, (1, 0)).swapaxes(1, 2).reshape(-1, 3 * len(self._outer))
         return images, images @ moves.reshape(images.shape).T
 
-    def moved(
-        self, points: FloatArray, equations: CornerForms, pull: tuple[FloatArray, FloatArray] | None
-    ) -> FloatArray:
-        """Return the points after the least moves of the free ones with which equations hold, and what a pull adds."""
+    def moved(self, points: FloatArray, equations: CornerForms, *pulled: FloatArray) -> FloatArray:
+        """Return the points after the least moves of the free ones with which equations hold; pulls give way."""
         table, normals, missing = equations.matrix(len(points)), equations.normals, -equations.residuals(points)
-        if pull is not None:
-            soft = -((pull[0] @ points) * pull[1]).sum(axis=1)
-            table, normals = np.concatenate([table, pull[0]]), np.concatenate([normals, pull[1]])
-            missing = np.append(missing, soft)
-        table = table[:, self._free]
-        shifts = np.linalg.solve(self._own, table.T)
-        softness = (table @ shifts) * (normals @ normals.T)
-        if pull is not None:
-            softness += np.diag(np.arange(len(missing)) >= len(missing) - len(soft))
+        if pulled:
+            table, normals = np.concatenate([table, pulled[0]]), np.concatenate([normals, pulled[1]])
+            missing = np.append(missing, -((pulled[0] @ points) * pulled[1]).sum(axis=1))
+        shifts = np.linalg.solve(self._own, table[:, self._free].T)
+        softness = (table[:, self._free] @ shifts) * (normals @ normals.T)
+        softness += np.diag(np.arange(len(missing)) >= len(equations.normals))
         size = np.sqrt(np.where(np.diag(softness) > 0, np.diag(softness), 1.0))
         softness, missing = softness / size / size[:, None], missing / size
-        if pull is None:
-            forces = np.linalg.lstsq(softness, missing, rcond=RANK)[0] / size
-        else:  # many equations: a tenth of the time
+        if pulled:  # many: a tenth of the time
             forces = np.linalg.solve(softness + RANK * np.eye(len(size)), missing) / size
+        else:
+            forces = np.linalg.lstsq(softness, missing, rcond=RANK)[0] / size
         points = points.copy()
         points[self._free] += shifts @ (forces[:, None] * normals)
         return points

@@ -199,7 +199,7 @@ def _with_curvature(
     if not is_plane or growth < 0:
         return replace(found, normal_exponent=tilt, curvature=math.inf, curvature_exponent=growth)
     gaussian, mean = np.concatenate(limits, axis=1)
-    largest = float(_principal(gaussian, mean).max())
+    largest = float((np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))).max())
     single = _single(gaussian, largest**2) / extent / extent, _single(mean, largest) / extent
     return CornerLimits(found.normals, tilt, largest / extent, 0.0, *single, found.folds)
 
@@ -340,18 +340,8 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
     length = np.linalg.norm(area.at(places, a + b), axis=1)
     xx, xy, yy = (form.at(places, shift)[:, 0] / length for form, shift in zip(limits, _orders(a, b), strict=True))
     det = (cross(first, second) ** 2).sum(axis=1)  # without cancellation
-    return _gaussian_and_mean((first, second), (xx, xy, yy), det)
-
-
-def _gaussian_and_mean(rates: Sequence[FloatArray], second: Sequence[FloatArray], det: FloatArray) -> FloatArray:
-    """Return (2, p) curvatures from (p, 3) derivatives, the second form, and the determinant of the first."""
-    (v, w), (vv, vw, ww) = rates, second
-    return np.stack([(vv * ww - vw**2) / det, (2 * dot(v, w) * vw - dot(w, w) * vv - dot(v, v) * ww) / (2 * det)])
-
-
-def _principal(gaussian: FloatArray, mean: FloatArray) -> FloatArray:
-    """Return the largest absolute values of principal curvatures."""
-    return np.asarray(np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0)))
+    mean = (2 * dot(first, second) * xy - dot(second, second) * xx - dot(first, first) * yy) / (2 * det)
+    return np.stack([(xx * yy - xy**2) / det, mean])
 
 
 class CornerLayer(NamedTuple):
