@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
@@ -84,7 +84,8 @@ def fill_loop(
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
-    ways = [[None] * len(unit)] * (fullness == 1 and _is_flat(unit, normals)) + [normals]
+    far = 30 * EPS * float(np.abs(points).max() / size)  # what points are off there
+    ways = [[None] * len(unit)] * (fullness == 1 and _is_flat(unit, normals, far)) + [normals]
     for met in ways:
         attempt = partial(_attempt, unit, normals, met, np.flatnonzero(sound).tolist(), inner, fullness)
         best = _best(attempt, _plans(unit, raises))
@@ -124,14 +125,14 @@ def fill_loop(
     )
 
 
-def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> bool:
+def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], rounding: float) -> bool:
     """Tell whether sides and their planes lie in one plane: a patch that meets the curves meets the planes, too."""
     given = [n for n in normals if n is not None]
     if not given or any(side.bend is not None for side in sides):
         return False
     points, n = np.concatenate([side.points for side in sides]), given[0][0]
     turned = np.linalg.norm(np.cross(np.concatenate(given), n), axis=1)
-    rounding = max(side.rounding for side in sides)
+    rounding = max(rounding, *(side.rounding for side in sides))
     return bool(turned.max() <= rounding and np.abs((points - points[0]) @ n).max() <= rounding)
 
 
