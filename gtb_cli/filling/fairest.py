@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import compress
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -29,14 +30,12 @@ MOST_CURVED = 150.0
 class FairSearch:
     """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
 
-    def __init__(
-        self, domain: Domain, places: Samples, depths: FloatArray, least: Callable[..., FloatArray], power: int
-    ) -> None:
-        self._domain, self._places, self._least, self._power = domain, places, least, power
+    def __init__(self, domain: Domain, at: Samples, depths: FloatArray, least: Callable[..., Any], power: int) -> None:
+        self._domain, self._places, self._least, self._power = domain, at, least, power
         # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
-        self._zones = places.areas * np.stack([depths**16, depths**4])
+        self._zones = at.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
-        self._inside, self._outside = (list(blocks(*places[:3], part)) for part in parts)
+        self._inside, self._outside = (list(blocks(*at[:3], part)) for part in parts)
 
     def scores(self, surfaces: Sequence[FloatArray]) -> list[float]:
         """Return products of powers of bending and of its variation in both zones."""
@@ -62,13 +61,8 @@ class FairSearch:
         pairs[0] = self._calmed(energies[best], *pairs[0], 0.0 if pairs[0][1] is unbound else CROSSING)
         return pairs + [(scored[0], found[0])] * (best > 0)
 
-    def _calmed(
-        self, energy: FloatArray, score: float, points: FloatArray, crossing: float
-    ) -> tuple[float, FloatArray]:
-        """Return a surface, or one that bends less at corners: it is pulled, and its rows cross edges there more.
-
-        Scores rise with the largest curvature near corners.
-        """
+    def _calmed(self, energy: FloatArray, score: float, points: FloatArray, bound: float) -> tuple[float, FloatArray]:
+        """Return a surface, or a pulled one whose rows cross edges more at corners, where scores see curvature, too."""
         steps = (1.0, 0.03), (1.4, 0.03), (1.4, 0.1), (2.0, 0.1)  # factors of shares, and pulls, of the energy's value
         beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[tuple[float, FloatArray]]()
         for step in (*steps, None):
@@ -77,7 +71,7 @@ class FairSearch:
             calmer.append((score * max(1.0, curved.max() / MOST_CURVED) ** 4, points))
             if step is None or not beyond.any() or (len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]):
                 break
-            share = np.where(beyond, np.maximum(step[0] * crossing, (step[0] - 1) * CROSSING), crossing)
+            share = np.where(beyond, np.maximum(step[0] * bound, (step[0] - 1) * CROSSING), bound)
             points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy))
             (score,) = self.scores([points])
         return min(calmer, key=itemgetter(0))
@@ -87,11 +81,8 @@ class FairSearch:
         return [corner_layer(self._domain, self._places.log_weights, points, corner) for corner in corners]
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by its third power.
-
-        Where curvature is what counts as quiet, their squares have the energy's value.
-        """
-        quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # of the places: there are more than are needed
+        """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by its third power."""
+        quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # squares have the energy's value; half of the places
         value, rows, ways = np.vdot(points, energy @ points), [], []
         for near in compress(self._layers(points), beyond):
             curved = near.curvatures[each] * near.edge / quiet
@@ -122,13 +113,3 @@ class FairSearch:
         farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
         is_nearer = farther[0] < farther[1] and self.scores([led])[0] <= worst * score
         return [(score, led)] if is_nearer else []
-
-
-def depths_in(vertices: FloatArray, places: FloatArray) -> FloatArray:
-    """Return how far places in a polygon are from its boundary, of the way to where they are seen, and 1 beyond it."""
-    along = np.roll(vertices, -1, axis=0) - vertices
-    inward = np.column_stack([-along[:, 1], along[:, 0]])
-    whole = ((vertices.mean(axis=0) - vertices) * inward).sum(axis=1)
-    return np.asarray(
-        np.minimum((((places[:, None] - vertices) * inward).sum(axis=2) / whole).min(axis=1) / VISIBLE, 1)
-    )

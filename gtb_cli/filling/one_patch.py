@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray
+from gtb_cli.arrays import EPS, FloatArray, planar_cross
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
@@ -25,7 +25,7 @@ from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
 from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
-from gtb_cli.filling.fairest import NEARER, FairSearch, depths_in
+from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
 from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
 from gtb_cli.filling.rows import Rows
@@ -136,17 +136,15 @@ def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], ro
     return bool(turned.max() <= rounding and np.abs((points - points[0]) @ n).max() <= rounding)
 
 
-def _check_options(
-    sides: Sequence[HoleSide], inner: str, fullness: float, raises: int | None, g2_tolerance: float
-) -> None:
+def _check_options(sides: Sequence[HoleSide], inner: str, fullness: float, raises: int | None, most_off: float) -> None:
     if inner not in ("fair", "flat"):
         raise DomainError(f"inner: expected fair or flat, got {inner!r}")
     if not 0 < fullness <= 1000:
         raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
     if fullness != 1 and all(side.across is None for side in sides):
         raise DomainError("fullness: continues along tangent planes, and no side has any")
-    if not g2_tolerance > 0:
-        raise DomainError(f"g2_tolerance: must be positive, got {g2_tolerance!r}")
+    if not most_off > 0:
+        raise DomainError(f"g2_tolerance: must be positive, got {most_off!r}")
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
 
@@ -178,11 +176,9 @@ def met_with(continuity: str | Mapping[str, str], sides: Sequence[HoleSide]) -> 
     """Return sides with what is to be met along each."""
     kinds = {"": continuity} if isinstance(continuity, str) else continuity
     names = [side.name for side in sides]
-    for name, kind in kinds.items():
-        if kind not in CONTINUITIES:
-            raise DomainError(
-                f"continuity: expected {', '.join(CONTINUITIES[:-1])} or {CONTINUITIES[-1]}, got {kind!r}"
-            )
+    for name, met in kinds.items():
+        if met not in CONTINUITIES:
+            raise DomainError(f"continuity: expected {', '.join(CONTINUITIES[:-1])} or {CONTINUITIES[-1]}, got {met!r}")
         if name and name not in names:
             raise DomainError(f"continuity: no side is called {name!r}: they are {', '.join(names)}")
     return [side.met_with(kinds.get(side.name, kinds.get("", CONTINUITIES[0]))) for side in sides]
@@ -201,9 +197,7 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
     if least is None:
         # Of all edges together: with more, inner knots would be too few, and where planes alone are given they are free
         most_knots = 45 if any(side.bend is not None for side in sides) else 36
-        least = 1 + planes
-        if planes and sum(side.degree + 4 for side in sides) <= most_knots:
-            least = 4
+        least = 4 if planes and sum(side.degree + 4 for side in sides) <= most_knots else 1 + planes
     plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
@@ -268,13 +262,11 @@ def _attempt(
     return min(found, key=lambda each: each[:2])
 
 
-def _solved(
-    edges: Sequence[EdgeRows], inner: str, fullness: float, samples_along: int
-) -> Iterator[tuple[Patch, float]]:
+def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) -> Iterator[tuple[Patch, float]]:
     """Yield patches in units of the loop's size, with their scores: the fairest, and others if that folds."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
-    resolution = math.ceil(math.sqrt(max(samples_along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
+    resolution = math.ceil(math.sqrt(max(along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
     region = domain(shape.knots, "unit")
     places = samples(region, shape.log_weights, resolution, NEARER)
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
@@ -282,7 +274,10 @@ def _solved(
     if inner == "flat":  # a membrane is what was asked for
         yield patch(least(energy_at(*places, "dirichlet"))), 0.0
         return
-    depths = depths_in(region.vertices, energy_samples(region, resolution, NEARER)[0])
+    start, end, middle = *region.vertices[:2], region.vertices.mean(axis=0)
+    first = energy_samples(region, resolution, NEARER)[0][: resolution**2] - start  # all sectors have their depths
+    depths = planar_cross(end - start, first) / planar_cross(end - start, middle - start)
+    depths = np.minimum(np.tile(depths, len(edges)) / VISIBLE, 1)
     # Where curvature is given along edges, less bending is had by leaving it just inside them.
     search = FairSearch(region, places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
     found = search.fairest()

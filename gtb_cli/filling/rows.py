@@ -1,7 +1,7 @@
 """Rows of control points inside the edges, with factors of their fields, and all points that have the least energy."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +14,6 @@ from gtb_cli.filling.tangent_rows import EdgeRows
 
 RANK = 1e-12  # relative size of what counts as nothing in forms of bounds and equations
 CROSSING = 0.9  # least share of how far rows cross edges in the image of the domain
-
-
-Pull: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""(c, n) rows and (c, 3) ways, for points, that add ``⟨way, row · P⟩²`` to an energy."""
 
 
 class Rows:
@@ -64,15 +60,14 @@ class Rows:
         return points, moves
 
     def fairest(
-        self, matrix: FloatArray, fullness: float, origin: Any = 0.0, share: Any = CROSSING, pull: Pull | None = None
+        self, matrix: FloatArray, fullness: float, origin: Any = 0.0, share: Any = CROSSING, pull: Any = None
     ) -> FloatArray:
         """Return the (n, 3) control points with the least form of ways from an origin; fields are longer by a factor.
 
         Second rows depend on the factors: the form is minimised with them free, then by Gauss's and Newton's method,
         which has converged to eight digits in two steps. Then factors move as little as they can, in the metric of
-        the form, to fulfil the bounds of corners, and inner points to fulfil the equations of corners. Rows cross edges
-        at each corner by at least a `share` of what they do in the image of the domain with the corner's edges. A pull
-        moves inner points.
+        the form, to fulfil the bounds of corners, and inner points to fulfil their equations and to follow a pull. Rows
+        cross edges at each corner by a `share` or more of what they do in the image of the domain with its edges.
         """
         rounds = 2
         matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))

@@ -345,10 +345,9 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
 
 
 class CornerLayer(NamedTuple):
-    """The second form II at p places near a corner: (p,) largest principal curvatures, and how it depends on points.
+    """The length of the shorter edge at a corner, and the second form II at p places near it: principal curvatures.
 
-    In the (p, 3) `normals`, `table` @ points has II_11, √2 II_12 and II_22: (p, 3, n), in axes orthogonal there. `edge`
-    is the length of the corner's shorter edge.
+    Along (p, 3) `normals`, `table` @ points has II_11, √2 II_12 and II_22 in orthogonal axes: (p, 3, n).
     """
 
     edge: float
