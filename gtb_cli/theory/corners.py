@@ -200,18 +200,14 @@ def _with_curvature(
         return replace(found, normal_exponent=tilt, curvature=math.inf, curvature_exponent=growth)
     gaussian, mean = np.concatenate(limits, axis=1)
     largest = float((np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))).max())
-    single = _single(gaussian, largest**2) / extent / extent, _single(mean, largest) / extent
+    pairs = (gaussian / extent, largest**2 / extent), (mean, largest)
+    single = [float(each.mean()) / extent if np.ptp(each) <= 1e-6 * size else math.nan for each, size in pairs]
     return CornerLimits(found.normals, tilt, largest / extent, 0.0, *single, found.folds)
 
 
 def _orders(i: Any, j: Any) -> tuple[Any, Any, Any]:
     """Return the orders of ⟨P_s × P_t, P_vv⟩, P_vw and P_ww where curvature is bounded."""
     return 3 * i + j, 2 * i + 2 * j, i + 3 * j
-
-
-def _single(values: FloatArray, size: float) -> float:
-    """Return the mean of values that are one up to a millionth of a size, or NaN."""
-    return float(values.mean()) if np.ptp(values) <= 1e-6 * size else math.nan
 
 
 def _areas(knots: CornerKnots) -> tuple[Powers, IntArray]:
@@ -359,9 +355,8 @@ class CornerLayer(NamedTuple):
 def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> CornerLayer:
     """Sample a surface with (n, 3) control points near a corner of Δ; NaN where these have fewer than two directions.
 
-    At `DISTANCES` from the corner there are layers that limits at it do not show. With v and w dual to the two knots
-    that lead, sums of ``ξ (ξ − 1)``, ``ξ η`` and ``η (η − 1)`` give the second form without most of what is tangential:
-    digits stay, however near the corner is.
+    At `DISTANCES` there are layers that limits do not show. With v and w dual to the two knots that lead, sums of
+    ``ξ (ξ − 1)``, ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances.
     """
     ways, reach = 21, 3.0  # fan of rates (1 / (1 + e^-q), 1 / (1 + e^q)): the last ones run along the edges
     x, gaps, own = exponents_at(domain, corner)
@@ -374,8 +369,7 @@ def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     chain, sizes = chain[sizes > 0], sizes[sizes > 0]
     if len(chain) < 2 or edge == 0:
         return CornerLayer(edge, np.array([math.nan]), b[:1], np.zeros((1, 3, len(b))))
-    q = np.linspace(-reach, reach, ways)
-    rates = 1 / (1 + np.exp(np.stack([-q, q], axis=1)))
+    rates = 1 / (1 + np.exp(np.linspace(-reach, reach, ways)[:, None] * [-1, 1]))
     leads = log_weights[chain] - log_weights[own] + np.log(sizes)
     far = np.log(DISTANCES * edge)[:, None, None]
     s = (-((leads - far) / (rates @ x[chain].T)).max(axis=2)[:, :, None] * rates).reshape(-1, 2)
