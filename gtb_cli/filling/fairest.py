@@ -81,7 +81,7 @@ class FairSearch:
         return [corner_layer(self._domain, self._places.log_weights, points, corner) for corner in corners]
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by its third power."""
+        """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
         quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # squares have the energy's value; half of the places
         value, rows, ways = np.vdot(points, energy @ points), [], []
         for near in compress(self._layers(points), beyond):
