@@ -8,7 +8,7 @@ the heights at 2 p₁, p₁ + p₂ and 2 p₂. A row without given planes also h
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, unit
 from gtb_cli.values import frozen
 
 POINT = 1e-9
@@ -42,8 +42,8 @@ class CornerForms:
         # Where the edges run on straight, their plane is rounding, and rows tell it.
         is_straight = neither & (np.linalg.norm(own, axis=1) <= straight * lengths[:, 0] * lengths[:, 3])
         own[is_straight] = np.cross(b[:, 1] - b[:, 4], b[:, 2] + b[:, 3])[is_straight]
-        planes = [_unit(np.cross(b[:, i], b[:, i + 1])) for i in (1, 3)]
-        normals = _unit(np.where(neither[:, None], own, planes[0] * given[:, None] + planes[1] * before[:, None]))
+        planes = [unit(np.cross(b[:, i], b[:, i + 1])) for i in (1, 3)]
+        normals = unit(np.where(neither[:, None], own, planes[0] * given[:, None] + planes[1] * before[:, None]))
         known = lengths.min(axis=1) > short * lengths.max(axis=1)
         equations = []
         for i, j, k, sums in ((1, 2, 3, (5, 6, 7)), (4, 3, 2, (9, 8, 7))):
@@ -59,7 +59,7 @@ class CornerForms:
             equations.append((corners[:, list(sums)], corners[:, 0], factors, normals, np.zeros(len(corners))))
         # Rows without planes begin in the corner's, and where edges run on straight on the hole's side of them.
         places = points[corners[:, 0]]
-        inward = _unit(np.cross(np.cross(places, np.roll(places, -1, axis=0)).sum(axis=0), b[:, 1] - b[:, 4]))
+        inward = unit(np.cross(np.cross(places, np.roll(places, -1, axis=0)).sum(axis=0), b[:, 1] - b[:, 4]))
         for column, free in ((2, ~given), (3, ~before)):
             least = crossing * lengths[:, column * 3 - 6]
             near: BoolArray = is_straight & (dots(b[:, column], inward) <= least * (1 + 1e-9))
@@ -83,8 +83,3 @@ class CornerForms:
 def dots(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the scalar products of rows of tables with any axes before."""
     return np.asarray((a * b).sum(axis=-1))
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))

@@ -9,7 +9,7 @@ other's. So the parts have the same curve and planes there.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from gtb_cli.models.model import Model
 from gtb_cli.values import frozen
 
 MAX_CUTS = 6
-
 Fill = Callable[[Sequence[HoleSide]], Filling]
 
 Parts: TypeAlias = tuple[list[Filling], list[str]]
@@ -87,22 +86,20 @@ def fill_parts(sides: Sequence[HoleSide], fill: Fill, cut_sides: bool) -> Fillin
     if found is None or len(found[0]) == 1:
         return found and found[0][0]
     parts, remarks = found
-    return Filling(
-        parts[0].patch,
-        tuple(side for part in parts for side in part.sides),
-        together([part.bending for part in parts]),
-        together([part.bending_nearer for part in parts]),
-        (max(part.bending_errors[0] for part in parts), max(part.bending_errors[1] for part in parts)),
-        tuple(contact for part in parts for contact in part.contacts),
-        np.concatenate([part.corner_angles for part in parts]),
-        tuple(corner for part in parts for corner in part.corners),
-        tuple(near for part in parts for near in part.corner_curvatures),
-        tuple(times for part in parts for times in part.raises),
-        0,
-        sum(part.sharp_turns for part in parts),
-        (*remarks, *(f"part {k}: {remark}" for k, part in enumerate(parts) for remark in part.remarks)),
-        Model(part.patch for part in parts),
-        tuple(parts),
+    remarks += [f"part {k}: {remark}" for k, part in enumerate(parts) for remark in part.remarks]
+    names = "sides", "contacts", "corners", "corner_curvatures", "raises"
+    lists: dict[str, Any] = {name: tuple(each for part in parts for each in getattr(part, name)) for name in names}
+    return replace(
+        parts[0],
+        bending=together([part.bending for part in parts]),
+        bending_nearer=together([part.bending_nearer for part in parts]),
+        bending_errors=tuple(np.max([part.bending_errors for part in parts], axis=0).tolist()),
+        corner_angles=np.concatenate([part.corner_angles for part in parts]),
+        sharp_turns=sum(part.sharp_turns for part in parts),
+        remarks=tuple(remarks),
+        model=Model(part.patch for part in parts),
+        parts=tuple(parts),
+        **lists,
     )
 
 

@@ -115,11 +115,11 @@ def filled(found: Sequence[HoleSide] | Model | Part, hole: str | None, name: str
     if not isinstance(found, Model):
         if hole is not None:
             raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
-        filling = _in_parts(found, name, (), options)
+        filling = _in_parts(found, name, (), **options)
         return _beside((), filling) if filling.parts else filling
     refs = [found.joints.open[edge] for edge in one_ring(model_rings(found), hole, "model").edges]
     taken = [patch.name for patch in found]
-    filling = _in_parts(ring_sides(found, refs), next(_free(name or "hole", taken)), taken, options)
+    filling = _in_parts(ring_sides(found, refs), next(_free(name or "hole", taken)), taken, **options)
     whole = found.replace(patches=(*found.patches, *filling.patches))
     remarks = filling.remarks
     if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] >= len(found)]:
@@ -159,9 +159,7 @@ def holes_of(found: Sequence[HoleSide] | Model | Part) -> Sequence[Ring]:
     raise DomainError("holes: a loop of curves is itself the hole")
 
 
-def _in_parts(
-    sides: Sequence[HoleSide], name: str | None, taken: Sequence[str | None], options: dict[str, Any]
-) -> Filling:
+def _in_parts(sides: Sequence[HoleSide], name: str | None, taken: Sequence[str | None], **options: Any) -> Filling:
     """Fill a hole with one patch, or cut it if that has a fault; a loop beside no patches may be cut inside a side."""
     ordered, remarks = closed(met_with(options.get("continuity", CONTINUITIES[0]), sides))
 

@@ -122,8 +122,6 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
     sine = np.sqrt(1 - cosine**2)
     step = np.minimum(before, steps)
     even = spacing * step / 2 * sine / (layer + cosine)
-    if layer > SECOND_LAYER:
-        even = np.minimum(even, spacing * step * sine / (layer + 2 * cosine))
     ahead = 1 / (before * sine) - cosine / (sine * steps)  # what a unit of distance adds to the sum of exponents
     back = 1 / (steps * sine) - cosine / (sine * before)
     with np.errstate(divide="ignore"):
@@ -134,8 +132,6 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
         for k in range(len(found)):
             for one, other, size in ((k, k - 1, before[k]), (k - 1, k, steps[k])):
                 room = spacing * size / 2 * sine[k] - cosine[k] * found[other]
-                if layer > SECOND_LAYER:
-                    room = min(room, spacing * size * sine[k] - 2 * cosine[k] * found[other])
                 if layer * found[one] > room:
                     shrunk = room / (layer * found[one])
                     found[one] *= shrunk

@@ -16,37 +16,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import EPS, FloatArray, planar_cross
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import BENDING_POWER
-from gtb_cli.fairing.energy import Samples, energy_at, energy_samples, samples
-from gtb_cli.fairing.fair import LEFT_OUT, agreed
+from gtb_cli.fairing.energy import energy_at, energy_samples, samples
+from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
-from gtb_cli.fairing.metric import blocks, forms
-from gtb_cli.fairing.variation import bendings
-from gtb_cli.filling.algebraic import AlgebraicSurface, algebraic_surface
+from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
+from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
 from gtb_cli.filling.hole_corners import corners, plane_angles
 from gtb_cli.filling.net import net
-from gtb_cli.filling.rows import CROSSING, Rows
+from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
-from gtb_cli.knots.domain import Domain, domain
-from gtb_cli.moment.torus import exponents, shares
+from gtb_cli.knots.domain import domain
 from gtb_cli.theory.corners import corner_layer, corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
-VISIBLE, NEARER = LEFT_OUT
-"""Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
-
 FLAT_BEND = 1e-9
 """Curvature of a flat neighbour, by rounding, of 1 / size."""
-
-MOST_CURVED = 150.0
-"""Largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores."""
 
 
 class _Attempt(NamedTuple):
@@ -92,7 +84,8 @@ def fill_loop(
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
-    ways = [[None] * len(unit)] * (fullness == 1 and _is_flat(unit, normals)) + [normals]
+    far = 30 * EPS * float(np.abs(points).max() / size)  # what points are off there
+    ways = [[None] * len(unit)] * (fullness == 1 and _is_flat(unit, normals, far)) + [normals]
     for met in ways:
         attempt = partial(_attempt, unit, normals, met, np.flatnonzero(sound).tolist(), inner, fullness)
         best = _best(attempt, _plans(unit, raises))
@@ -114,7 +107,7 @@ def fill_loop(
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
     at, basis = [edge_of(patch, k) for k in range(len(ordered))], best.patch.rational_basis
-    layers = np.array([corner_layer(basis.domain, basis.log_weights, best.patch.control_points, e)[0] for e in at])
+    layers = [corner_layer(basis.domain, basis.log_weights, best.patch.control_points, e).curvatures.max() for e in at]
     return Filling(
         patch,
         ordered,
@@ -124,7 +117,7 @@ def fill_loop(
         contacts,
         corner_angles,
         tuple(corner_limits(patch, edge) for edge in at),
-        tuple(layers / size),
+        tuple(np.array(layers) / size),
         best.raises,
         best.folds,
         0 if best.folds else best.sharp_turns,
@@ -132,28 +125,26 @@ def fill_loop(
     )
 
 
-def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> bool:
+def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], rounding: float) -> bool:
     """Tell whether sides and their planes lie in one plane: a patch that meets the curves meets the planes, too."""
     given = [n for n in normals if n is not None]
     if not given or any(side.bend is not None for side in sides):
         return False
     points, n = np.concatenate([side.points for side in sides]), given[0][0]
     turned = np.linalg.norm(np.cross(np.concatenate(given), n), axis=1)
-    rounding = max(side.rounding for side in sides)
+    rounding = max(rounding, *(side.rounding for side in sides))
     return bool(turned.max() <= rounding and np.abs((points - points[0]) @ n).max() <= rounding)
 
 
-def _check_options(
-    sides: Sequence[HoleSide], inner: str, fullness: float, raises: int | None, g2_tolerance: float
-) -> None:
+def _check_options(sides: Sequence[HoleSide], inner: str, fullness: float, raises: int | None, most_off: float) -> None:
     if inner not in ("fair", "flat"):
         raise DomainError(f"inner: expected fair or flat, got {inner!r}")
     if not 0 < fullness <= 1000:
         raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
     if fullness != 1 and all(side.across is None for side in sides):
         raise DomainError("fullness: continues along tangent planes, and no side has any")
-    if not g2_tolerance > 0:
-        raise DomainError(f"g2_tolerance: must be positive, got {g2_tolerance!r}")
+    if not most_off > 0:
+        raise DomainError(f"g2_tolerance: must be positive, got {most_off!r}")
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
 
@@ -185,11 +176,9 @@ def met_with(continuity: str | Mapping[str, str], sides: Sequence[HoleSide]) -> 
     """Return sides with what is to be met along each."""
     kinds = {"": continuity} if isinstance(continuity, str) else continuity
     names = [side.name for side in sides]
-    for name, kind in kinds.items():
-        if kind not in CONTINUITIES:
-            raise DomainError(
-                f"continuity: expected {', '.join(CONTINUITIES[:-1])} or {CONTINUITIES[-1]}, got {kind!r}"
-            )
+    for name, met in kinds.items():
+        if met not in CONTINUITIES:
+            raise DomainError(f"continuity: expected {', '.join(CONTINUITIES[:-1])} or {CONTINUITIES[-1]}, got {met!r}")
         if name and name not in names:
             raise DomainError(f"continuity: no side is called {name!r}: they are {', '.join(names)}")
     return [side.met_with(kinds.get(side.name, kinds.get("", CONTINUITIES[0]))) for side in sides]
@@ -208,9 +197,7 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
     if least is None:
         # Of all edges together: with more, inner knots would be too few, and where planes alone are given they are free
         most_knots = 45 if any(side.bend is not None for side in sides) else 36
-        least = 1 + planes
-        if planes and sum(side.degree + 4 for side in sides) <= most_knots:
-            least = 4
+        least = 4 if planes and sum(side.degree + 4 for side in sides) <= most_knots else 1 + planes
     plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
@@ -275,13 +262,11 @@ def _attempt(
     return min(found, key=lambda each: each[:2])
 
 
-def _solved(
-    edges: Sequence[EdgeRows], inner: str, fullness: float, samples_along: int
-) -> Iterator[tuple[Patch, float]]:
+def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) -> Iterator[tuple[Patch, float]]:
     """Yield patches in units of the loop's size, with their scores: the fairest, and others if that folds."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
-    resolution = math.ceil(math.sqrt(max(samples_along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
+    resolution = math.ceil(math.sqrt(max(along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
     region = domain(shape.knots, "unit")
     places = samples(region, shape.log_weights, resolution, NEARER)
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
@@ -289,9 +274,12 @@ def _solved(
     if inner == "flat":  # a membrane is what was asked for
         yield patch(least(energy_at(*places, "dirichlet"))), 0.0
         return
-    depths = np.minimum(_depths(region.vertices, energy_samples(region, resolution, NEARER)[0]) / VISIBLE, 1)
+    start, end, middle = *region.vertices[:2], region.vertices.mean(axis=0)
+    first = energy_samples(region, resolution, NEARER)[0][: resolution**2] - start  # all sectors have their depths
+    depths = planar_cross(end - start, first) / planar_cross(end - start, middle - start)
+    depths = np.minimum(np.tile(depths, len(edges)) / VISIBLE, 1)
     # Where curvature is given along edges, less bending is had by leaving it just inside them.
-    search = _FairSearch(region, places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
+    search = FairSearch(region, places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
     found = search.fairest()
     if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
         found = search.led_to(surface, *found[0]) + found
@@ -299,91 +287,3 @@ def _solved(
         yield patch(points), score
     points = least(energy_at(*places, "thin-plate"))  # it overshoots least
     yield patch(points), search.scores([points])[0]
-
-
-class _FairSearch:
-    """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
-
-    def __init__(
-        self, domain: Domain, places: Samples, depths: FloatArray, least: Callable[..., FloatArray], power: int
-    ) -> None:
-        self._domain, self._places, self._least, self._power = domain, places, least, power
-        # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
-        self._zones = places.areas * np.stack([depths**16, depths**4])
-        parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
-        self._inside, self._outside = (list(blocks(*places[:3], part)) for part in parts)
-
-    def scores(self, surfaces: Sequence[FloatArray]) -> list[float]:
-        """Return products of powers of bending and of its variation in both zones."""
-        flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
-        zones = np.stack([self._zones[0], self._places.areas])
-        both = zip(*bendings(self._inside + self._outside, zones, surfaces), strict=True)
-        return [b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in both]
-
-    def fairest(self) -> list[tuple[float, FloatArray]]:
-        """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
-        plane = np.column_stack([self._places.knots, np.zeros(len(self._places.knots))])
-        second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
-        energies = [third + 30 / self._places.areas.sum() * second]
-        found = [self._least(energies[0])]
-        energies += self._energies(found[0])
-        found += [self._least(energy) for energy in energies[1:]]
-        scored = self.scores(found)
-        best = int(np.argmin(scored))
-        pairs = [(scored[best], found[best])]
-        unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
-        if not np.array_equal(unbound, found[best]):
-            pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
-        pairs[0] = self._calmed(energies[best], *pairs[0], 0.0 if pairs[0][1] is unbound else CROSSING)
-        return pairs + [(scored[0], found[0])] * (best > 0)
-
-    def _calmed(
-        self, energy: FloatArray, score: float, points: FloatArray, crossing: float
-    ) -> tuple[float, FloatArray]:
-        """Return a surface, or one that bends less at corners and more elsewhere, as its rows cross edges there more.
-
-        Scores rise with the largest curvature near corners.
-        """
-        corners, calmer = range(len(self._domain.vertices)), list[tuple[float, FloatArray]]()
-        share = np.full(len(corners), crossing)
-        for _ in range(5):
-            layers = [corner_layer(self._domain, self._places.log_weights, points, k) for k in corners]
-            curved = np.nan_to_num(layers).prod(axis=1)
-            calmer.append((score * max(1.0, curved.max() / MOST_CURVED), points))
-            if curved.max() <= MOST_CURVED or calmer[-1][0] > calmer[max(0, len(calmer) - 2)][0]:
-                break
-            share = np.where(curved > MOST_CURVED, np.maximum(1.4 * share, CROSSING / 2), share)
-            points = self._least(energy, share=share)
-            (score,) = self.scores([points])
-        return min(calmer, key=itemgetter(0))
-
-    def _energies(self, points: FloatArray) -> list[FloatArray]:
-        """Return energies in the metric of a surface, those of what is seen first.
-
-        The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
-        it varies less at the boundary, and more inside.
-        """
-        areas = self._places.areas  # where places are seen, both zones have them
-        ((found,),) = bendings(self._inside + self._outside, self._zones[0], [points])
-        pairs = forms(self._inside, areas, points, (2, 3)) + forms(self._outside, self._zones, points, (2, 3))
-        self._stiff = pairs[1, 1]
-        return [third + factor / found.area * second for second, third in pairs for factor in (0, 100, 400)]
-
-    def led_to(self, surface: AlgebraicSurface, score: float, fairest: FloatArray) -> list[tuple[float, FloatArray]]:
-        """Return the fairest, moved smoothly onto a surface that is known and bends more; none if it ends elsewhere."""
-        rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
-        t, led = shares(exponents(*self._places[:3])), fairest
-        form = (t * self._zones[1]) @ t.T + stiffness * self._stiff
-        for _ in range(rounds):
-            led = self._least(form, origin=led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led)))
-        farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
-        is_nearer = farther[0] < farther[1] and self.scores([led])[0] <= worst * score
-        return [(score, led)] if is_nearer else []
-
-
-def _depths(vertices: FloatArray, places: FloatArray) -> FloatArray:
-    """Return how far places in a polygon are from its boundary, of the way to the mean of its corners."""
-    along = np.roll(vertices, -1, axis=0) - vertices
-    inward = np.column_stack([-along[:, 1], along[:, 0]])
-    whole = ((vertices.mean(axis=0) - vertices) * inward).sum(axis=1)
-    return np.asarray((((places[:, None] - vertices) * inward).sum(axis=2) / whole).min(axis=1))

@@ -117,10 +117,8 @@ class SecondRow:
         self.curve, self.fields, self.sums, self._rim, self._bend = curve, fields, np.eye(len(fields)), rim, bend
         t = stations()
         values, rates = bernstein(rim.degree - 1, t), (rim.degree - 1) * bernstein(rim.degree - 2, t)
-        way = ((0.5 - t) * rim.weights / rim.degree)[
-            :, None
-        ] * rim.rates  # to the polar of the curve, times its weights
-        along, self.across = rim.parts(np.stack([way, *(values @ field for field in fields)]))
+        ways = [((0.5 - t) * rim.weights / rim.degree)[:, None] * rim.rates]  # to the polar, times its weights
+        along, self.across = rim.parts(np.stack([*ways, *(values @ field for field in fields)]))
         mixed = [((rates @ np.diff(field, axis=0)) * rim.normals).sum(axis=1) for field in fields]
         self._along, self._mixed = along, np.stack([along[0] * rim.bend, *mixed])
         polars = polar(polar(curve))

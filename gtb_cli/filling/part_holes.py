@@ -70,10 +70,8 @@ def _normals(face: Any, start: FloatArray, points: FloatArray, name: str) -> Flo
     surface = kernel("BRep").BRep_Tool.Surface_s(near)
     places = [project(gp.gp_Pnt(*each), surface).LowerDistanceParameters() for each in points.tolist()]
     normals = face_frames(near, places)[3]
-    if lacking := np.flatnonzero(np.isnan(normals[:, 0])).tolist():
-        raise DomainError(
-            f"{name}: its face has no normal near {point_text(points[lacking[0]] + start, points + start)}"
-        )
+    if bad := np.flatnonzero(np.isnan(normals[:, 0])).tolist():
+        raise DomainError(f"{name}: its face has no normal near {point_text(points[bad[0]] + start, points + start)}")
     return normals
 
 

@@ -60,14 +60,14 @@ class Rows:
         return points, moves
 
     def fairest(
-        self, matrix: FloatArray, fullness: float, origin: Any = 0.0, share: FloatArray | float = CROSSING
+        self, matrix: FloatArray, fullness: float, origin: Any = 0.0, share: Any = CROSSING, pull: Any = None
     ) -> FloatArray:
         """Return the (n, 3) control points with the least form of ways from an origin; fields are longer by a factor.
 
         Second rows depend on the factors: the form is minimised with them free, then by Gauss's and Newton's method,
         which has converged to eight digits in two steps. Then factors move as little as they can, in the metric of
-        the form, to fulfil the bounds of corners, and inner points to fulfil the equations of corners. Rows cross edges
-        at each corner by at least a `share` of what they do in the image of the domain with the corner's edges.
+        the form, to fulfil the bounds of corners, and inner points to fulfil their equations and to follow a pull. Rows
+        cross edges at each corner by a `share` or more of what they do in the image of the domain with its edges.
         """
         rounds = 2
         matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
@@ -93,8 +93,9 @@ class Rows:
         points, moves = self._at(fullness * factors)
         points = final.least(points - origin, moves[self._count :])[0] + origin
         given = np.array([n is not None for n in self._normals])
-        for _ in range(rounds if given.all() else 4):  # coefficients follow free rows
-            points = final.moved(points, CornerForms.of(points, self._net.log_weights, self._net.corners, given))
+        for _ in range(rounds if given.all() and pull is None else 4):  # coefficients follow free rows, and pulls
+            equations = CornerForms.of(points, self._net.log_weights, self._net.corners, given)
+            points = final.moved(points, equations, *(pull(points) if pull else ()))
         return points
 
     def _legs(self, points: FloatArray, corner: int) -> tuple[FloatArray, FloatArray]:
@@ -202,14 +203,21 @@ class _Form:
         images = np.tensordot(moves, self._form, (1, 0)).swapaxes(1, 2).reshape(-1, 3 * len(self._outer))
         return images, images @ moves.reshape(images.shape).T
 
-    def moved(self, points: FloatArray, equations: CornerForms) -> FloatArray:
-        """Return the points after the least moves of the free ones with which equations hold."""
-        table = equations.matrix(len(self._free) + len(self._outer))[:, self._free]
-        shifts = np.linalg.solve(self._own, table.T)
-        softness = (table @ shifts) * (equations.normals @ equations.normals.T)
+    def moved(self, points: FloatArray, equations: CornerForms, *pulled: FloatArray) -> FloatArray:
+        """Return the points after the least moves of the free ones with which equations hold; pulls give way."""
+        table, normals, missing = equations.matrix(len(points)), equations.normals, -equations.residuals(points)
+        if pulled:
+            table, normals = np.concatenate([table, pulled[0]]), np.concatenate([normals, pulled[1]])
+            missing = np.append(missing, -((pulled[0] @ points) * pulled[1]).sum(axis=1))
+        shifts = np.linalg.solve(self._own, table[:, self._free].T)
+        softness = (table[:, self._free] @ shifts) * (normals @ normals.T)
+        softness += np.diag(np.arange(len(missing)) >= len(equations.normals))
         size = np.sqrt(np.where(np.diag(softness) > 0, np.diag(softness), 1.0))
-        missing = -equations.residuals(points) / size
-        forces = np.linalg.lstsq(softness / size / size[:, None], missing, rcond=RANK)[0] / size
+        softness, missing = softness / size / size[:, None], missing / size
+        if pulled:  # many: a tenth of the time
+            forces = np.linalg.solve(softness + RANK * np.eye(len(size)), missing) / size
+        else:
+            forces = np.linalg.lstsq(softness, missing, rcond=RANK)[0] / size
         points = points.copy()
-        points[self._free] += shifts @ (forces[:, None] * equations.normals)
+        points[self._free] += shifts @ (forces[:, None] * normals)
         return points

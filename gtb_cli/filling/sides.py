@@ -274,14 +274,11 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     starts, ends = np.moveaxis(np.array([side.ends for side in chain]), 1, 0)
     corners = (starts + np.roll(ends, 1, axis=0)) / 2
     worst = 2 * float(np.abs(corners - starts).max())
-    met = [
-        _moved(*each, worst > MAX_GAP * size) for each in zip(chain, corners, np.roll(corners, -1, axis=0), strict=True)
-    ]
+    far = worst > MAX_GAP * size
+    met = [_moved(*each, far) for each in zip(chain, corners, np.roll(corners, -1, axis=0), strict=True)]
     if worst > POINT_SIZE * size:
         remarks.append(f"ends of sides are moved by up to {worst / 2:.2g}, so that they meet")
-    if worst > MAX_GAP * size and (
-        turns := [_turn(*pair) for pair in zip(chain, met, strict=True) if pair[0].across is not None]
-    ):
+    if far and (turns := [_turn(*pair) for pair in zip(chain, met, strict=True) if pair[0].across is not None]):
         remarks[-1] += f", which turns the planes along them by up to {max(turns):.2g}°"
     return tuple(met), remarks
 
@@ -302,9 +299,7 @@ def _turn(side: HoleSide, moved: HoleSide) -> float:
     return float(np.degrees(np.arcsin(min(sines.max(), 1.0))))
 
 
-def _check_gap(gap: float, most: float, size: float, side: HoleSide, following: HoleSide) -> None:
+def _check_gap(gap: float, most: float, size: float, side: HoleSide, other: HoleSide) -> None:
     if gap > most:
         near = f", `weld` {above(gap)} joins them" if gap <= NEAR * size else ""
-        raise DomainError(
-            f"loop: is not closed, {side.name} ends {gap:.3g} from the nearest end, {following.name}'s{near}"
-        )
+        raise DomainError(f"loop: is not closed, {side.name} ends {gap:.3g} from the nearest end, {other.name}'s{near}")

@@ -15,7 +15,6 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.filling.sides import MAX_DEGREE, HoleSide, bernstein
 
 MOST_TURN = 0.01  # of the unit tangent between pieces: what turns more is meant as a corner
-
 MAX_DISTANCE = 1e-5  # between a spline and its Bézier curve, of the loop's size, as between ends that meet
 
 
@@ -44,10 +43,8 @@ def single_curves(sides: Sequence[HoleSide]) -> tuple[list[HoleSide], list[str]]
             whole = np.column_stack([curve, np.ones(len(curve))])
             found.append(replace(group[0], name=label, curve=whole, spline=None))
         distance = f"up to {max(distance for _, distance, _ in curves) * size:.3g} from its B-spline"
-        if len(curves) == 1:
-            remarks.append(f"{name}: one curve of degree {len(curve) - 1}, {distance}")
-        else:
-            remarks.append(f"{name}: {len(curves)} curves with corners between them, {distance}; one would be too far")
+        several = f"{len(curves)} curves with corners between them, {distance}; one would be too far"
+        remarks.append(f"{name}: " + (several if curves[1:] else f"one curve of degree {len(curve) - 1}, {distance}"))
     return found, remarks
 
 
@@ -60,9 +57,7 @@ def nearest_curves(pieces: Sequence[FloatArray]) -> list[tuple[FloatArray, float
     return [*nearest_curves(pieces[:cut]), *nearest_curves(pieces[cut:])]
 
 
-def nearest_curve(
-    pieces: Sequence[FloatArray], within: float, degrees: Iterable[int]
-) -> tuple[FloatArray, float] | None:
+def nearest_curve(pieces: Sequence[FloatArray], most: float, degrees: Iterable[int]) -> tuple[FloatArray, float] | None:
     """Return the Bézier points of one curve of the first degree within a distance of pieces, and this, if there is any.
 
     Coordinates are relative to a point near them, and of size 1.
@@ -76,12 +71,12 @@ def nearest_curve(
         return None
     places, t = _sampled(pieces, ratios)
     ways = np.array([pieces[0][1] - pieces[0][0], pieces[-1][-1] - pieces[-1][-2]])
-    if _fitted(places, t, ways, MAX_DEGREE, 1.0)[1] > hopeless * within:
+    if _fitted(places, t, ways, MAX_DEGREE, 1.0)[1] > hopeless * most:
         return None
     for degree in degrees:
         for along in (0.1, 0.01, 0.001):  # the less, the nearer it comes, and the more its speed varies
             points, distance, evenness = _fitted(places, t, ways, degree, along)
-            if distance <= within and evenness >= least_evenness:
+            if distance <= most and evenness >= least_evenness:
                 return points, distance
     return None
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.filling.osculation import MIN_CROSSING, SecondRow, crosses, fields_by_height, osculating
 from gtb_cli.filling.sides import HoleSide, bernstein, points_and_tangents, raised, stations
@@ -53,8 +53,7 @@ def edge_rows(side: HoleSide, normals: FloatArray | None, least: int) -> EdgeRow
 
 def _inward(side: HoleSide, normals: FloatArray) -> FloatArray:
     """Return (96, 3) unit vectors across a side, in the planes."""
-    inward = np.cross(normals, points_and_tangents(side.curve, stations())[1])
-    return np.asarray(inward / np.linalg.norm(inward, axis=1, keepdims=True))
+    return unit(np.cross(normals, points_and_tangents(side.curve, stations())[1]))
 
 
 def _touching(side: HoleSide, normals: FloatArray, counts: range) -> EdgeRows:

@@ -199,19 +199,15 @@ def _with_curvature(
     if not is_plane or growth < 0:
         return replace(found, normal_exponent=tilt, curvature=math.inf, curvature_exponent=growth)
     gaussian, mean = np.concatenate(limits, axis=1)
-    largest = float(_principal(gaussian, mean).max())
-    single = _single(gaussian, largest**2) / extent / extent, _single(mean, largest) / extent
+    largest = float((np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))).max())
+    pairs = (gaussian / extent, largest**2 / extent), (mean, largest)
+    single = [float(each.mean()) / extent if np.ptp(each) <= 1e-6 * size else math.nan for each, size in pairs]
     return CornerLimits(found.normals, tilt, largest / extent, 0.0, *single, found.folds)
 
 
 def _orders(i: Any, j: Any) -> tuple[Any, Any, Any]:
     """Return the orders of ⟨P_s × P_t, P_vv⟩, P_vw and P_ww where curvature is bounded."""
     return 3 * i + j, 2 * i + 2 * j, i + 3 * j
-
-
-def _single(values: FloatArray, size: float) -> float:
-    """Return the mean of values that are one up to a millionth of a size, or NaN."""
-    return float(values.mean()) if np.ptp(values) <= 1e-6 * size else math.nan
 
 
 def _areas(knots: CornerKnots) -> tuple[Powers, IntArray]:
@@ -340,26 +336,27 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
     length = np.linalg.norm(area.at(places, a + b), axis=1)
     xx, xy, yy = (form.at(places, shift)[:, 0] / length for form, shift in zip(limits, _orders(a, b), strict=True))
     det = (cross(first, second) ** 2).sum(axis=1)  # without cancellation
-    return _gaussian_and_mean((first, second), (xx, xy, yy), det)
+    mean = (2 * dot(first, second) * xy - dot(second, second) * xx - dot(first, first) * yy) / (2 * det)
+    return np.stack([(xx * yy - xy**2) / det, mean])
 
 
-def _gaussian_and_mean(rates: Sequence[FloatArray], second: Sequence[FloatArray], det: FloatArray) -> FloatArray:
-    """Return (2, p) curvatures from (p, 3) derivatives, the second form, and the determinant of the first."""
-    (v, w), (vv, vw, ww) = rates, second
-    return np.stack([(vv * ww - vw**2) / det, (2 * dot(v, w) * vw - dot(w, w) * vv - dot(v, v) * ww) / (2 * det)])
+class CornerLayer(NamedTuple):
+    """The length of the shorter edge at a corner, and the second form II at p places near it: principal curvatures.
+
+    Along (p, 3) `normals`, `table` @ points has II_11, √2 II_12 and II_22 in orthogonal axes: (p, 3, n).
+    """
+
+    edge: float
+    curvatures: FloatArray
+    normals: FloatArray
+    table: FloatArray
 
 
-def _principal(gaussian: FloatArray, mean: FloatArray) -> FloatArray:
-    """Return the largest absolute values of principal curvatures."""
-    return np.asarray(np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0)))
+def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> CornerLayer:
+    """Sample a surface with (n, 3) control points near a corner of Δ; NaN where these have fewer than two directions.
 
-
-def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> tuple[float, float]:
-    """Return the largest principal curvature near a corner of Δ, sampled, and the length of its shorter edge.
-
-    NaN where the (n, 3) control points have fewer than two directions. At `DISTANCES` from the corner there are layers
-    that limits at it do not show. With v and w dual to the two knots that lead, sums of ``ξ (ξ − 1)``, ``ξ η`` and ``η
-    (η − 1)`` give the second form without what is tangential: digits stay, however near the corner is.
+    At `DISTANCES` there are layers that limits do not show. With v and w dual to the two knots that lead, sums of
+    ``ξ (ξ − 1)``, ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances.
     """
     ways, reach = 21, 3.0  # fan of rates (1 / (1 + e^-q), 1 / (1 + e^q)): the last ones run along the edges
     x, gaps, own = exponents_at(domain, corner)
@@ -371,28 +368,33 @@ def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     sizes = np.linalg.norm(b[chain], axis=1)
     chain, sizes = chain[sizes > 0], sizes[sizes > 0]
     if len(chain) < 2 or edge == 0:
-        return math.nan, edge
-    q = np.linspace(-reach, reach, ways)
-    rates = 1 / (1 + np.exp(np.stack([-q, q], axis=1)))
+        return CornerLayer(edge, np.array([math.nan]), b[:1], np.zeros((1, 3, len(b))))
+    rates = 1 / (1 + np.exp(np.linspace(-reach, reach, ways)[:, None] * [-1, 1]))
     leads = log_weights[chain] - log_weights[own] + np.log(sizes)
     far = np.log(DISTANCES * edge)[:, None, None]
     s = (-((leads - far) / (rates @ x[chain].T)).max(axis=2)[:, :, None] * rates).reshape(-1, 2)
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
     terms = np.exp(s @ x.T + log_weights - log_weights[own])
-    b_and_1, largest = np.column_stack([b, np.ones(len(b))]), 0.0
+    parts = []
     for first, second in np.unique(order, axis=0).tolist():
         t = terms[(order == (first, second)).all(axis=1)]
         dual = x @ np.linalg.inv(x[chain[[first, second]]])
         whole = np.clip(np.rint(dual), 0, 1)
         xi, eta = np.where(np.abs(dual - whole) <= 1e-10, whole, dual).T
         total = t.sum(axis=1, keepdims=True)
-        place = t @ b / total
-        factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)])
-        sums = (t * factors[:, None]) @ b_and_1
-        v, w, *seconds = sums[..., :3] - place * sums[..., 3:]
-        normal = cross(v, w)
-        area = np.linalg.norm(normal, axis=1)
-        vv, vw, ww = (dot(normal, second) / area for second in seconds)
-        found = _principal(*_gaussian_and_mean((w, v), (ww, vw, vv), area**2)) * total[:, 0]
-        largest = max(largest, float(found.max()))
-    return largest, edge
+        factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)])[:, None] * t
+        v, w, vv, vw, ww = factors - factors.sum(axis=2, keepdims=True) * (t / total)
+        # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
+        long = np.linalg.norm(v @ b, axis=1, keepdims=True)
+        v, vv, vw = v / long, vv / long**2, vw / long
+        normals = unit(cross(v @ b, w @ b))
+        axes = np.stack([v @ b, cross(normals, v @ b)], axis=2)
+        shift, wide = ((w @ b)[:, None] @ axes).T
+        w = (w - shift.T * v) / wide.T
+        mixed, last = (vw - shift.T * vv) / wide.T, (ww - shift.T * (2 * vw - shift.T * vv)) / wide.T**2
+        table = np.stack([vv, math.sqrt(2) * mixed, last], axis=1)
+        table -= table @ b @ axes @ np.stack([v, w], axis=1)
+        parts.append((normals, table * total[:, :, None]))
+    normals, table = (np.concatenate(each) for each in zip(*parts, strict=True))
+    xx, xy, yy = (table @ b @ normals[:, :, None])[:, :, 0].T
+    return CornerLayer(edge, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / math.sqrt(2)), normals, table)

@@ -16,8 +16,9 @@ import numpy as np
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.certificate import Filling
+from gtb_cli.filling.fairest import VISIBLE
 from gtb_cli.filling.loops import read_loop
-from gtb_cli.filling.one_patch import VISIBLE, fill_loop
+from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bernstein, side_normals, stations
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.knots.domain import domain

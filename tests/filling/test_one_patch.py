@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,12 +17,14 @@ from gtb_cli.fairing.energy import energy, energy_samples
 from gtb_cli.fairing.folds import folds, sharp_turns
 from gtb_cli.filling import net, one_patch
 from gtb_cli.filling.certificate import Filling
+from gtb_cli.filling.corner_forms import CornerForms
+from gtb_cli.filling.fairest import FairSearch
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.hole_corners import concave_corners
 from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.loops import loop_from_text, read_loop
 from gtb_cli.filling.one_patch import fill_loop
-from gtb_cli.filling.rows import Rows, _multipliers
+from gtb_cli.filling.rows import Rows, _Form, _multipliers
 from gtb_cli.filling.sides import HoleSide, bezier_form, points_and_tangents, raised, stations
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.language.loading import parse
@@ -150,13 +153,17 @@ def test_a_refusal_names_what_turns_the_patch_over(sign, what, way_out):
     assert re.match(f"the patch {what}: {way_out}", filling.fault)
 
 
-def test_a_flat_hole_is_filled_flat():
+@pytest.mark.parametrize(("tilt", "scale", "shift"), [(0, 1, 0), (0.6, 1e-9, 0), (0.6, 1e9, 0), (0.6, 1, 1e7)])
+def test_a_flat_hole_is_filled_flat(tilt, scale, shift):
     """Long sides and blunt corners: with rows that keep to the planes the patch was turned over."""
     x, y = np.array([[8.0, 10, 10, 8, -8, -10, -10, -8], [-3, -2.9, 2.9, 3, 3, 2.9, -2.9, -3]])
-    filling = fill_loop(plane_sides(np.column_stack([x, y, 0 * x]), [1] * 8), raises=1)
+    up = np.array([-tilt, 0, math.sqrt(1 - tilt**2)])
+    sides = plane_sides(np.column_stack([x * up[2], y, x * tilt]) * scale + shift, [1] * 8)
+    sides = [replace(side, across=np.cross(up, np.diff(side.ends, axis=0)) + 0 * side.across) for side in sides]
+    filling = fill_loop(sides, raises=1)
     assert filling.fault is None
     assert filling.angle < 1e-6
-    assert np.ptp(filling.patch.control_points[:, 2]) == 0
+    assert np.ptp(filling.patch.control_points @ up) < 1e-9 * (20 * scale + shift * (tilt > 0)) * tilt + 1e-300
 
 
 @pytest.mark.parametrize("change", [{"across": np.tile([-1, 0, 0.5], (96, 1))}, {"across": None}])
@@ -247,18 +254,46 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert max(each.curvature + 20 * each.folds for each in found) < 20
 
 
-@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 125), (6, 3, 150), (7, 1, 260), (8, 7, 175)]))
+@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 95), (7, 1, 120), (7, 2, 125), (8, 7, 155)]))
 def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     """Rows that run along their edges have a layer of 24,000 beside limits of 100 in the first, and 1,900 in (7, 1)."""
     filling = fill_loop(random_sides(n, seed))
     patch, told = filling.patch, np.array(filling.corner_curvatures)
     edges = np.linalg.norm([np.ptp(side.ends, axis=0) for side in filling.sides], axis=1)
     assert (told * np.minimum(edges, np.roll(edges, 1))).max() < most
+    assert filling.bending.energy < {6: 50, 7: 255, 8: 22}[n]  # 62 in (6, 5) if only rows give way
     places = patch.knots[:n, None] + 1e-3 * np.delete(patch.knots, np.s_[:n], axis=0) - 1e-3 * patch.knots[:n, None]
     seen = patch.curvature(places.reshape(-1, 2), "linear")
     largest = np.abs(seen.mean) + np.sqrt(np.maximum(seen.mean**2 - seen.gaussian, 0))
     found = largest.reshape(n, -1).max(axis=1) / told
-    assert 0.7 < found[told.argmax()] <= found.max() < 1.1
+    assert 0.7 < found.max() < 1.1
+
+
+@pytest.mark.parametrize(
+    ("curved", "scores", "taken"),
+    [([100], [5], 0), ([300, 100, 100], [1, 10, 100], 1), ([300, 300, 100, 100, 50, 0], [1, 2, 3, 2, 9, 0], 3)],
+)
+def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
+    """Twice the curvature that counts as none costs 16 times the score; the first step may make it worse."""
+    search, made = object.__new__(FairSearch), iter(range(1, 9))
+    search._domain, search._least = SimpleNamespace(vertices=[0]), lambda *_, **__: next(made)
+    search._layers = lambda points: [SimpleNamespace(edge=1.0, curvatures=np.array([curved[points]]))]
+    search.scores = lambda found: [scores[found[0]]]
+    assert search._calmed(1.0, scores[0], 0, 0.9)[1] == taken
+
+
+def test_pulls_move_free_points_as_energies_do():
+    """Without equations, the points have the least energy with the squares of a pull added."""
+    rng = np.random.default_rng(0)
+    root, points, rows, ways = (rng.normal(size=shape) for shape in ((6, 6), (6, 3), (4, 6), (4, 3)))
+    free, none = np.array([1, 2, 4]), np.empty((0, 3))
+    equations = CornerForms(none.astype(int), np.empty(0, dtype=int), none, none, np.empty(0))
+    moved = _Form(root @ root.T, free).moved(points, equations, rows, ways)
+    square = np.kron((root @ root.T)[np.ix_(free, free)], np.eye(3))
+    table = (rows[:, free, None] * ways[:, None]).reshape(4, 9)
+    shift = np.linalg.solve(square + table.T @ table, -table.T @ ((rows @ points) * ways).sum(axis=1))
+    np.testing.assert_allclose((moved - points)[free].ravel(), shift, atol=1e-9)
+    assert np.array_equal(np.delete(moved, free, axis=0), np.delete(points, free, axis=0))
 
 
 @long
@@ -395,7 +430,9 @@ def test_any_size_and_place(scale, shift):
         weights = side.curve[:, 3:]
         curve = np.column_stack([side.curve[:, :3] * scale + shift * weights, weights])
         moved.append(HoleSide(side.name, curve, side.across * scale))
-    one, other = (fill_loop(each, raises=ONCE).patch for each in (plain, moved))
+    fillings = [fill_loop(each, raises=ONCE) for each in (plain, moved)]
+    np.testing.assert_allclose(fillings[1].corner_curvatures, np.array(fillings[0].corner_curvatures) / scale, 1e-5)
+    one, other = (filling.patch for filling in fillings)
     back = other.replace(control_points=(other.control_points - shift) / scale)
     places = energy_samples(one.domain, 8)[0]
     tolerance = 1e-6 if shift else 1e-7  # a form is least up to the root of its rounding
