@@ -70,7 +70,8 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     mesh = Mesh(content.vertices, content.cells, groups=groups)
     largest = largest_coordinates(mesh.used)
     half_steps = content.half_steps(largest) + rounding(largest)
-    return KnownMesh(mesh, half_steps, kind, _printable(content.space), partial(_values, content, mesh, shown))
+    values = partial(_values, content, mesh, shown)
+    return KnownMesh(mesh, half_steps, kind, _printable(content.space), values, content.libraries)
 
 
 def _values(content: FileArrays, mesh: Mesh, shown: str) -> Values:
