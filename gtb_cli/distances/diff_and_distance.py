@@ -1,6 +1,5 @@
 """`diff` and `distance` of any two things: meshes, patches, models, and files of meshes or specs."""
 
-import hashlib
 import os
 from bisect import bisect_left
 from collections.abc import Collection
@@ -13,15 +12,14 @@ import numpy as np
 from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.between_shapes import shape_distance
 from gtb_cli.errors import DomainError, GtbError
-from gtb_cli.files import read_up_to
-from gtb_cli.formats.file_arrays import mark_of
-from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, decode_mesh, format_of, size_limit
+from gtb_cli.files import read_file, read_up_to
+from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES, decode_mesh, format_of, size_limit
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
-from gtb_cli.meshes.mesh import LIBRARIES, KnownMesh, Mesh, Values, known_exactly, largest_coordinates, rounding
+from gtb_cli.meshes.mesh import LIBRARIES, KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
@@ -150,7 +148,12 @@ def compared(
             if word not in known:
                 raise DomainError(f"{name}: expected {' or '.join(known)}, got {word!r}")
     if kind == "vertices" or a.spec is None or b.spec is None:
-        return difference(*_with_materials(a, b), tolerance, kind, aspects)
+        result = difference(a.known, b.known, tolerance, kind, aspects)
+        contents, told = [*map(_libraries, (a, b))], f"{LIBRARIES}: not the same"
+        if kind != "surface" and "attributes" not in aspects and all(contents):  # these count, and no names
+            others = [remark for remark in result.values if remark != told]
+            result = replace(result, values=(*others, *[told] * (contents[0] != contents[1])))
+        return result
     found = shape_distance(a.spec, b.spec)
     bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]
     resolution = float(np.linalg.norm(np.sum([rounding(largest_coordinates(each)) for each in bounds], axis=0)))
@@ -171,31 +174,12 @@ def compared(
     )
 
 
-def _with_materials(a: Operand, b: Operand) -> tuple[KnownMesh, KnownMesh]:
-    """Return two meshes; if their material libraries are there, these count by what they hold, not by their names."""
-    contents = _libraries(a), _libraries(b)
-    if not all(contents):
-        return a.known, b.known
-
-    def values(known: KnownMesh, digests: list[bytes]) -> Values:
-        held = known.values()
-        return {**held, LIBRARIES: (np.array([[mark_of(*digests)]]), 0 * held[LIBRARIES][1])}
-
-    one, other = (replace(x.known, values=partial(values, x.known, y)) for x, y in zip((a, b), contents, strict=True))
-    return one, other
-
-
 def _libraries(mesh: Operand) -> list[bytes]:
-    """Return digests of the material libraries of a mesh; none if one is not there."""
-    found, folder = list[bytes](), os.path.dirname(mesh.name)
-    for line in mesh.known.libraries:  # a name with blanks, or several names
-        for name in [line] if os.path.isfile(os.path.join(folder, line)) else line.split():
-            path = os.path.join(folder, name)
-            if not os.path.isfile(path) or not os.access(path, os.R_OK):  # reading a pipe would wait for its writer
-                return []
-            with open(path, "rb") as file:
-                found.append(hashlib.file_digest(file, "sha256").digest())
-    return found
+    """Return what the material libraries of a mesh hold; nothing if one is not there."""
+    places = partial(os.path.join, os.path.dirname(mesh.name))
+    lines = ([line] if os.path.isfile(places(line)) else line.split() for line in mesh.known.libraries)
+    paths = [places(name) for line in lines for name in line]
+    return [read_file(path, MAX_STREAM_BYTES, GtbError) for path in paths] if all(map(os.path.isfile, paths)) else []
 
 
 def operand(what: Comparable, recipe: Recipe) -> Operand:
