@@ -22,22 +22,22 @@ def unlike_values(
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
     are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have,
-    which have to be half of those of one; how many of these there are is told, too, unless it is all.
+    which have to be half of those of one. Also tells where that was.
     """
     skipped = {FACETS, *left_out}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
-    keys = list[list[IntArray]]()
+    keys, where = list[list[IntArray]](), "vertices in the same place"
     remarks = _remarks(a, b, here, there, slots, keys)
     if keys:
         many, is_there = int(keys[1][0].max()) + 1, np.bincount(keys[1][1]) > 0
         met, fewest = int(is_there[:many].sum()), min(many, int(is_there.sum()))
-        where = "" if met == fewest else f"{met} of {fewest} places"
+        where = where if met == fewest else f"{met} of {fewest} places"
         return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where
     if not remarks or isinstance(slots, float):
-        return remarks, ""
+        return remarks, where
     places = numbered_places(a.mesh.vertices)[1]  # as faces that are there twice may share no vertices
     cells = places[a.mesh.cells]
-    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), ""
+    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), where
 
 
 def _remarks(
@@ -49,7 +49,9 @@ def _remarks(
         if name == GROUPS and old != new:
             if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
                 lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
-                remarks += [f"{name}: {_listed(sorted(names))} only in the {which}" for which, names in lone if names]
+                for which, names in lone:
+                    rest = f" and {len(names) - 5} more" if len(names) > 5 else ""
+                    remarks += [f"{name}: {', '.join(sorted(names)[:5])}{rest} only in the {which}"] if names else []
         elif name in here and name in there:
             (rows, of), (others, others_of) = here[name], there[name]
             if name.startswith(OTHER):
@@ -106,12 +108,6 @@ def _met(keys: list[list[IntArray]], *values: tuple[FloatArray, IntArray]) -> Sl
         met = keys[1][0][pairs[0][0]]
     one, other = zip(*pairs, strict=True)
     return np.concatenate(one), np.concatenate(other)
-
-
-def _listed(names: list[str]) -> str:
-    most = 5
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest
 
 
 def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots) -> Slots:

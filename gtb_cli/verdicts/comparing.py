@@ -183,6 +183,4 @@ def _are_equal_meshes(first: str, second: str) -> bool:
     if not is_mesh or not filecmp.cmp(first, second, shallow=False):
         return False
     with opened(first) as file:  # an OBJ file in another folder may have other materials
-        return os.path.samefile(*map(os.path.dirname, map(os.path.abspath, (first, second)))) or not any(
-            b"mtllib" in line for line in file
-        )
+        return os.path.dirname(first) == os.path.dirname(second) or not any(b"mtllib" in line for line in file)
