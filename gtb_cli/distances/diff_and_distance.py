@@ -13,7 +13,9 @@ from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.between_shapes import shape_distance
 from gtb_cli.errors import DomainError, GtbError
 from gtb_cli.files import read_file, read_up_to
-from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES, decode_mesh, format_of, size_limit
+from gtb_cli.formats.export import groups_of
+from gtb_cli.formats.file_arrays import FileArrays
+from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES, decode_mesh, format_of, size_limit, values_of
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
@@ -51,7 +53,7 @@ class Operand:
         if isinstance(self.origin, KnownMesh):
             return self.origin
         try:
-            return known_exactly(self.recipe.mesh(self.origin)[0])
+            return _computed(self.recipe.mesh(self.origin)[0])
         except GtbError as error:
             if not self.name:
                 raise
@@ -174,6 +176,14 @@ def compared(
     )
 
 
+def _computed(mesh: Mesh) -> KnownMesh:
+    """A mesh that was computed here, with groups as a file of it has them."""
+    known, groups = known_exactly(mesh), tuple(groups_of(mesh))
+    content = FileArrays(mesh.vertices, mesh.cells, rounding, groups)
+    named = replace(mesh, groups=groups, normals=None, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
+    return replace(known, mesh=named, values=lambda: {**known.values(), **values_of(content, named, "")})
+
+
 def _libraries(mesh: Operand) -> list[bytes]:
     """Return what the material libraries of a mesh hold; nothing if one is not there."""
     places = partial(os.path.join, os.path.dirname(mesh.name))
@@ -185,7 +195,7 @@ def _libraries(mesh: Operand) -> list[bytes]:
 def operand(what: Comparable, recipe: Recipe) -> Operand:
     """Return what is compared, with the recipe for what is not a mesh; `GtbError` if it is neither mesh nor spec."""
     if isinstance(what, Mesh):
-        return Operand(known_exactly(what), recipe)
+        return Operand(_computed(what), recipe)
     if not isinstance(what, str | os.PathLike):
         return Operand(shape_of(what), recipe)
     name = os.fspath(what)

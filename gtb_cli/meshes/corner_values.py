@@ -47,7 +47,8 @@ def _remarks(
     remarks = []
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
-            if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
+            is_like = a.format == b.format and (a.format != "stl" or (old and new))  # a binary one has no solids
+            if is_like or ("spec" in (a.format, b.format) and name in here and name in there):
                 lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
                 for which, names in lone:
                     rest = f" and {len(names) - 5} more" if len(names) > 5 else ""
