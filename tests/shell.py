@@ -131,8 +131,9 @@ def run_line(line: str, folder: Path) -> Result:
     status, out, err = 0, b"", ""
     with contextlib.chdir(folder):
         for stage in stages:
+            quoted = re.sub(r"'[^']*'", lambda found: found[0].replace("*", "\ue000"), stage)  # no pattern
             done = (
-                _here(shlex.split(stage), out)
+                _here(shlex.split(quoted), out)
                 if stage.startswith("gtb")
                 else run_process(["bash", "-c", stage], None, out)
             )
@@ -149,4 +150,5 @@ def _here(words: list[str], stdin: bytes) -> Result:
             Path(path).write_bytes(done.out)
             return Result(done.status, b"", done.err)
         stdin = Path(path).read_bytes()
-    return gtb(*[path for word in words[1:] for path in (sorted(glob.glob(word)) or [word])], stdin=stdin)
+    paths = [path for word in words[1:] for path in (sorted(glob.glob(word)) or [word.replace("\ue000", "*")])]
+    return gtb(*paths, stdin=stdin)

@@ -131,7 +131,7 @@ def diff(
         write_json(streams.output, found.record)
     else:
         streams.write(found.text)
-    for error in found.errors:
+    for error in (error for verdict in verdicts for error in verdict.errors):
         tell(error, "error")
     if reports:
         write_reports(review, reports)

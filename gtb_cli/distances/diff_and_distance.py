@@ -4,7 +4,7 @@ import os
 from bisect import bisect_left
 from collections.abc import Collection
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import IO, TypeAlias, get_args
 
 import numpy as np
@@ -12,14 +12,16 @@ import numpy as np
 from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.between_shapes import shape_distance
 from gtb_cli.errors import DomainError, GtbError
-from gtb_cli.files import read_up_to
-from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, decode_mesh, format_of, size_limit
+from gtb_cli.files import read_file, read_up_to
+from gtb_cli.formats.export import groups_of
+from gtb_cli.formats.file_arrays import FileArrays
+from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES, decode_mesh, format_of, size_limit, values_of
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
-from gtb_cli.meshes.mesh import KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
+from gtb_cli.meshes.mesh import LIBRARIES, KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
@@ -51,7 +53,7 @@ class Operand:
         if isinstance(self.origin, KnownMesh):
             return self.origin
         try:
-            return known_exactly(self.recipe.mesh(self.origin)[0])
+            return _computed(self.recipe.mesh(self.origin)[0])
         except GtbError as error:
             if not self.name:
                 raise
@@ -148,7 +150,12 @@ def compared(
             if word not in known:
                 raise DomainError(f"{name}: expected {' or '.join(known)}, got {word!r}")
     if kind == "vertices" or a.spec is None or b.spec is None:
-        return difference(a.known, b.known, tolerance, kind, aspects)
+        result = difference(a.known, b.known, tolerance, kind, aspects)
+        contents, told = [*map(_libraries, (a, b))], f"{LIBRARIES}: not the same"
+        if kind != "surface" and "attributes" not in aspects and all(contents):  # these count, and no names
+            others = [remark for remark in result.values if remark != told]
+            result = replace(result, values=(*others, *[told] * (contents[0] != contents[1])))
+        return result
     found = shape_distance(a.spec, b.spec)
     bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]
     resolution = float(np.linalg.norm(np.sum([rounding(largest_coordinates(each)) for each in bounds], axis=0)))
@@ -169,10 +176,26 @@ def compared(
     )
 
 
+def _computed(mesh: Mesh) -> KnownMesh:
+    """A mesh that was computed here, with groups as a file of it has them."""
+    known, groups = known_exactly(mesh), tuple(groups_of(mesh))
+    content = FileArrays(mesh.vertices, mesh.cells, rounding, groups)
+    named = replace(mesh, groups=groups, normals=None, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
+    return replace(known, mesh=named, values=lambda: {**known.values(), **values_of(content, named, "")})
+
+
+def _libraries(mesh: Operand) -> list[bytes]:
+    """Return what the material libraries of a mesh hold; nothing if one is not there."""
+    places = partial(os.path.join, os.path.dirname(mesh.name))
+    lines = ([line] if os.path.isfile(places(line)) else line.split() for line in mesh.known.libraries)
+    paths = [places(name) for line in lines for name in line]
+    return [read_file(path, MAX_STREAM_BYTES, GtbError) for path in paths] if all(map(os.path.isfile, paths)) else []
+
+
 def operand(what: Comparable, recipe: Recipe) -> Operand:
     """Return what is compared, with the recipe for what is not a mesh; `GtbError` if it is neither mesh nor spec."""
     if isinstance(what, Mesh):
-        return Operand(known_exactly(what), recipe)
+        return Operand(_computed(what), recipe)
     if not isinstance(what, str | os.PathLike):
         return Operand(shape_of(what), recipe)
     name = os.fspath(what)

@@ -109,7 +109,7 @@ def encode_mesh(
         from gtb_cli.formats.ply import ply_attributes
 
         attributes = ply_attributes(mesh.attributes)
-    name, groups = plain_name(mesh.name), _groups(mesh)
+    name, groups = plain_name(mesh.name), groups_of(mesh)
 
     limit = _DOUBLE_LIMIT if FORMATS[kind].is_text(ascii) else _SINGLE_LIMIT
     columns = (("coordinates", mesh.vertices), ("normal", mesh.normals), ("uv", coordinates), *attributes.items())
@@ -254,7 +254,7 @@ def _texture_coordinates(mesh: Mesh) -> FloatArray:
     return columns if columns.shape[1] == 2 else np.column_stack([columns[:, 0], np.zeros(len(columns))])
 
 
-def _groups(mesh: Mesh) -> list[tuple[str, int, int]]:
+def groups_of(mesh: Mesh) -> list[tuple[str, int, int]]:
     """Return the non-empty `mesh.groups`, with plain and distinct names."""
     taken: set[str] = set()
     end = 0

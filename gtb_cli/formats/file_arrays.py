@@ -22,6 +22,7 @@ class FileArrays:
     `half_steps` gives the largest rounding of a coordinate along each axis, half a unit in the last digit or bit, at
     (3,) largest coordinates. `space` is what the file says of the unit and the vertical axis, in words. `values` reads
     what else it holds at the corners of its cells; `ranges` are rows of numbers for cells, each from one to another.
+    `libraries` are names of files with its materials.
     """
 
     vertices: FloatArray
@@ -31,6 +32,7 @@ class FileArrays:
     space: str = ""
     values: Callable[[], Values] = dict
     ranges: Mapping[str, Sequence[tuple[Sequence[float], int, int]]] = field(default_factory=dict)
+    libraries: tuple[str, ...] = ()
 
 
 def unreserved(name: str, taken: Container[str]) -> str:

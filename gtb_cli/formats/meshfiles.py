@@ -70,10 +70,11 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     mesh = Mesh(content.vertices, content.cells, groups=groups)
     largest = largest_coordinates(mesh.used)
     half_steps = content.half_steps(largest) + rounding(largest)
-    return KnownMesh(mesh, half_steps, kind, _printable(content.space), partial(_values, content, mesh, shown))
+    values = partial(values_of, content, mesh, shown)
+    return KnownMesh(mesh, half_steps, kind, _printable(content.space), values, content.libraries)
 
 
-def _values(content: FileArrays, mesh: Mesh, shown: str) -> Values:
+def values_of(content: FileArrays, mesh: Mesh, shown: str) -> Values:
     """Return what a file holds at the corners of cells, with the numbers of their groups and their materials."""
     try:
         found = {_printable(name): values for name, values in content.values().items()}

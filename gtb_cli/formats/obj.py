@@ -13,7 +13,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import COLOURS, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
+from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
@@ -160,9 +160,9 @@ class _ObjLines:
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
         marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
-        libraries = "\n".join(name for keyword, name, _ in self.names if keyword == b"mtllib") if materials else ""
-        for label, text in (("points and settings", told), ("material libraries", libraries)):
-            marks[f"{OTHER}{label}"] = [([mark_of(text)], 0, self.cell_count)] if text else []
+        libraries = tuple(name for keyword, name, _ in self.names if keyword == b"mtllib" and materials)
+        for label, text in ((f"{OTHER}points and settings", told), (LIBRARIES, "\n".join(libraries))):
+            marks[label] = [([mark_of(text)], 0, self.cell_count)] if text else []
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
         further = [np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan) for part in self.further]
@@ -173,7 +173,8 @@ class _ObjLines:
                 return {}
             return {COLOURS if width > 1 else "weights of vertices": (numbers, cells)}
 
-        return FileArrays(vertices, cells, partial(half_step, self.words), tuple(groups), values=values, ranges=marks)
+        steps = partial(half_step, self.words)
+        return FileArrays(vertices, cells, steps, tuple(groups), "", values, marks, libraries)
 
 
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, bytes, str]]]:

@@ -114,7 +114,7 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
         upper = remainder // divisor
         words[..., place] = _table(lead, count, count).take(upper)
         remainder -= upper * divisor
-    return _compressed(text)
+    return text.tobytes().translate(None, b"\0") + b"\n"
 
 
 def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> FloatArray:
@@ -145,7 +145,7 @@ def cell_lines(prefix: str, references: Sequence[tuple[Sequence[bytes], IntArray
     for lead, cells, groups in parts:
         start, stop = stop, stop + groups + 1
         _put_whole(words[..., start:stop], cells + 1, _table(lead, 4 - len(lead), int(not groups)), 0)
-    return _compressed(text)
+    return text.tobytes().translate(None, b"\0") + b"\n"
 
 
 def _groups(top: int, head_digits: int) -> int:
@@ -173,10 +173,6 @@ def _lines(prefix: str, rows: int, columns: int, words: int) -> tuple[Words, Wor
     text[:, 0] = int.from_bytes(b"\n" + prefix.encode("ascii"), "little")
     text[0, 0] = int.from_bytes(prefix.encode("ascii"), "little")
     return text[:, 1:].reshape(rows, columns, words), text
-
-
-def _compressed(text: Words) -> bytes:
-    return text.tobytes().translate(None, b"\0") + b"\n"
 
 
 @cache

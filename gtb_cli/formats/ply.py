@@ -248,10 +248,6 @@ def _uneven(element: Element, rows: Iterable[list[list[float]]]) -> Columns:
     }
 
 
-def _cut_off(element: Element) -> GtbError:
-    return GtbError(f"is cut off: it ends within the {element.rows} rows of element {element.name}")
-
-
 def _binary(data: bytes, start: int, element: Element, order: str) -> tuple[Columns, int]:
     """Return the columns of an element, views of the file if all rows are as long as the first, and its end."""
     place = start
@@ -260,7 +256,7 @@ def _binary(data: bytes, start: int, element: Element, order: str) -> tuple[Colu
         nonlocal place
         begin, place = place, place + count * np.dtype(kind).itemsize
         if count < 0 or place > len(data):
-            raise _cut_off(element)
+            raise GtbError(f"is cut off: it ends within the {element.rows} rows of element {element.name}")
         values: list[float] = np.frombuffer(data, order + kind, count, begin).tolist()
         return values
 
@@ -293,7 +289,7 @@ def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Colum
     while left:
         block = list(islice(rows, min(left, most)))
         if not block:
-            raise _cut_off(element)
+            raise GtbError(f"is cut off: it ends within the {element.rows} rows of element {element.name}")
         left -= len(block)
         wanted = max(SAMPLED_VERTICES // 100, SAMPLED_VERTICES - len(sample) // 3)  # further blocks may have others
         sample += [word for row in block[:wanted] for word in row.split()[:3]]

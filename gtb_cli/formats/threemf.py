@@ -137,12 +137,9 @@ class _Reader:
         name = MODEL if MODEL in names else next(iter(names), None)
         if name is None:
             raise GtbError("is a ZIP archive without the model of a 3MF file")
-        told = (
-            archive.read(_LINKS)
-            if _LINKS in archive.namelist() and archive.getinfo(_LINKS).file_size < 1 << 20
-            else b""
-        )
-        is_other = _LINKS in archive.namelist() and (told.count(b"/01/3dmodel") != 1 or name.encode() not in told)
+        has_links = _LINKS in archive.namelist()
+        told = archive.read(_LINKS) if has_links and archive.getinfo(_LINKS).file_size < 1 << 20 else b""
+        is_other = has_links and (told.count(b"/01/3dmodel") != 1 or name.encode() not in told)
         if is_other or len({*archive.namelist()}) < len(archive.namelist()):
             raise GtbError(f"has a part twice, or {_LINKS} names another model than {name}")
         if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
@@ -228,7 +225,10 @@ class _Reader:
             if any(key.endswith(":path") for key in given):
                 raise GtbError("has an object in another part of the archive, where it is not looked for")
             is_printed = given.get("printable", "1") in ("1", "true")
-            link = given["objectid"], _matrix(given.get("transform")), "" if is_printed else "not printed\n"
+            matrix = np.eye(4)  # by which rows (x y z 1) are multiplied
+            if "transform" in given:
+                matrix[:, :3] = np.array([float(word) for word in given["transform"].split()]).reshape(4, 3)
+            link = given["objectid"], matrix, "" if is_printed else "not printed\n"
             (self.items if name == "item" else self.components[self.id]).append(link)
             self.note(f"{name} {len(self.items)}", given, *_KNOWN)
             self.extensions.update((self.meshes[self.id].name if name == "component" else "").encode())
@@ -325,11 +325,3 @@ _LOOK, _SPECIAL = f"{MATERIALS}3MF", f"{OBJECTS} that are not printed, or suppor
 # Elements and attributes of the core specification that say nothing of their own, or are read
 _PLAIN = ["resources", "build", "mesh", "vertices", "triangles", "components", "metadata"]
 _KNOWN = ["objectid", "name", "type", "pid", "pindex", "transform", "printable", "thumbnail"]
-
-
-def _matrix(text: str | None) -> FloatArray:
-    """The (4, 4) matrix by which rows (x y z 1) are multiplied."""
-    matrix = np.eye(4)
-    if text is not None:
-        matrix[:, :3] = np.array([float(word) for word in text.split()]).reshape(4, 3)
-    return matrix

@@ -15,37 +15,51 @@ NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
 
 
-def unlike_values(a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = ()) -> tuple[str, ...]:
+def unlike_values(
+    a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = ()
+) -> tuple[tuple[str, ...], str]:
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
-    are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have.
+    are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have,
+    which have to be half of those of one. Also tells where that was.
     """
     skipped = {FACETS, *left_out}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
-    remarks = _remarks(a, b, here, there, slots)
+    keys, where = list[list[IntArray]](), "vertices in the same place"
+    remarks = _remarks(a, b, here, there, slots, keys)
+    if keys:
+        many, is_there = int(keys[1][0].max()) + 1, np.bincount(keys[1][1]) > 0
+        met, fewest = int(is_there[:many].sum()), min(many, int(is_there.sum()))
+        where = where if met == fewest else f"{met} of {fewest} places"
+        return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where
     if not remarks or isinstance(slots, float):
-        return remarks
+        return remarks, where
     places = numbered_places(a.mesh.vertices)[1]  # as faces that are there twice may share no vertices
     cells = places[a.mesh.cells]
-    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots))
+    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), where
 
 
-def _remarks(a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float) -> tuple[str, ...]:
+def _remarks(
+    a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float, keys: list[list[IntArray]]
+) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
-    remarks, keys = [], list[list[IntArray]]()
+    remarks = []
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
-            if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
+            is_like = a.format == b.format and (a.format != "stl" or (old and new))  # a binary one has no solids
+            if is_like or ("spec" in (a.format, b.format) and name in here and name in there):
                 lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
-                remarks += [f"{name}: {_listed(sorted(names))} only in the {which}" for which, names in lone if names]
+                for which, names in lone:
+                    rest = f" and {len(names) - 5} more" if len(names) > 5 else ""
+                    remarks += [f"{name}: {', '.join(sorted(names)[:5])}{rest} only in the {which}"] if names else []
         elif name in here and name in there:
             (rows, of), (others, others_of) = here[name], there[name]
             if name.startswith(OTHER):
                 remarks += [f"{name}: not the same"] if (rows[of[0, 0]] != others[others_of[0, 0]]).any() else []
                 continue
             if isinstance(slots, float):
-                keys = keys or _numbers(a.mesh, b.mesh, slots)
+                keys += [] if keys else _numbers(a.mesh, b.mesh, slots)
                 one, other = _met(keys, (rows, of.ravel()), (others, others_of.ravel()))
             else:
                 step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
@@ -95,12 +109,6 @@ def _met(keys: list[list[IntArray]], *values: tuple[FloatArray, IntArray]) -> Sl
         met = keys[1][0][pairs[0][0]]
     one, other = zip(*pairs, strict=True)
     return np.concatenate(one), np.concatenate(other)
-
-
-def _listed(names: list[str]) -> str:
-    most = 5
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest
 
 
 def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots) -> Slots:

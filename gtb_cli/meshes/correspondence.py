@@ -61,8 +61,9 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
         is_named = has_numbers and cells is a.mesh.cells
         if is_certain and first is None and (is_named or _is_likely(a.mesh, b.mesh, found, tolerance)):
             first = found
-        if is_certain and not _may_be_near(a.mesh, b.mesh, tolerance):
-            break
+        here, there = (np.sort(each.mesh.used, axis=0) for each in (a, b))
+        if is_certain and len(here) == len(there) and np.abs(here - there).max() > tolerance:
+            break  # no vertices can be near all their own ones
     return turned or first
 
 
@@ -72,14 +73,6 @@ def _is_likely(a: Mesh, b: Mesh, found: Matching, tolerance: float) -> bool:
     count = len(found.vertices)
     _, label = numbered_places(np.concatenate([a.vertices[found.vertices], b.vertices[found.others]]))
     return bool((found.distances > tolerance).sum() <= 2 * (~np.isin(label[:count], label[count:])).sum())
-
-
-def _may_be_near(a: Mesh, b: Mesh, tolerance: float) -> bool:
-    """Tell whether each vertex may be within the tolerance of its own one of the other mesh, by sorted coordinates."""
-    here, there = a.used, b.used
-    if len(here) != len(there):
-        return True
-    return all(np.abs(np.sort(x) - np.sort(y)).max() <= tolerance for x, y in zip(here.T, there.T, strict=True))
 
 
 def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator[tuple[IntArray, IntArray, bool]]:

@@ -61,7 +61,7 @@ class Difference:
     values: tuple[str, ...] = ()  # how normals, texture coordinates and attributes differ
     is_curve: bool = False  # whether both are curves
     kind: Kind = "auto"  # as what they were to be compared
-    uncompared: bool = False  # whether there are such values, and other faces
+    uncompared: str = ""  # where alone there are such values that were compared, as there are other faces
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
@@ -110,7 +110,7 @@ class Difference:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
         if self.uncompared:
-            only, why = "only compared at vertices in the same place", "the faces are others"
+            only, why = f"only compared at {self.uncompared}", "the faces are others"
             if self.kind == "surface":
                 only, why = "not compared", "surfaces were asked for"
             result.append(f"normals, texture coordinates, attributes and groups are {only}, as {why}")
@@ -182,7 +182,7 @@ def difference(
             if distance <= allowed and apart > max(step, finest)
         ]
         left_out = set() if distance <= allowed else {NORMALS}  # which turn with what is turned
-        values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)
+        values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
         words = told_motion(points, b.mesh.vertices[matched.others], allowed) if distance > allowed else ()
         is_mirrored = words[:1] and words[0].startswith("mirrored")
         return made(
@@ -209,6 +209,9 @@ def difference(
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks = 0 if lone is None else lone.turned, tuple[str, ...]()
     close = min(allowed, max(resolution, 1e-6 * diagonal))
+    is_told = "attributes" not in ignore and (found.distance <= allowed or lone is not None)
+    are_left_out = "attributes" in ignore or kind == "surface"
+    values, where = ((), "no place") if are_left_out else unlike_values(a, b, close)
     if same_kind and found.distance <= allowed:
         turned, remarks = unlike(a, b, allowed, close, lone is None)
     return made(
@@ -222,10 +225,8 @@ def difference(
         turned=turned,
         remarks=remarks,
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
-        values=() if "attributes" in ignore or kind == "surface" else unlike_values(a, b, close),
-        uncompared="attributes" not in ignore
-        and (found.distance <= allowed or lone is not None)
-        and any(each.values().keys() - {FACETS} for each in (a, b)),
+        values=values,
+        uncompared=where if any(each.values().keys() - {FACETS} for each in (a, b)) and is_told else "",
     )
 
 

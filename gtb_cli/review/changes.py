@@ -115,7 +115,11 @@ def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
             same += 1
             continue
         kept.append(_at_most(each, most) if most < MAX_SHOWN_FACES else each)  # cells that were divided stay so
-        while sum(map(_shown_faces, kept)) > MAX_ALL_FACES and most > 1:
+        while (
+            most > 1
+            and sum(len(side.mesh.cells) for one in kept for side in (one.old, one.new) if side and side.mesh)
+            > MAX_ALL_FACES
+        ):
             most //= 2
             kept = [_at_most(one, most) for one in kept]
     kept.sort(key=lambda each: (REPORTED.index(each.verdict.word), -each.amount, each.verdict.name))
@@ -160,10 +164,6 @@ def _framed(change: Change) -> Change:
     else:
         reason = f"{small} is a dot beside {large}"
     return replace(change, frames=(Frame.around(points[0]), Frame.around(points[1])), scale=reason)
-
-
-def _shown_faces(change: Change) -> int:
-    return sum(len(side.mesh.cells) for side in (change.old, change.new) if side is not None and side.mesh is not None)
 
 
 def _at_most(change: Change, most: int) -> Change:

@@ -180,4 +180,7 @@ def _are_equal_meshes(first: str, second: str) -> bool:
     with opened(first) as file:
         start = file.read(1 << 16)
     is_mesh = format_of(start) is not None or size_limit(start, 0) == os.path.getsize(first)  # binary STL
-    return is_mesh and filecmp.cmp(first, second, shallow=False)
+    if not is_mesh or not filecmp.cmp(first, second, shallow=False):
+        return False
+    with opened(first) as file:  # an OBJ file in another folder may have other materials
+        return os.path.dirname(first) == os.path.dirname(second) or not any(b"mtllib" in line for line in file)

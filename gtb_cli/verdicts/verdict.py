@@ -101,11 +101,6 @@ class Verdicts:
         return 2 if self.counts["unreadable"] else int(self.counts["same"] < len(self.each))
 
     @property
-    def errors(self) -> list[Fault]:
-        """Why files are unreadable."""
-        return [error for verdict in self.each for error in verdict.errors]
-
-    @property
     def text(self) -> str:
         """What is said of two files; of folders, of each file that is not the same, and how many there are of each."""
         if not self.of_folders:

@@ -310,6 +310,17 @@ def test_rows_are_free_where_a_patch_is_fairer_so(monkeypatch):
     assert fill_loop(sides, raises=2).bending.variation < 1.1 * fair
 
 
+def hole_side(curve, way):
+    return HoleSide("side", homogeneous(np.array(curve, float)), np.tile(way, (96, 1)))
+
+
+def test_a_row_crosses_both_edges_at_a_smooth_corner():
+    """One that could run along them would be curved 400 times as much as a ball of radius 1 there."""
+    lines, arch = np.arange(7)[:, None] / [3, np.inf, np.inf], [[2, 0, 0], [2, 1.3, 0], [0, 1.3, 0], [0, 0, 0]]
+    sides = hole_side(lines[:4], [0, 0.3, 0.6]), hole_side(lines[3:], [0, 0.3, 0.6]), hole_side(arch, [0, -0.1, 0.6])
+    assert corner_limits(fill_loop(sides, raises=0).patch, 1).curvature < 10
+
+
 @long
 def test_at_smooth_corners_the_patch_does_not_fold():
     """A flask's shoulder: arcs run on into lines, so that ways to first knots share half a turn, and each has some."""
@@ -323,11 +334,7 @@ def test_at_smooth_corners_the_patch_does_not_fold():
         ([[y, x, z] for x, y, z in walls[::-1]], [0.25, 0, 0]),
         ([[0, 0.35, 1.6], [high, 0.35, 1.6], [0.35, high, 1.6], [0.35, 0, 1.6]], [0, 0, -0.3]),
     ]
-    sides = [
-        HoleSide(f"side {k}", homogeneous(np.array(c, float)), np.tile(way, (96, 1)))
-        for k, (c, way) in enumerate(curves)
-    ]
-    filling = fill_loop(sides)
+    filling = fill_loop([hole_side(*each) for each in curves])
     assert filling.fault is None
     assert filling.bending.energy < 14.1  # of Open CASCADE's
     assert max(corner_limits(filling.patch, corner).curvature for corner in range(6)) < 30

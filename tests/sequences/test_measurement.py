@@ -152,7 +152,7 @@ def test_the_film_alone_is_measured():
     """Without a step there is only the merged patch, from which the film reaches as far as ever."""
     patch = inner_knots()
     distances = [knot_sequence(patch, {6: 3}, steps, resolution=1).film_distances[-1] for steps in ([], [0.5])]
-    assert distances[0] == pytest.approx(distances[1], rel=2 * THREE_DIGITS)
+    assert 0.4 < distances[0] == pytest.approx(distances[1], rel=2 * THREE_DIGITS)
 
 
 @pytest.mark.parametrize("seed", mostly_long((3, 6, 1, 9, 11, 16, 24, 27), 0))
