@@ -126,6 +126,7 @@ def page_data(content: Content) -> dict[str, Any]:
         "lines": {name: encoded(pairs, "<u4") for name, pairs in content.lines.items()},
         "netNames": list(content.net_names),
         "knots": {"points": placed(content.knots), "names": list(content.knot_names)},
+        "edges": {"points": placed(content.edges), "names": list(content.edge_names)},
         "scalars": scalars,
     }
 
