@@ -43,16 +43,12 @@ def help_(command: str | None) -> None:
     group = above.command
     assert isinstance(group, click.Group)
     if command not in (names := group.list_commands(above)):
-        having: dict[str, list[str]] = {}
-        for name in names:
-            for param in getattr(group.get_command(above, name), "params", []):
-                if f"--{command}" in param.opts:
-                    having.setdefault(param.help, []).append(name)
-        if having:
-            formatter = above.make_formatter()
-            with formatter.section(f"--{command}"):
-                formatter.write_dl([(f"gtb {', '.join(having[text])}", text) for text in having])
-            return click.echo(formatter.getvalue(), nl=False)
+        params = [(each, param) for each in names for param in vars(group.get_command(above, each))["params"]]
+        having = [(each, param.help) for each, param in params if f"--{command}" in param.opts]
+        texts = {text: ", ".join(each for each, own in having if own == text) for _, text in having}
+        if texts:
+            rows = (f"{commands}:\n{click.wrap_text(text, 76, '    ', '    ')}" for text, commands in texts.items())
+            return click.echo("\n".join(f"gtb {each}" for each in rows))
     name, found, _ = group.resolve_command(above, [command])
     assert found is not None
     with click.Context(found, info_name=name, parent=above) as context:

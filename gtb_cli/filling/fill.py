@@ -137,15 +137,16 @@ def filled_in_some_way(
     A remark says with which, and why; a patch that keeps its fault has what was `tried`.
     """
     first, tried = filled(found, hole, name, **options), list[str]()
-    more = max(first.raises, default=0) + 1
-    changes = [("fullness 0.8", {"fullness": 0.8}), ("fullness 0.5", {"fullness": 0.5})]
-    changes += [(f"degrees raised by {more}", {"raises": more})]
-    for words, change in changes if first.fault and first.angle <= 45 and not first.parts else ():
+    more = 1 + max(first.raises, default=0)
+    fault, _, way_out = (first.fault or "").partition(":")
+    ways = {"fullness 0.8": {"fullness": 0.8}, "fullness 0.5": {"fullness": 0.5}}
+    ways |= {f"degrees raised by {more}": {"raises": more}}
+    for words, change in ways.items() if "fullness" in way_out or "degrees" in way_out else ():
         with suppress(DomainError):  # no side has planes along which it could go on
             other = filled(found, hole, name, **options | change)
             if not other.fault:
-                why = f"filled with {words}, as otherwise {first.fault.partition(':')[0]}"
-                return replace(other, remarks=(why, *other.remarks), tried=("fullness 1", *tried))
+                remarks = (f"filled with {words}, as otherwise {fault}", *other.remarks)
+                return replace(other, remarks=remarks, tried=("fullness 1", *tried))
             tried.append(words)
     return replace(first, tried=tuple(tried))
 

@@ -20,7 +20,7 @@ from gtb_cli.plots.look import subscript
 from gtb_cli.plots.net_lines import net_of
 from gtb_cli.plots.panels import Frames
 from gtb_cli.plots.shape_figures import free_edges, with_normals
-from gtb_cli.solids.wall_depth import wall_of_vertices
+from gtb_cli.solids.wall_depth import MAX_WALL_FACES, wall_of_vertices
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
@@ -32,7 +32,6 @@ NO_POINTS = np.empty((0, 3))
 MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
 PAGE_TOLERANCE = 4e-4  # of the size: less than half a pixel where a model fills a screen
 PAGE_FACES = 60_000  # of an even mesh, if nothing else is asked for
-MAX_WALL_FACES = 200_000  # whose walls take 6 s
 
 EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
 
@@ -53,8 +52,8 @@ class Content:
     sides: ``border`` between groups and at sharp edges, ``open`` without a neighbour, and ``folds`` within a group,
     where the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150 at
     an edge; and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface at the knots,
-    `edges` the middles of a single patch's edges, or of open ones, and `scalars` its "mean" and "gaussian" curvature, or
-    the "wall" of a solid, None if there are too many triangles. A vertex with several normals is several rows of a
+    `edges` the middles of open edges, or of all of a single patch, and `scalars` its "mean" and "gaussian" curvature,
+    or the "wall" of a solid, None if there are too many triangles. A vertex with several normals is several rows of a
     keyframe: `vertices` is how many there are.
     """
 
