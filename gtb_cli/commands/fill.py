@@ -106,11 +106,12 @@ def fill(
 
     A certificate says what was measured: angles between normals along sides, in a model or with g2 also differences of
     curvature; planes and curvature of corners; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its variation), and folds. With
-    --json it is data, in place of the spec, which -o writes. A patch that folds or is turned over is not written.
+    --json it is data, in place of the spec, which -o writes. A patch that folds or is turned over is not written; where
+    neither --fullness nor --elevate is given, less fullness and one degree more are tried before.
 
     A hole with concave corners is cut by curves into parts with a patch each, whose tangent planes along them agree.
     """
-    from gtb_cli.filling.fill import filled, holes_of
+    from gtb_cli.filling.fill import filled, filled_in_some_way, holes_of
     from gtb_cli.filling.holes import ring_texts
     from gtb_cli.filling.loops import read_loop
     from gtb_cli.filling.part_holes import Part
@@ -134,7 +135,8 @@ def fill(
         name = None if isinstance(found, Model) else named or input_stem(loop)
         options = {"continuity": continuity, "inner": inner, "fullness": fullness or 1.0, "raises": raises}
         with streams.console.clock("fill"):
-            filling = filled(found, hole, name, **options, g2_tolerance=g2_tolerance)
+            fill_hole = filled_in_some_way if fullness is None and raises is None else filled
+            filling = fill_hole(found, hole, name, **options, g2_tolerance=g2_tolerance)
     if kind is not None and not filling.fault:
         from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
 

@@ -23,13 +23,14 @@ def schema(streams: Streams) -> None:
 
 
 @click.command("help")
-@click.argument("command", metavar="[COMMAND]", required=False)
+@click.argument("command", metavar="[COMMAND|OPTION]", required=False)
 @click.option("-q", "--quiet", is_flag=True, expose_value=False, help="Print only errors.")
 def help_(command: str | None) -> None:
     """\b
     Example: gtb help mesh
 
-    Say what a command does, as its --help does, or list the commands. gtb help spec explains every key of a spec.
+    Say what a command does, as its --help does, or list the commands. gtb help spec explains every key of a spec, and
+    gtb help thickness says which commands have such an option.
     """
     if command == "spec":
         from gtb_cli.language.schema import page
@@ -39,8 +40,16 @@ def help_(command: str | None) -> None:
     assert above is not None
     if command is None:
         return click.echo(above.get_help())
-    assert isinstance(above.command, click.Group)
-    name, found, _ = above.command.resolve_command(above, [command])
+    group = above.command
+    assert isinstance(group, click.Group)
+    if command not in (names := group.list_commands(above)):
+        params = [(each, param) for each in names for param in vars(group.get_command(above, each))["params"]]
+        having = [(each, param.help) for each, param in params if f"--{command}" in param.opts]
+        texts = {text: ", ".join(each for each, own in having if own == text) for _, text in having}
+        if texts:
+            rows = (f"{commands}:\n{click.wrap_text(text, 76, '    ', '    ')}" for text, commands in texts.items())
+            return click.echo("\n".join(f"gtb {each}" for each in rows))
+    name, found, _ = group.resolve_command(above, [command])
     assert found is not None
     with click.Context(found, info_name=name, parent=above) as context:
         click.echo(found.get_help(context))

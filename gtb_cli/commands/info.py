@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import GtbError, ToleranceError
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.several import ReportRequest, report_options
 from gtb_cli.shell.streams import Spec, about, shown_input, spec_of
-from gtb_cli.verdicts.mesh_reports import corners, mesh_line, mesh_text, row, spec_or_report
-from gtb_cli.vocabulary import SPEC_FORMATS, suffix_of
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.verdicts.mesh_reports import corners, mesh_line, mesh_text, printing_rows, row, spec_or_report
+from gtb_cli.vocabulary import SPEC_FORMATS, UP, Up, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.checks.description import Description
+    from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.models.model import Model
     from gtb_cli.theory.patch import Patch
 
@@ -26,7 +29,10 @@ MAX_PATCHES_SHOWN = 4  # largest number of patches of a model that are all descr
 
 @click.command
 @report_options(metavar="SPEC|MESH...")
-def info(request: ReportRequest) -> None:
+@click.option(
+    "--up", type=click.Choice(UP), default=UP[0], help="Axis that points up where it is printed; z by default."
+)
+def info(request: ReportRequest, up: Up) -> None:
     """\b
     Example: gtb info specs/pentagon.toml
 
@@ -40,9 +46,12 @@ def info(request: ReportRequest) -> None:
     are open, crowded (with more than two faces) or turned, digests and groups, in digits that are the same on all
     processors: the page of commands has the lines by which git diff shows them. Of a STEP, IGES or BREP file: faces,
     solids, holes, sizes.
+
+    Of what is closed, also what a printer asks, in millimetres if units are: size, footprint, overhangs by more than 45
+    degrees, and the least wall (of up to 50 000 faces, with --long or --json 200 000) with its place.
     """
     in_full = request.in_full
-    report = partial(_found, in_full=request.as_json or in_full, with_extents=not request.in_lines)
+    report = partial(_found, in_full=request.as_json or in_full, up=None if request.in_lines else up)
     rows, errors = request.found(report, meshes=True)
     request.write(rows, dict, _line, partial(_text, in_full=in_full), gap="\n")
     if errors:
@@ -64,8 +73,11 @@ def _kind(found: dict[str, Any]) -> str:
     return str(found["kind"]) + (" of degree " + " × ".join(map(str, degree)) if degree else "")
 
 
-def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool, with_extents: bool) -> dict[str, Any]:
-    """Return all that is reported about a spec, or a mesh; unless in full, only the joints that are listed."""
+def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool, up: Up | None) -> dict[str, Any]:
+    """Return all that is reported about a spec, or a mesh; unless in full, only the joints that are listed.
+
+    Sizes are measured if an axis is `up`.
+    """
     from gtb_cli.checks.areas_and_volumes import extents
     from gtb_cli.models.model import with_weld
 
@@ -73,7 +85,7 @@ def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool,
         with spec_of(spec, reading) as read:
             found: Spec | dict[str, Any] = read
     else:
-        found = spec_or_report(spec)
+        found = spec_or_report(spec, partial(_printing, up=up, in_full=in_full))
     if isinstance(found, dict):
         if weld is not None:
             raise GtbError(f"{shown_input(spec)}: --weld is for specs, and this is a {found['kind']}")
@@ -81,9 +93,20 @@ def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool,
     with about(shown_input(spec)):
         shape = with_weld(found, weld)
         report = _report_of(shape, in_full)
-        for name, extent in extents(shape).items() if with_extents else ():
+        for name, extent in extents(shape).items() if up is not None else ():
             report |= {name: extent.value, f"{name}_error": extent.error}
+        if report.get("closed") and "volume" in report:
+            with suppress(ToleranceError):
+                mesh = Recipe(tolerance="0.1%", max_faces=50_000).mesh(shape)[0]
+                report["printing"] = _printing(mesh, up, in_full)
     return report
+
+
+def _printing(mesh: Mesh, up: Up | None, in_full: bool) -> dict[str, Any]:
+    from gtb_cli.solids.printing import printing
+    from gtb_cli.solids.wall_depth import MAX_WALL_FACES
+
+    return {} if up is None else printing(mesh, up, MAX_WALL_FACES if in_full else MAX_WALL_FACES // 4)
 
 
 def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
@@ -184,6 +207,7 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
             lines.append(("welded edges", f"{found['welded_edges']}, up to {found['welded_distance']:.3g} apart"))
         for crowded in found["crowded_edges"]:
             lines.append(("crowded edge", "; ".join(crowded)))
+        lines += _size_rows(found)
         lines += [("joint", _joint_text(joint, found["control_box"])) for joint in found["joints"]]
         if not patches:
             count = found["shared_edges"] if found["dimension"] == 2 else 0
@@ -200,14 +224,17 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
         ]
         if found["edge_normals"]:
             lines.append(("edge normals", found["edge_normals"]))
-        lines.append(("linear precision", f"off by up to {error:.3g}"))
-    lines += zip(("lowest", "highest"), corners(found["bounding_box"]), strict=True)
-    lines.append(("control points", "from {} to {}".format(*corners(found["control_box"]))))
-    for name in ("length", "area", "volume"):
-        if name in found:
-            lines.append((name, _within(found[name], found[f"{name}_error"])))
+        lines += [("linear precision", f"off by up to {error:.3g}"), *_size_rows(found)]
     text = "".join(f"{indent}{label:17} {value}\n" for label, value in lines)
     return text + "".join("\n" + _text(patch, indent + "  ") for patch in patches)
+
+
+def _size_rows(found: dict[str, Any]) -> list[tuple[str, str]]:
+    lines = [*zip(("lowest", "highest"), corners(found["bounding_box"]), strict=True)]
+    lines.append(("control points", "from {} to {}".format(*corners(found["control_box"]))))
+    names = [name for name in ("length", "area", "volume") if name in found]
+    lines += [(name, _within(found[name], found[f"{name}_error"])) for name in names]
+    return lines + printing_rows(found.get("printing"))
 
 
 def _within(value: float, error: float) -> str:

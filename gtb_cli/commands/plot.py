@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import (
@@ -18,12 +21,15 @@ from gtb_cli.shell.options import (
     reading_streams,
     reads,
     resolution_up_to,
+    solid_options,
     spec_argument,
 )
-from gtb_cli.shell.streams import Streams, output_format, refuse_terminal, write_blocks
-from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, SIZE_LIMITS, STRETCH_LIMITS
+from gtb_cli.shell.streams import Spec, Streams, output_format, refuse_terminal, write_blocks
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, RESOLUTION, SIZE_LIMITS, STRETCH_LIMITS, Rim
 
 if TYPE_CHECKING:
+    from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.plots.panels import Approach
 
 FIGURE_FORMATS = ("png", "svg", "pdf")  # the default first
@@ -48,6 +54,11 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
     if match is None:
         raise ValueError(f"{text!r}: expected KEY[I]=V,…, such as weights[2]=1,5,25")
     return match[1], int(match[2]), numbers_of(match[3]), tuple(part.strip() for part in match[3].split(","))
+
+
+def _solid(radius: float | None, thickness: float | None, rim: Rim) -> Recipe | None:
+    recipe = Recipe(radius=radius, thickness=thickness, rim=rim)
+    return None if recipe == Recipe() else recipe
 
 
 @click.command
@@ -109,12 +120,14 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
 @resolution_up_to(
     type=WholeNumber(1, 1000), help="Segments along each edge of the domain; by default as fine as the figure can show."
 )
+@gathered("solid", _solid, *solid_options)
 @limit_options
 @reading_streams
 def plot(
     spec: str,
     what: str | None,
     format: str | None,
+    solid: Recipe | None,
     limit: Approach,
     vary: tuple[str, int, tuple[float, ...], tuple[str, ...]] | None,
     streams: Streams,
@@ -137,6 +150,8 @@ def plot(
                     limit's net is drawn over each, and at step 0 the patch's own
     distance        of such a sequence from its limit, with logarithmic axes
 
+    With --thickness or --radius it draws the solid that gtb mesh makes with the same options.
+
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
     output = streams.output
@@ -156,12 +171,20 @@ def plot(
     if is_animation and what not in (None, "sequence"):
         raise click.UsageError(f"a film shows a sequence, and this is {what}")
     with streams.spec_of(spec) as loaded:
+        shape: Spec | Mesh = loaded
+        if solid is not None:
+            for name in ("labels", "net", "curvature"):
+                if looks[name]:
+                    raise click.UsageError(f"--{name} is for a curve or surface, and this draws a solid")
+            shape, remarks = replace(solid, resolution=looks["resolution"] or RESOLUTION, normals=True).mesh(loaded)
+            for remark in remarks:
+                streams.console.warn(in_options(remark))
         variation = Variation(*vary) if vary else None
-        picture = picture_of(loaded, "sequence" if is_animation else what, {**looks, "vary": variation, **vars(limit)})
+        picture = picture_of(shape, "sequence" if is_animation else what, {**looks, "vary": variation, **vars(limit)})
         if is_animation:
-            frames = frames_of_picture(loaded, picture, "animation")
+            frames = frames_of_picture(shape, picture, "animation")
         else:
-            figure = figure_of(loaded, picture)
+            figure = figure_of(shape, picture)
     if is_animation:
         data = encoded_animation(animation_of_frames(frames, picture.look))
     else:

@@ -82,6 +82,8 @@ class Filling:
     parts : tuple of Filling
         Of a hole that is cut at its concave corners, its parts: `patch` is the first one's, and the other attributes
         list or add up those of all. Empty if one patch fills the hole.
+    tried : tuple of str
+        Options with which the patch has a fault, too, or had one before it was made with others.
     """
 
     patch: Patch
@@ -99,6 +101,7 @@ class Filling:
     remarks: tuple[str, ...]
     model: Model | None = None
     parts: tuple["Filling", ...] = ()
+    tried: tuple[str, ...] = ()
 
     @property
     def patches(self) -> tuple[Patch, ...]:
@@ -118,18 +121,20 @@ class Filling:
     @property
     def fault(self) -> str | None:
         """The sentence that says why the patch does not fill the hole, and what to try; None if it is one."""
+        others, corners = "other ribbons, or curves that cut the hole into smaller ones", concave_corners(self.sides)
         if self.angle > 45:  # where fields follow the planes at all, it is below a degree
             far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
             what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
-            way_out = "try a fullness of 0.8 or 0.5, other ribbons, or curves that cut the hole into smaller ones"
-        elif self.sharpness > 2000 or (concave_corners(self.sides) and (self.sharp_turns or self.sharpness > SPIKE)):
+            way_out = f"try a fullness of 0.8 or 0.5, {others}"
+        elif self.sharpness > 2000 or (corners and (self.sharp_turns or self.sharpness > SPIKE)):
             what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
-            way_out = "raise degrees more, or try other ribbons, or curves that cut the hole into smaller ones"
+            way_out = f"raise degrees more, or try {others}"
         else:
             return None
-        corners = concave_corners(self.sides)
+        if self.tried:
+            way_out = f"{', '.join(self.tried)} were tried, too: try {others}"
         if 0 < len(corners) < len(self.sides) - 2:  # with fewer others, the ribbons point out of the hole
             places = "; ".join(corners)
             way_out = f"cut the hole with curves from its concave corners (gtb fill tries at most six): {places}"

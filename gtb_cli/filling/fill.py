@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, count, islice
 from typing import Any
@@ -128,22 +129,46 @@ def filled(found: Sequence[HoleSide] | Model | Part, hole: str | None, name: str
     return replace(_beside(beside, filling), remarks=remarks, model=whole)
 
 
+def filled_in_some_way(
+    found: Sequence[HoleSide] | Model | Part, hole: str | None, name: str | None, **options: Any
+) -> Filling:
+    """Fill as `filled` does and, where that has a fault, with less fullness or one degree more, if that has none.
+
+    A remark says with which, and why; a patch that keeps its fault has what was `tried`.
+    """
+    first, tried = filled(found, hole, name, **options), list[str]()
+    more = 1 + max(first.raises, default=0)
+    fault, _, way_out = (first.fault or "").partition(":")
+    ways = {"fullness 0.8": {"fullness": 0.8}, "fullness 0.5": {"fullness": 0.5}}
+    ways |= {f"degrees raised by {more}": {"raises": more}}
+    for words, change in ways.items() if "fullness" in way_out or "degrees" in way_out else ():
+        with suppress(DomainError):  # no side has planes along which it could go on
+            other = filled(found, hole, name, **options | change)
+            if not other.fault:
+                remarks = (f"filled with {words}, as otherwise {fault}", *other.remarks)
+                return replace(other, remarks=remarks, tried=("fullness 1", *tried))
+            tried.append(words)
+    return replace(first, tried=tuple(tried))
+
+
 def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Callable[[str], object]) -> Patch | Model:
     """Fill holes of a model, one after the other, each named by an edge and with the continuity of its patch.
 
-    Raises `RequirementError` where a patch folds.
+    Raises `RequirementError` where a patch folds with any fullness that is tried.
     """
     for hole, kind in fills:
         if not isinstance(spec, Model) or spec.dimension != 2:
             raise DomainError("`fills`: fills holes of a model of surfaces, [[patches]], and this is none")
         try:
-            filling = filled(spec, hole, None, continuity=kind)
+            filling = filled_in_some_way(spec, hole, None, continuity=kind)
         except DomainError as error:
             raise DomainError(f"`fills` {hole}: {str(error).removeprefix('hole: ')}") from None
         if filling.fault:
             without = f'`fills` "{hole}=g0"'
             fault = filling.fault.replace('`continuity="g0"`', without)
             raise RequirementError(f"`fills` {hole}: {fault}" + f", or {without}" * (without not in fault))
+        if filling.tried:
+            warn(f"`fills` {hole}: {filling.remarks[0]}")
         if filling.sharp_turns or filling.sharpness > SPIKE:
             warn(f"`fills` {hole}: the patch turns sharply; `fill` says where")
         spec = filling.model or spec

@@ -317,6 +317,7 @@ function draw(larger = 1, clear = false) {
   const { now, next, share, first, second } = frameNow(), accent = dark ? [0.34, 0.71, 0.91] : [0, 0.45, 0.7];
   const moving = (name, rows) => [gather(name, first, now.positions, rows), gather(name, second, next.positions, rows)];
   markAxes(faint);
+  markNames();
   if (scene.curve) stroke("curve", share, ...moving("curve", scene.cells), accent, 3.6, 0);
   if (state.edges) stroke("border", share, ...moving("border", scene.lines.border), scene.curve ? ink : [0.1, 0.12, 0.14], 1.6, 0.3);
   if (state.folds) stroke("folds", share, ...moving("folds", scene.lines.folds), [0.9, 0.62, 0], 4, 0.3);
@@ -373,6 +374,10 @@ function markAxes(paint) {
       return [a[0] + t * (b[0] - a[0]) + side * normal[0] * far, a[1] + t * (b[1] - a[1]) + side * normal[1] * far, text];
     });
   });
+  spread(marks, places);
+}
+
+function spread(marks, places) {   // texts: [x, y, text] of their middles
   while (marks.children.length < places.length) marks.append(document.createElement("span"));
   [...marks.children].forEach((span, k) => {
     span.hidden = k >= places.length;
@@ -382,4 +387,18 @@ function markAxes(paint) {
     span.style.left = `${x}px`;
     span.style.top = `${y}px`;
   });
+}
+
+function markNames() {   // of edges, within the window; one that would cover another, nearer to the eye, is left out
+  const marks = $("labels"), p = scene.middles, shown = state.names && !state.explode ? scene.edges.names : [], taken = [];
+  const places = shown.map((text, k) => [...project(p[3 * k], p[3 * k + 1], p[3 * k + 2]), text]).sort((a, b) => b[2] - a[2]);
+  spread(marks, places.map(([x, y, , text]) => [x, y, text]));
+  for (const span of [...marks.children].slice(0, places.length)) {
+    const w = span.offsetWidth / 2, h = span.offsetHeight / 2;
+    const x = clamp(parseFloat(span.style.left), w, Math.max(innerWidth - w, w)), y = clamp(parseFloat(span.style.top), h, Math.max(innerHeight - h, h));
+    span.style.left = `${x}px`;
+    span.style.top = `${y}px`;
+    span.hidden = taken.some(([a, b, c, d]) => Math.abs(a - x) < c + w && Math.abs(b - y) < d + h);
+    if (!span.hidden) taken.push([x, y, w, h]);
+  }
 }

@@ -3,12 +3,12 @@
 const MODES = { shaded: "Shaded", mean: "Mean curvature", gaussian: "Gaussian curvature", zebra: "Zebra stripes", isophotes: "Isophotes", wall: "Wall thickness", overhangs: "Overhangs" };
 const SWITCHES = {
   patches: ["c", "Patch colours"], net: ["n", "Control net"], knots: ["k", "Knots"], edges: ["e", "Edges"],
-  open: ["o", "Open edges"], folds: ["p", "Folds"], axes: ["a", "Axes"], measure: ["m", "Measure"],
+  open: ["o", "Open edges"], folds: ["p", "Folds"], axes: ["a", "Axes"], names: ["l", "Edge names"], measure: ["m", "Measure"],
 };
 const VIEWS = { t: ["top", -90, 90], v: ["front", -90, 0], s: ["side", 0, 0], h: ["home", -60, 30] };   // and those from behind
 
 const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0, patches: true, net: false, knots: false,
-  edges: true, open: true, folds: true, axes: true, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, scale: 0, from: "", to: "", back: true, theme: "" };
+  edges: true, open: true, folds: true, axes: true, names: false, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, scale: 0, from: "", to: "", back: true, theme: "" };
 let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "", offered = ["shaded"];   // modes
 
 function read(data) {
@@ -33,7 +33,7 @@ function read(data) {
     lines.net = lines.net.filter((_, k, ends) => isNear(net, 3 * ends[k & ~1]) && isNear(net, 3 * ends[k | 1]));
     data.facts += "; the control net without its farthest points";
   }
-  return { ...data, far, frames, lines, scalars, cells, centres, spots: decoded(data.knots.points, Float32Array) };
+  return { ...data, far, frames, lines, scalars, cells, centres, spots: decoded(data.knots.points, Float32Array), middles: decoded(data.edges.points, Float32Array) };
 }
 
 const isNear = (cloud, k) => Math.max(Math.abs(cloud[k]), Math.abs(cloud[k + 1]), Math.abs(cloud[k + 2])) <= 1;
@@ -200,7 +200,7 @@ function picture() {   // at twice the size, with the texts that stand beside th
     context.fillStyle = colour;
     context.fillText(text, x, y);
   };
-  for (const span of document.querySelectorAll("#marks span")) if (!span.hidden)
+  for (const span of document.querySelectorAll("#marks span, #labels span")) if (!span.hidden)
     write(span.textContent, parseFloat(span.style.left), parseFloat(span.style.top), "center", getComputedStyle(span).color);
   if (!$("length").hidden) {
     const box = $("length").getBoundingClientRect(), card = getComputedStyle($("length"));
@@ -302,7 +302,7 @@ function present(data) {
     Object.assign(new Option(`${MODES[name]}: ${scene.absent[name]}`, name), { disabled: true })));
   $("mode").hidden = $("sections").hidden = scene.curve;
   const there = { patches: scene.groups.length > 1 && !scene.curve, net: !!scene.frames[0].net, knots: scene.spots.length > 0,
-    edges: scene.lines.border.length > 0, open: scene.lines.open.length > 0, folds: scene.lines.folds.length > 0, axes: true, measure: scene.frames.length < 2 };
+    edges: scene.lines.border.length > 0, open: scene.lines.open.length > 0, folds: scene.lines.folds.length > 0, axes: true, names: scene.middles.length > 0, measure: scene.frames.length < 2 };
   for (const name of Object.keys(SWITCHES)) $(name).parentElement.classList.toggle("off", !there[name]);
   $("apart").hidden = scene.groups.length < 2 || scene.curve;
   $("play").hidden = scene.frames.length < 2;

@@ -17,9 +17,10 @@ from gtb_cli.language.spec_paths import SpecPath, loaded
 from gtb_cli.meshes.measures import Measures, in_unit, measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
-from gtb_cli.pages.page_scene import MAX_WALL_FACES, Content, content_of, content_of_mesh
+from gtb_cli.pages.page_scene import Content, content_of, content_of_mesh
 from gtb_cli.plots.palette import scale_of
 from gtb_cli.solids.solidity import CROSSES
+from gtb_cli.solids.wall_depth import MAX_WALL_FACES
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 
@@ -126,6 +127,7 @@ def page_data(content: Content) -> dict[str, Any]:
         "lines": {name: encoded(pairs, "<u4") for name, pairs in content.lines.items()},
         "netNames": list(content.net_names),
         "knots": {"points": placed(content.knots), "names": list(content.knot_names)},
+        "edges": {"points": placed(content.edges), "names": list(content.edge_names)},
         "scalars": scalars,
     }
 

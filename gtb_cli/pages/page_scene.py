@@ -15,15 +15,16 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, sides_of
-from gtb_cli.models.model import Model
+from gtb_cli.models.model import Model, with_weld
 from gtb_cli.plots.look import subscript
 from gtb_cli.plots.net_lines import net_of
 from gtb_cli.plots.panels import Frames
-from gtb_cli.plots.shape_figures import with_normals
-from gtb_cli.solids.wall_depth import wall_of_vertices
+from gtb_cli.plots.shape_figures import free_edges, with_normals
+from gtb_cli.solids.wall_depth import MAX_WALL_FACES, wall_of_vertices
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -31,7 +32,6 @@ NO_POINTS = np.empty((0, 3))
 MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
 PAGE_TOLERANCE = 4e-4  # of the size: less than half a pixel where a model fills a screen
 PAGE_FACES = 60_000  # of an even mesh, if nothing else is asked for
-MAX_WALL_FACES = 200_000  # whose walls take 6 s
 
 EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
 
@@ -51,9 +51,10 @@ class Content:
     `groups` are named ranges of cells: (name, start, stop). `lines` are (m, 4) pairs of vertices and the groups on both
     sides: ``border`` between groups and at sharp edges, ``open`` without a neighbour, and ``folds`` within a group,
     where the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150 at
-    an edge; and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface at the knots, and
-    `scalars` its "mean" and "gaussian" curvature, or the "wall" of a solid, None if there are too many triangles. A
-    vertex with several normals is several rows of a keyframe: `vertices` is how many there are.
+    an edge; and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface at the knots,
+    `edges` the middles of open edges, or of all of a single patch, and `scalars` its "mean" and "gaussian" curvature,
+    or the "wall" of a solid, None if there are too many triangles. A vertex with several normals is several rows of a
+    keyframe: `vertices` is how many there are.
     """
 
     name: str
@@ -65,6 +66,8 @@ class Content:
     net_names: tuple[str, ...] = ()
     knots: FloatArray = field(default_factory=lambda: NO_POINTS)
     knot_names: tuple[str, ...] = ()
+    edges: FloatArray = field(default_factory=lambda: NO_POINTS)
+    edge_names: tuple[str, ...] = ()
     scalars: Mapping[str, FloatArray | None] = field(default_factory=dict)
     vertices: int = 0
     normals: str = ""  # a word about them
@@ -107,6 +110,7 @@ def content_of(
     lines = sides(mesh, groups, tolerance)
     if isinstance(shape, Patch):  # its edges are not left open by mistake
         lines |= {"border": np.concatenate([lines["border"], lines["open"]]), "open": lines["open"][:0]}
+    free = free_edges(with_weld(shape, None if recipe is None else recipe.weld)) if shape.dimension == 2 else []
     shown = mesh.split
     scalars = {kind: shown.attributes[f"{kind}_curvature"] for kind in ("mean", "gaussian") if surface}
     return Content(
@@ -118,6 +122,8 @@ def content_of(
         net_names=tuple(net_names),
         knots=np.concatenate([patch.evaluate(patch.knots) for patch in patches]),
         knot_names=tuple(knot_names),
+        edges=np.concatenate([NO_POINTS, *(edge_points_at(patch, edge, np.array([0.5])) for _, patch, edge in free)]),
+        edge_names=tuple(name for name, *_ in free),
         scalars=scalars if quick else scalars | _wall(shown),
         vertices=len(mesh.vertices),
         normals="means of the triangles'" if quick else _word(mesh),
@@ -226,6 +232,8 @@ def _beside(one: Content, other: Content) -> Content:
         net_names=one.net_names + other.net_names,
         knots=np.concatenate([one.knots, other.knots]),
         knot_names=one.knot_names + other.knot_names,
+        edges=np.concatenate([one.edges, other.edges]),
+        edge_names=one.edge_names + other.edge_names,
         scalars={
             name: None if mine is None or theirs is None else np.concatenate([mine, theirs])
             for name in sorted(one.scalars.keys() & other.scalars.keys())

@@ -69,9 +69,9 @@ def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: L
         if with_net:
             draw_net(view, shape.patches, look)
         if look.labels and not stripes:
-            refs = shape.joints.open if isinstance(shape, Model) else enumerate(range(len(free)))
-            names = [edge_name(shape.patches, ref) if isinstance(shape, Model) else f"edge {ref[1]}" for ref in refs]
-            view.names(names, [view.seen(path)[len(path) // 2, :2] for path in free], OPEN)
+            view.names(
+                [name for name, *_ in free_edges(shape)], [view.seen(path)[len(path) // 2, :2] for path in free], OPEN
+            )
         view.triad()
 
 
@@ -104,10 +104,16 @@ def with_normals(mesh: Mesh, *, smooth: bool = False) -> Mesh:
 
 def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return paths along edges that patches share, and along open edges, which are all edges of a single patch."""
+    joints = shape.joints.shared if isinstance(shape, Model) else ()
+    shared = [edge_path(shape.patches[k], edge) for k, edge in (joint.first for joint in joints)]
+    return shared, [edge_path(patch, edge) for _, patch, edge in free_edges(shape)]
+
+
+def free_edges(shape: Patch | Model) -> list[tuple[str, Patch, int]]:
+    """Return the open edges, or all edges of a single patch, each with its name and patch."""
     if isinstance(shape, Patch):
-        return [], [edge_path(shape, edge) for edge in range(len(shape.domain.vertices))]
-    shared = [edge_path(shape.patches[k], edge) for k, edge in (joint.first for joint in shape.joints.shared)]
-    return shared, [edge_path(shape.patches[k], edge) for k, edge in shape.joints.open]
+        return [(f"edge {edge}", shape, edge) for edge in range(len(shape.domain.vertices))]
+    return [(edge_name(shape.patches, ref), shape.patches[ref[0]], ref[1]) for ref in shape.joints.open]
 
 
 def draw_net(view: View, patches: Sequence[Patch], look: Look) -> None:

@@ -9,6 +9,8 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.meshes.topology import are_proper, sides_of
 
+MAX_WALL_FACES = 200_000  # whose walls take 6 s
+
 
 def wall_of_vertices(mesh: Mesh) -> FloatArray | None:
     """(m,) thickness of the wall behind each vertex, the mean of its faces' by area; None if it is not closed.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import MeshError, SpecError
@@ -15,11 +16,13 @@ from gtb_cli.vocabulary import printable
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from gtb_cli.meshes.mesh import KnownMesh
+    from gtb_cli.meshes.mesh import KnownMesh, Mesh
 
 
-def spec_or_report(path: str) -> Spec | dict[str, Any]:
+def spec_or_report(path: str, printed: Callable[[Mesh], dict[str, Any]]) -> Spec | dict[str, Any]:
     """Return the spec in a file, or a report on the mesh or the CAD part in it, as the content says.
+
+    What `printed` says of a closed mesh is a part of its report.
 
     The report on a mesh with nothing to measure has its fault, and a hash, by which versions of it differ.
     """
@@ -38,10 +41,10 @@ def spec_or_report(path: str) -> Spec | dict[str, Any]:
         return {"kind": "mesh", "fault": fault, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
     if found.spec is not None:
         return found.spec
-    return _report(found.known)
+    return _report(found.known, printed)
 
 
-def _report(known: KnownMesh) -> dict[str, Any]:
+def _report(known: KnownMesh, printed: Callable[[Mesh], dict[str, Any]]) -> dict[str, Any]:
     from gtb_cli.meshes.measures import measure, moments
 
     mesh, measures = known.mesh, measure(known.mesh)
@@ -55,7 +58,32 @@ def _report(known: KnownMesh) -> dict[str, Any]:
     report |= {"centroid": centroid, "second_moments": spread}
     held = {name: _digest(rows[of]) for name, (rows, of) in sorted(known.values().items())}
     digests = {"digests": {"positions": _digest(mesh.vertices), cells: _digest(mesh.cells), **held}}
-    return {**report, f"collapsed_{cells}": measures.collapsed, **digests, "groups": groups}
+    closed = {"printing": printed(mesh)} if measures.volume is not None and measures.volume > 0 else {}
+    return {**report, f"collapsed_{cells}": measures.collapsed, **closed, **digests, "groups": groups}
+
+
+def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """Write what a printer asks, in the millimetres for which slicers take units, in labelled lines."""
+    if not found:
+        return []
+    import numpy as np
+
+    from gtb_cli.arrays import point_text
+
+    size = [f"{length:.4g}" for length in found["size"]]
+    sides = " × ".join(length for axis, length in zip("xyz", size, strict=True) if axis != found["up"])
+    share = f"{found['overhang_area']:.4g} mm², {100 * found['overhang_share']:.3g}% of the surface"
+    wall = "not measured: there are many faces, and --long measures more"
+    if found["least_wall"] is not None:
+        place = np.array(found["least_wall_place"])
+        near = point_text(place, np.array([place, place + found["size"]]))
+        wall = f"{found['least_wall']:.4g} near {near}; behind 90% of the surface {found['usual_wall']:.4g} or more"
+    return [
+        ("size in mm", " × ".join(size)),
+        ("footprint in mm", f"{sides}, {found['bed_area']:.4g} mm² on the bed"),
+        ("overhangs", f"{share}, by more than 45 degrees from upright"),
+        ("least wall in mm", wall),
+    ]
 
 
 def _part_report(data: bytes, kind: str, source: str) -> dict[str, Any]:
@@ -115,7 +143,7 @@ def mesh_text(report: dict[str, Any]) -> str:
     max_groups_shown = 20
     shown = dict(report)
     groups, holes = shown.pop("groups", []), shown.pop("holes", [])
-    digests = shown.pop("digests", {})
+    digests, printed = shown.pop("digests", {}), shown.pop("printing", None)
     if box := shown.get("bounds"):
         size = max(map(operator.sub, *reversed(box)))
         shown["bounds"] = corners(box)
@@ -124,7 +152,7 @@ def mesh_text(report: dict[str, Any]) -> str:
                 shown[name] = row(_rounded(shown[name], size, power))
         if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
-    lines = [*labelled(shown).items(), *(("hole", text) for text in holes)]
+    lines = [*labelled(shown).items(), *(("hole", text) for text in holes), *printing_rows(printed)]
     lines += [(f"digest of {name}", digest) for name, digest in digests.items()]
     lines += [("group", ": ".join(map(str, group.values()))) for group in groups[:max_groups_shown]]
     if groups[max_groups_shown:]:

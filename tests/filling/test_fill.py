@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import gtb_cli
-from gtb_cli.errors import DomainError, GtbError, SpecError
+from gtb_cli.errors import DomainError, GtbError, RequirementError, SpecError
+from gtb_cli.filling import fill as room
 from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.sides import loop
 from gtb_cli.models.model import Model
@@ -17,6 +18,7 @@ from gtb_cli.theory.patch import Patch
 from tests.filling.loops import random_sides
 from tests.filling.test_one_patch import CUP, HERE, PLANES, TRIANGLE
 from tests.marks import long, mostly_long
+from tests.shell import SPECS, gtb
 from tests.solids.test_rims import walls
 from tests.specs import SECONDS
 from tests.tools.mutations import mutated
@@ -138,3 +140,29 @@ def test_damaged_files_are_refused_or_read(name, seed):
             pass
         assert name in message
         assert time.process_time() - start < SECONDS
+
+
+@pytest.mark.parametrize(
+    ("cure", "tried"), [({"fullness": 0.8}, 0), ({"fullness": 0.5}, 1), ({"raises": 1}, 2), (None, 3)]
+)
+def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, tried, monkeypatch, tmp_path):
+    good = replace(gtb_cli.fill(triangle(), raises=0), raises=(0, 0, 0))
+    path, words = tmp_path / "loop.toml", ["fullness 0.8", "fullness 0.5", "degrees raised by 1"]
+    gtb_cli.save(triangle(), path)
+    model = gtb_cli.load(SPECS / "box-corner.toml")
+
+    def stand_in(*_: object, **options: object) -> object:
+        return good if cure and cure.items() <= options.items() else replace(good, folds=3)
+
+    monkeypatch.setattr(room, "filled", stand_in)
+    said: list[str] = []
+    if cure:
+        text = f"filled with {words[tried]}, as otherwise the patch folds at 3 of some thousand places"
+        room.with_fills(model, [("x", "g1")], said.append)
+        assert said == [f"`fills` x: {text}"]
+        assert f"gtb: {text}\n" in gtb("fill", path, status=0).err
+        return
+    for option in ("--fullness=1", "--elevate=0"):
+        assert "try a fullness of 0.8 or 0.5, other ribbons" in gtb("fill", path, option, status=1).err
+    with pytest.raises(RequirementError, match=f"{', '.join(words)} were tried, too: try other ribbons"):
+        room.with_fills(model, [("x", "g1")], said.append)

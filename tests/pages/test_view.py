@@ -3,9 +3,6 @@
 import base64
 import json
 import re
-import shutil
-import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -197,18 +194,3 @@ def test_python_draws_and_shows_itself():
     for thing, what in ((mesh, "domain"), (patch, "nothing")):
         with pytest.raises(gtb_cli.DomainError, match=f"'{what}'"):
             thing.plot(what=what)
-
-
-@pytest.mark.skipif(not shutil.which("node"), reason="needs node")
-def test_patches_are_taken_apart_and_the_section_is_flipped():
-    script = (Path(gtb_cli.__file__).parent / "pages" / "drawing.js").read_text("utf-8")
-    pieces = re.findall(r"^(?:function cutPlane.*?^}|const shiftOf[^\n]*)", script, re.M | re.S)
-    code = "const scene = {centres: [[1, 2, 3]], box: {low: [0, 0, 0], high: [4, 4, 4]}}, found = [];\n"
-    code += "\n".join(["const state = {at: 0.25, section: ''};", *pieces, ""])
-    for options in ("explode: 0", "explode: 0.5", 'section: "x", flip: false', 'section: "x", flip: true'):
-        code += f"Object.assign(state, {{{options}}}); found.push([...shiftOf(0), cutPlane().n[0], cutPlane().d]);\n"
-    program = f"{code}console.log(JSON.stringify(found))"
-    done = subprocess.run(["node", "-e", program], stdout=subprocess.PIPE, check=True)
-    found = np.array(json.loads(done.stdout))
-    np.testing.assert_allclose(found[:2, :3], [[0, 0, 0], [0.5, 1, 1.5]])
-    np.testing.assert_allclose(found[2:, 3:], [[1, 1], [-1, -1]], atol=1e-6)

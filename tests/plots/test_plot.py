@@ -111,6 +111,12 @@ def test_names_stay_inside_the_frame_and_do_not_cover_each_other():
     assert not near(png(SPECS / "pentagon.toml", *SMALL), OPEN).any()
 
 
+def test_a_solid_is_drawn_where_a_thickness_or_a_radius_is_given():
+    for spec, option in (("bicubic", "--thickness=1"), ("cubic-bezier", "--radius=0.3")):
+        plain, solid = (png(SPECS / f"{spec}.toml", *SMALL, *more) for more in (["--no-net"], [option]))
+        assert (solid < 255).any(axis=2).mean() > 1.2 * (plain < 255).any(axis=2).mean()
+
+
 def test_an_edge_behind_a_surface_does_not_poke_out_where_it_ends():
     ax = Figure(figsize=(3, 3)).add_axes((0, 0, 1, 1))
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])

@@ -1,0 +1,38 @@
+"""What a printer asks of a closed mesh: how large it is, how it stands, what overhangs, how thin its walls are."""
+
+from typing import Any
+
+import numpy as np
+
+from gtb_cli.arrays import cross, dot
+from gtb_cli.meshes.frame import Frame
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.solids.wall_depth import wall_of_faces
+from gtb_cli.vocabulary import UP, Up
+
+
+def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
+    """Measure a closed mesh of which this axis points up, as plain data in model units.
+
+    Overhangs look down by more than 45 degrees from upright, but for what is flat within 0.2% of the height above the
+    bed: it stands there. The wall behind a triangle is that of `wall_of_faces`: the least, the middle of its triangle,
+    and the one that 90% of the surface has at least; None if there are more triangles.
+    """
+    frame, axis = Frame.around(mesh.vertices), 2 if up == UP[0] else 1
+    corners = frame.inside(mesh.vertices)[mesh.faces]
+    normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    areas, down, middles = np.sqrt(dot(normals, normals)), -normals[:, axis], corners.mean(axis=1)
+    heights, spans = middles[:, axis] - corners[:, :, axis].min(), np.ptp(corners, axis=(0, 1))
+    stands = (down > 0.99 * areas) & (heights < 0.002 * spans[axis])
+    hangs = (down > (np.sqrt(0.5) + 1e-9) * areas) & ~stands
+    walls = wall_of_faces(mesh) if len(mesh.cells) <= max_wall_faces else None
+    found: dict[str, Any] = dict.fromkeys(("least_wall", "least_wall_place", "usual_wall"))
+    if walls is not None and np.isfinite(walls).any():
+        least = int(np.argmax(walls <= np.nanmin(walls) * (1 + 1e-6)))  # the first of those that rounding tells apart
+        order = np.argsort(walls)  # NaN last
+        usual = order[np.searchsorted(np.cumsum(areas[order]), 0.1 * areas.sum())]
+        places = frame.outside(middles[least]).tolist()
+        found = {"least_wall": float(walls[least]), "least_wall_place": places, "usual_wall": float(walls[usual])}
+    bed, hanging = (float(frame.length(areas[rows].sum(), 2)) for rows in (stands, hangs))
+    measured = {"up": up, "size": frame.length(spans).tolist(), "bed_area": bed, "overhang_area": hanging}
+    return {**measured, "overhang_share": float(areas[hangs].sum() / areas.sum()), **found}

@@ -1,0 +1,85 @@
+"""Scripts of a page, run by node in a document that has whatever is asked for and does nothing."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gtb_cli
+from gtb_cli.pages.page import page_data
+from gtb_cli.pages.page_scene import content_of
+from gtb_cli.theory.patch import Patch
+from tests.shell import SPECS
+
+pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="needs node")
+
+DOCUMENT = """
+const any = own => new Proxy(Object.assign(function () {}, own), {
+  get: (t, k) => k === Symbol.toPrimitive ? () => 1 : k === "length" ? 0 : Object.hasOwn(t, k) ? t[k] : (t[k] = any()),
+  set: (t, k, v) => { t[k] = v; return true; }, apply: () => any(), construct: () => any() });
+const ids = {}, document = any({ getElementById: id => ids[id] ??= any(), querySelectorAll: () => [] });
+const [addEventListener, matchMedia, requestAnimationFrame, history, location] = [any(), any(), any(), any(), any()];
+const window = {}, innerWidth = 800, innerHeight = 600, Option = any(), URLSearchParams = Array;
+"""
+
+
+def answer(script: str, *data: dict[str, Any]) -> Any:
+    """What a script, the body of a function of data, returns where the page's own have run."""
+    folder = Path(gtb_cli.__file__).parent / "pages"
+    own = "".join((folder / f"{name}.js").read_text("utf-8") for name in ("common", "page", "drawing", "measuring"))
+    code = f"{DOCUMENT}{own}console.log(JSON.stringify((data => {{ {script} }})({json.dumps(data)}))); process.exit();"
+    return json.loads(subprocess.run(["node", "-"], input=code.encode(), stdout=subprocess.PIPE, check=True).stdout)
+
+
+def test_patches_are_taken_apart_and_the_section_is_flipped():
+    found = answer(
+        "scene = { centres: [[1, 2, 3]], box: { low: [0, 0, 0], high: [4, 4, 4] } };"
+        "const some = [{ explode: 0 }, { explode: 0.5 }, { section: 'x', flip: false }, { section: 'x', flip: true }];"
+        "return some.map(each => { Object.assign(state, { at: 0.25 }, each);"
+        "return [...shiftOf(0), cutPlane().n[0], cutPlane().d]; });"
+    )
+    np.testing.assert_allclose([row[:3] for row in found[:2]], [[0, 0, 0], [0.5, 1, 1.5]])
+    np.testing.assert_allclose([row[3:] for row in found[2:]], [[1, 1], [-1, -1]], atol=1e-6)
+
+
+def test_a_page_is_working_while_its_picture_is_quick_and_until_there_is_an_error():
+    data = page_data(content_of(gtb_cli.load(SPECS / "bicubic.toml")))
+    show = "present(each); return [$('working').hidden, $('facts').textContent.split(':')[0]];"
+    quick, whole, wrong = answer(
+        f"const see = each => {{ {show} }}; const seen = data.map(see); see(data[0]); complain('x');"
+        "return [...seen, [$('working').hidden, $('error').textContent]];",
+        *(data | {"quick": quick} for quick in (True, False)),
+    )
+    assert quick == [False, "a quick picture, without thickness and fills"]
+    assert (whole[0], wrong) == (True, [True, "x"])
+
+
+def test_lines_of_a_net_to_far_points_are_left_out():
+    far = Patch([[0, 0], [1, 0], [0, 1], [0.5, 0.25]], [[0, 0, 0], [1, 0, 0], [0, 1, 0], [999, 0, 0]], [1, 1, 1, 1e-9])
+    script = (
+        "present(data[0]); return [scene.lines.net.length, decoded(data[0].lines.net, Uint32Array).length, scene.facts]"
+    )
+    left, there, facts = answer(script, page_data(content_of(far)))
+    assert (left, there) == (6, 12)
+    assert facts.endswith("the control net without its farthest points")
+    near = page_data(content_of(far.replace(control_points=far.control_points / [999, 1, 1])))
+    assert answer(script, near)[:2] == [12, 12]
+
+
+def test_names_of_edges_stay_in_the_window_and_do_not_cover_each_other():
+    data = page_data(content_of(gtb_cli.load(SPECS / "bicubic.toml")))
+    assert [len(data["edges"]["names"]), *data["edges"]["names"][:2]] == [4, "edge 0", "edge 1"]
+    script = (
+        "Object.assign(canvas, { clientWidth: 800, clientHeight: 600 }); const all = [];"
+        "ids.labels = any({ children: all, append: x => all.push(x) });"
+        "document.createElement = () => any({ offsetWidth: 80, offsetHeight: 20 }); present(data[0]);"
+        "return [0.001, 1, 5].map(zoom => { Object.assign(state, { names: true, zoom }); markNames();"
+        "return all.filter(s => !s.hidden).map(s => [parseFloat(s.style.left), parseFloat(s.style.top)]); });"
+    )
+    one, some, beyond = answer(script, data)
+    assert (len(one), len(some), len(beyond)) == (1, 4, 4)
+    assert all(40 <= x <= 760 and 10 <= y <= 590 for x, y in beyond)
