@@ -38,7 +38,11 @@ class SplineSurfaces(NamedTuple):
 
 
 def spline_surfaces(
-    spec: Patch | Model, tolerance: float | None = None, angle: float | None = None, part: Any = None
+    spec: Patch | Model,
+    tolerance: float | None = None,
+    angle: float | None = None,
+    part: Any = None,
+    curved: bool = False,
 ) -> SplineSurfaces:
     """Return the surfaces of a patch or model as rational B-splines.
 
@@ -73,8 +77,8 @@ def spline_surfaces(
     size = float(np.ptp(np.concatenate([patch.evaluate(patch.knots) for patch in patches]), axis=0).max())
     allowed, gap_allowed = 1e-4 * size if tolerance is None else tolerance, 1e-8 * size  # of edges: they are exact
     best: dict[int, FittedPieces] = {}
-    borders = {index: part_borders(patches[index], part) for index in reasons}
-    ways = [(polar_pieces, POLAR_SPANS)] if any(_has_smooth_corner(patches[index]) for index in reasons) else []
+    borders = {index: part_borders(patches[index], part, curved) for index in reasons}
+    ways = [(polar_pieces, POLAR_SPANS)] if curved or any(_has_smooth_corner(patches[index]) for index in reasons) else []
     for fit, counts in [*ways, (fitted_pieces, SPANS)]:
         reached, history = (np.inf, np.inf, np.inf), [(np.inf, np.inf)] * 2
         for spans in counts:
@@ -85,6 +89,7 @@ def spline_surfaces(
             error, gap, bend, least, lost = (
                 max(values) for values in zip(*(one[1:] for one in found.values()), strict=True)
             )
+            print(spans, error, gap, bend, least)
             history.append((bend, least))
             wanted = angle if angle is not None else closest if lost < much else enough
             is_met, pairs = max(bend, least) <= wanted, zip(history[-1], history[-3], strict=True)

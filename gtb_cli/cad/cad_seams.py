@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, angles_between
-from gtb_cli.importers.cad_files import face_frames, kernel, uses_of_edges
+from gtb_cli.importers.cad_files import face_forms, face_frames, kernel, uses_of_edges
 
 CLOSER = (1 - np.cos(np.pi * (np.arange(256) + 0.5) / 256)) / 2  # towards the ends, to 1e-5, where angles are largest
 
@@ -31,7 +31,7 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
         olds = [hash(face) not in new for _, face in pair]
         if len(pair) != 2 or all(olds):
             continue
-        (points, normals, ways), (others, other_normals, _) = (along_edge(edge, face) for edge, face in pair)
+        (points, normals, ways, _), (others, other_normals, *_) = (along_edge(edge, face) for edge, face in pair)
         gaps = np.linalg.norm(np.cross(points - others, ways), axis=1)
         angles = angles_between(normals, other_normals)  # 180 where the faces turn back
         found = worst[any(olds)]
@@ -39,8 +39,8 @@ def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
     return Seams(*worst[True], *worst[False])
 
 
-def along_edge(edge: Any, face: Any, shares: FloatArray = CLOSER) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n, 3) points and unit normals of a face, on its outer side, and unit tangents, at shares of its edge."""
+def along_edge(edge: Any, face: Any, shares: FloatArray = CLOSER) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return (n, 3) points and unit outward normals of a face, tangents, and `face_forms`, at shares of its edge."""
     curve, gp = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face), kernel("gp")
     first, last = curve.FirstParameter(), curve.LastParameter()
     rows = []
@@ -51,4 +51,4 @@ def along_edge(edge: Any, face: Any, shares: FloatArray = CLOSER) -> tuple[Float
     at, ways = np.split(np.array(rows), 2, axis=1)
     points, along, across, normals = face_frames(face, at.tolist())
     tangents = ways[:, :1] * along + ways[:, 1:] * across
-    return points, normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True)
+    return points, normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True), face_forms(face, at.tolist())

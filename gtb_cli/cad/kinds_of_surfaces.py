@@ -18,13 +18,14 @@ def encode_surfaces(
     *,
     closed: bool = False,
     part: Any = None,
+    curved: bool = False,
 ) -> tuple[bytes, str, list[str]]:
     """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
 
     Patches without exact pieces are fitted within the tolerance and angle (without these, see `spline_surfaces`).
     `closed` asks for solids: a `RequirementError` says that there are open shells. See `encode_cad` for a part.
     """
-    found = spline_surfaces(spec, tolerance, angle, part)
+    found = spline_surfaces(spec, tolerance, angle, part, curved)
     body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", part)
     if closed and body.shells:
         raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
