@@ -11,6 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, unit
 from gtb_cli.cad.spline_pieces import Splines, grid
+from gtb_cli.errors import DomainError
 
 ROUNDS = 4
 ANGLES, JUMPS, BENDS = 1e6, 1e3, 1e3  # weights of conditions at seams and edges beside the variation of forms
@@ -100,7 +101,7 @@ def curve_pieces(
     """
     from scipy.linalg import cho_factor, cho_solve
 
-    half, whole = splines
+    half = splines[0]
     kinds = [splines] * len(edges) + [(half, half)] * len(edges)
     moves, costs = _moves(nets, kinds)
     moved = np.zeros(len(costs))
@@ -123,7 +124,10 @@ def curve_pieces(
             slopes = one.slopes(axis, tangents, normals), other.slopes(last, tangents, normals)
             squares.add(ANGLES, [(p, slopes[0]), (q, -slopes[1])])
             squares.add(JUMPS, [(p, one.form(towards, towards)), (q, -other.form(towards, towards))])
-        step = cho_solve(cho_factor(squares.matrix), squares.wanted)
+        try:
+            step = cho_solve(cho_factor(squares.matrix), squares.wanted)
+        except (np.linalg.LinAlgError, ValueError):
+            raise DomainError("least squares of its curvature have no solution") from None
         moved += step
         for net, (numbers, table) in zip(nets, moves, strict=True):
             net[..., :3] += (table @ step[numbers]).reshape(net[..., :3].shape)

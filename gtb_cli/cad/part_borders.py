@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.cad_seams import along_edge
-from gtb_cli.importers.cad_files import kernel, uses_of_edges
+from gtb_cli.importers.cad_files import face_forms, kernel, uses_of_edges
 from gtb_cli.theory.patch import Patch
 
 
@@ -28,10 +28,12 @@ class Border(NamedTuple):
 
     def forms_at(self, fractions: FloatArray) -> FloatArray:
         """Return (n, 3, 3) second fundamental forms: of v, times the patch's normal, it is v · F v."""
-        return np.asarray(np.polynomial.chebyshev.chebval(2 * fractions - 1, self.forms).T.reshape(-1, 3, 3))
+        assert self.forms is not None
+        rows: FloatArray = np.polynomial.chebyshev.chebval(2 * fractions - 1, self.forms)
+        return rows.T.reshape(-1, 3, 3)
 
 
-def part_borders(patch: Patch, part: Any, curved: bool = False) -> list[Border | None]:
+def part_borders(patch: Patch, part: Any, *, curved: bool = False) -> list[Border | None]:
     """Return for each edge of a patch a border if it lies along an open edge of a part, a shape of the kernel."""
     if part is None:
         return [None] * len(patch.domain.vertices)
@@ -42,8 +44,8 @@ def part_borders(patch: Patch, part: Any, curved: bool = False) -> list[Border |
     for (edge, face), *others in uses_of_edges(part).values():
         if not others and not kernel("BRep").BRep_Tool.Degenerated_s(edge):
             pair = topology.Edge(edge.Moved(location)), topology.Face(face.Moved(location))
-            points, normals, _, forms = along_edge(*pair, np.linspace(0, 1, 1001))
-            rows.append(np.hstack([points, normals, *([forms.reshape(-1, 9)] if curved else [])]))
+            points, normals, _, at = along_edge(*pair, np.linspace(0, 1, 1001))
+            rows.append(np.hstack([points, normals, *([face_forms(pair[1], at).reshape(-1, 9)] if curved else [])]))
     return [_border(patch, k, origin, rows) for k in range(len(patch.domain.vertices))]
 
 

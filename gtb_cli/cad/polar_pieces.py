@@ -97,7 +97,8 @@ def polar_pieces(
 
     Seams have normals of their own, near the patch's; where they meet, one second fundamental form says how all turn
     and bend, so that no conditions contradict. Edges are the borders of a part, or as in `fitted_pieces`. Of what is
-    measured, `error` is along normals. A `DomainError` says that the patch has no normal at a corner or seam.
+    measured, `error` is along normals, and 0 where borders have forms, which pieces leave the patch to meet. A
+    `DomainError` says that the patch has no normal at a corner or seam.
     """
     v = patch.domain.vertices
     r = len(v)
@@ -145,7 +146,7 @@ def polar_pieces(
         nets[-1][..., :3] = 0.0
         _fit(nets[-1], (half, half), (more[0][k] - origin) / size, around, [], 1.0)
     forms = [forms_at(patch, piece, grid(half.conditions, end)) for piece in polar for end in (zero, one)]
-    if any(each is not None for each in forms):
+    if curved := any(each is not None for each in forms):
         ends = [
             CurvedEdge(planes[k % 2][k // 2], None if each is None else each * size) for k, each in enumerate(forms)
         ]
@@ -165,6 +166,7 @@ def polar_pieces(
     surfaces, away, gap = measured_surfaces(name, made, [*between, *more[1]], origin, size)
     pairs = zip(away, [*faces, *more_faces], strict=True)
     error = max(float(np.abs((each * towards).sum(axis=1)).max()) for each, towards in pairs)
+    error *= not curved  # they leave the patch
     return FittedPieces(surfaces, error, gap, bend, angle, 0.0)
 
 

@@ -193,9 +193,12 @@ def face_forms(face: Any, places: Sequence[Sequence[float]]) -> FloatArray:
             rows.append([(each.X(), each.Y(), each.Z()) for each in vectors[3:]])
         except kernel("Standard").Standard_Failure:
             rows.append([(math.nan,) * 3] * 3)
-    both = np.linalg.pinv(np.stack([along, across], axis=1))  # of vectors, their parts along both derivatives
+    known = np.isfinite(normals).all(axis=1)
+    parts_of = np.full((len(normals), 3, 2), math.nan)  # of vectors, along both derivatives
+    parts_of[known] = np.linalg.pinv(np.stack([along, across], axis=1)[known])
     first, second, mixed = (np.array(rows) * normals[:, None]).sum(axis=2).T
-    return np.asarray(both @ np.array([[first, mixed], [mixed, second]]).transpose(2, 0, 1) @ both.swapaxes(1, 2))
+    forms = np.array([[first, mixed], [mixed, second]]).transpose(2, 0, 1)
+    return np.asarray(parts_of @ forms @ parts_of.swapaxes(1, 2))
 
 
 def face_pieces(face: Any) -> list[FloatArray] | None:
