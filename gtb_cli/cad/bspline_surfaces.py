@@ -16,8 +16,9 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
-SPANS = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted piece, tried in turn
-POLAR_SPANS = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
+SPANS: tuple[int, ...] = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted piece, tried in turn
+POLAR_SPANS: tuple[int, ...] = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
+CURVED_SPANS: tuple[int, ...] = (4, 6, 8)  # of those that meet curvature
 
 
 class SplineSurfaces(NamedTuple):
@@ -38,7 +39,12 @@ class SplineSurfaces(NamedTuple):
 
 
 def spline_surfaces(
-    spec: Patch | Model, tolerance: float | None = None, angle: float | None = None, part: Any = None
+    spec: Patch | Model,
+    tolerance: float | None = None,
+    angle: float | None = None,
+    part: Any = None,
+    *,
+    curved: bool = False,
 ) -> SplineSurfaces:
     """Return the surfaces of a patch or model as rational B-splines.
 
@@ -46,7 +52,8 @@ def spline_surfaces(
     patch is fitted by r pieces between the corners, places inside the edges and the centroid of Δ, or by 2 r where two
     edges run on into each other; they keep its tangent planes along its edges and their seams. An edge that has Bézier
     pieces is that curve to 1e-8 of the size; any other is the same spline in all fitted patches that share it. Edges
-    along open ones of a part, a shape of the kernel, follow these and the planes of its faces.
+    along open ones of a part, a shape of the kernel, follow these and the planes of its faces; `curved` pieces also
+    their curvature, which no patch is exact for: their `error` is not known, and 0.
 
     A `DomainError` refuses curves; a `ToleranceError` says that even 32 spans in each direction do not reach the
     tolerance, in model units, or the angle in degrees. Without a tolerance it is 1e-4 of the largest extent of the
@@ -59,6 +66,8 @@ def spline_surfaces(
     reasons: dict[int, str] = {}
     for index, patch in enumerate(patches):
         try:
+            if curved:
+                raise DomainError("meets the curvature of a part")
             exact[index] = [balanced(surface) for surface in exact_surfaces(patch, index)]
         except DomainError as fault:
             reasons[index] = str(fault)
@@ -73,14 +82,17 @@ def spline_surfaces(
     size = float(np.ptp(np.concatenate([patch.evaluate(patch.knots) for patch in patches]), axis=0).max())
     allowed, gap_allowed = 1e-4 * size if tolerance is None else tolerance, 1e-8 * size  # of edges: they are exact
     best: dict[int, FittedPieces] = {}
-    borders = {index: part_borders(patches[index], part) for index in reasons}
-    ways = [(polar_pieces, POLAR_SPANS)] if any(_has_smooth_corner(patches[index]) for index in reasons) else []
-    for fit, counts in [*ways, (fitted_pieces, SPANS)]:
+    borders = {index: part_borders(patches[index], part, curved=curved) for index in reasons}
+    ways = [(polar_pieces, CURVED_SPANS if curved else POLAR_SPANS), (fitted_pieces, SPANS)]
+    is_polar = curved or any(_has_smooth_corner(patches[index]) for index in reasons)
+    for fit, counts in ways[not is_polar : 1 if curved else 2]:
         reached, history = (np.inf, np.inf, np.inf), [(np.inf, np.inf)] * 2
         for spans in counts:
             try:
                 found = {i: fit(patches[i], names[i], spans, halves[i], borders[i]) for i in reasons}
             except DomainError:
+                if curved:
+                    raise
                 break
             error, gap, bend, least, lost = (
                 max(values) for values in zip(*(one[1:] for one in found.values()), strict=True)

@@ -1,14 +1,34 @@
 """Seams of sewn faces, measured in the surfaces of the file: angles between their tangent planes, and gaps."""
 
 from collections.abc import Iterable
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, angles_between
-from gtb_cli.importers.cad_files import face_frames, kernel, uses_of_edges
+from gtb_cli.arrays import FloatArray, angles_between, point_text
+from gtb_cli.importers.cad_files import face_forms, face_frames, kernel, uses_of_edges
 
 CLOSER = (1 - np.cos(np.pi * (np.arange(256) + 0.5) / 256)) / 2  # towards the ends, to 1e-5, where angles are largest
+
+
+class Curvature(NamedTuple):
+    """How far normal curvatures of new faces are from a part's, square to its edges from a thousandth of each on.
+
+    `largest` is the part's largest curvature there, or if it is less, 1 / size. Where edges meet at some `corners`,
+    second fundamental forms of the part `jump` by more than a hundredth of it.
+    """
+
+    difference: float
+    largest: float
+    place: str
+    jump: float
+    corners: int
+
+    @property
+    def share(self) -> float:
+        """The difference as a share of the largest curvature."""
+        return self.difference / self.largest
 
 
 class Seams(NamedTuple):
@@ -21,26 +41,52 @@ class Seams(NamedTuple):
     gap: float
     inner_angle: float
     inner_gap: float
+    curvature: Curvature | None = None
 
 
-def seams_of(shape: Any, fresh: Iterable[Any]) -> Seams:
-    """Measure the edges of new faces that two faces of a shape share."""
-    new = {hash(face) for face in fresh}
+def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams:
+    """Measure the edges of new faces that two faces of a shape share; curvatures if they are `curved`."""
+    new, bends = {hash(face) for face in fresh}, list[tuple[FloatArray, FloatArray, FloatArray]]()
     worst = {False: [0.0, 0.0], True: [0.0, 0.0]}
     for pair in uses_of_edges(shape).values():
         olds = [hash(face) not in new for _, face in pair]
         if len(pair) != 2 or all(olds):
             continue
-        (points, normals, ways), (others, other_normals, _) = (along_edge(edge, face) for edge, face in pair)
+        (points, normals, ways, at), (others, other_normals, _, at_other) = (along_edge(*each) for each in pair)
         gaps = np.linalg.norm(np.cross(points - others, ways), axis=1)
         angles = angles_between(normals, other_normals)  # 180 where the faces turn back
         found = worst[any(olds)]
         found[:] = max(found[0], float(np.nanmax(angles))), max(found[1], float(gaps.max()))
-    return Seams(*worst[True], *worst[False])
+        if curved and any(olds):
+            towards = np.cross(normals, ways)
+            forms = [face_forms(face, where) for (_, face), where in zip(pair, (at, at_other), strict=True)]
+            bends.append((points, np.einsum("ni,nij,nj->n", towards, forms[0] - forms[1], towards), forms[olds[1]]))
+    (angle, gap), (inner_angle, inner_gap) = worst[True], worst[False]
+    return Seams(angle, gap, inner_angle, inner_gap, _curvature(bends) if bends else None)
 
 
-def along_edge(edge: Any, face: Any, shares: FloatArray = CLOSER) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n, 3) points and unit normals of a face, on its outer side, and unit tangents, at shares of its edge."""
+def _curvature(bends: list[tuple[FloatArray, FloatArray, FloatArray]]) -> Curvature:
+    """Sum up points along edges, differences of curvatures there, and the part's forms."""
+    inside, near = np.minimum(CLOSER, 1 - CLOSER) > 1e-3, 1e-3  # of an edge, and of the size
+    points, differences, forms = (np.array(rows)[:, inside] for rows in zip(*bends, strict=True))
+    size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
+    largest = max(float(np.linalg.norm(np.nan_to_num(forms), 2, axis=(2, 3)).max()), 1 / size)
+    worst = np.unravel_index(np.nanargmax(np.abs(differences)), differences.shape)
+    ends = [(rows[end], own[end]) for rows, _, own in bends for end in (0, -1)]
+    jumps = [
+        float(np.linalg.norm(np.nan_to_num(form - other), 2))
+        for (point, form), (at, other) in combinations(ends, 2)
+        if np.linalg.norm(point - at) <= near * size
+    ]
+    place = point_text(points[worst], points.reshape(-1, 3))
+    most = max(jumps, default=0.0)
+    return Curvature(abs(float(differences[worst])), largest, place, most, sum(x > 0.01 * largest for x in jumps))
+
+
+def along_edge(
+    edge: Any, face: Any, shares: FloatArray = CLOSER
+) -> tuple[FloatArray, FloatArray, FloatArray, list[list[float]]]:
+    """Return (n, 3) points and outward unit normals of a face, unit tangents, and parameters, at shares of its edge."""
     curve, gp = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face), kernel("gp")
     first, last = curve.FirstParameter(), curve.LastParameter()
     rows = []
@@ -51,4 +97,4 @@ def along_edge(edge: Any, face: Any, shares: FloatArray = CLOSER) -> tuple[Float
     at, ways = np.split(np.array(rows), 2, axis=1)
     points, along, across, normals = face_frames(face, at.tolist())
     tangents = ways[:, :1] * along + ways[:, 1:] * across
-    return points, normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True)
+    return points, normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True), at.tolist()

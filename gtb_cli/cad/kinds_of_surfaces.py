@@ -4,7 +4,7 @@ from typing import Any
 
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
 from gtb_cli.cad.sewing import encode_cad
-from gtb_cli.errors import RequirementError
+from gtb_cli.errors import RequirementError, ToleranceError
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -18,14 +18,17 @@ def encode_surfaces(
     *,
     closed: bool = False,
     part: Any = None,
+    bend_allowed: float | None = None,
 ) -> tuple[bytes, str, list[str]]:
     """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
 
     Patches without exact pieces are fitted within the tolerance and angle (without these, see `spline_surfaces`).
     `closed` asks for solids: a `RequirementError` says that there are open shells. See `encode_cad` for a part.
+    With `bend_allowed` fitted surfaces also have the curvature of its faces; a `ToleranceError` if it differs by more
+    than this share of the part's largest.
     """
-    found = spline_surfaces(spec, tolerance, angle, part)
-    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", part)
+    found = spline_surfaces(spec, tolerance, angle, part, curved=bend_allowed is not None)
+    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", part, curved=bend_allowed is not None)
     if closed and body.shells:
         raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
     warnings = []
@@ -43,11 +46,21 @@ def encode_surfaces(
     bodies = {"solid": body.solids, "open shell": body.shells}
     parts = [f"{count} {name}{'s' if count > 1 else ''}" for name, count in bodies.items() if count]
     if body.seams is not None:  # which say more than the warning
-        warnings, faces = [], f"{faces} within {found.error:.2g}"
-        outer, gap, inner, inner_gap = (f"{value:.2g}" for value in body.seams)
+        warnings, curvature = [], body.seams.curvature
+        faces += f" within {found.error:.2g}" if bend_allowed is None else ""
+        outer, gap, inner, inner_gap = (f"{value:.2g}" for value in body.seams[:4])
         parts.append(
             f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
         )
+        if curvature is not None and bend_allowed is not None:
+            off = (
+                f"{curvature.difference:.2g} ({curvature.share:.2g} of {curvature.largest:.3g}) near {curvature.place}"
+            )
+            if not curvature.share <= bend_allowed:
+                raise ToleranceError(f"continuity g2: curvatures differ by {off}: `g2_tolerance` is {bend_allowed:g}")
+            parts.append(f"curvature to the part within {off}")
+            if curvature.corners:
+                parts.append(f"the part's own jumps by up to {curvature.jump:.2g} at {curvature.corners} corners")
     return body.data, ", ".join([faces, *parts]), warnings
 
 

@@ -9,21 +9,31 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.cad_seams import along_edge
-from gtb_cli.importers.cad_files import kernel, uses_of_edges
+from gtb_cli.importers.cad_files import face_forms, kernel, uses_of_edges
 from gtb_cli.theory.patch import Patch
 
 
 class Border(NamedTuple):
-    """Differences of a part's points and unit normals from a patch's along an edge: (m, 6) Chebyshev coefficients."""
+    """Differences of a part's points and unit normals from a patch's along an edge: (m, 6) Chebyshev coefficients.
+
+    Where curvature is to be met, `forms` has the nine of the part's second fundamental form.
+    """
 
     coefficients: FloatArray
+    forms: FloatArray | None = None
 
     def at(self, fractions: FloatArray) -> FloatArray:
         """Return (n, 6) differences at (n,) fractions of the edge; those of points are 0 at its ends."""
         return np.asarray(np.polynomial.chebyshev.chebval(2 * fractions - 1, self.coefficients).T)
 
+    def forms_at(self, fractions: FloatArray) -> FloatArray:
+        """Return (n, 3, 3) second fundamental forms: of v, times the patch's normal, it is v · F v."""
+        assert self.forms is not None
+        rows: FloatArray = np.polynomial.chebyshev.chebval(2 * fractions - 1, self.forms)
+        return rows.T.reshape(-1, 3, 3)
 
-def part_borders(patch: Patch, part: Any) -> list[Border | None]:
+
+def part_borders(patch: Patch, part: Any, *, curved: bool = False) -> list[Border | None]:
     """Return for each edge of a patch a border if it lies along an open edge of a part, a shape of the kernel."""
     if part is None:
         return [None] * len(patch.domain.vertices)
@@ -34,7 +44,8 @@ def part_borders(patch: Patch, part: Any) -> list[Border | None]:
     for (edge, face), *others in uses_of_edges(part).values():
         if not others and not kernel("BRep").BRep_Tool.Degenerated_s(edge):
             pair = topology.Edge(edge.Moved(location)), topology.Face(face.Moved(location))
-            rows.append(np.hstack(along_edge(*pair, np.linspace(0, 1, 1001))[:2]))
+            points, normals, _, at = along_edge(*pair, np.linspace(0, 1, 1001))
+            rows.append(np.hstack([points, normals, *([face_forms(pair[1], at).reshape(-1, 9)] if curved else [])]))
     return [_border(patch, k, origin, rows) for k in range(len(patch.domain.vertices))]
 
 
@@ -58,13 +69,16 @@ def _border(patch: Patch, edge: int, origin: FloatArray, traced: list[FloatArray
         for _ in range(rounds):  # of Newton, towards the nearest points
             ways = rates(t)[:, :3]
             t = np.clip(t + ((points - curve(t)[:, :3]) * ways).sum(axis=1) / (ways**2).sum(axis=1), 0, len(rows) - 1)
-        found, faced = np.split(curve(t), 2, axis=1)
-        away, turned = found - points, faced * np.sign((faced * normals).sum(axis=1, keepdims=True)) - normals
+        found, faced, forms = np.split(curve(t), [3, 6], axis=1)
+        signs = np.sign((faced * normals).sum(axis=1, keepdims=True))
+        away, turned = found - points, faced * signs - normals
         if np.isfinite(turned).all() and (most := float(np.linalg.norm(away, axis=1).max())) <= near * size:
-            if most <= exact * size:
+            if most <= exact * size and not forms.size:
                 return None
-            series = np.polynomial.chebyshev.chebfit(x, np.hstack([away, turned]), degree)
+            series, bent = np.split(
+                np.polynomial.chebyshev.chebfit(x, np.hstack([away, turned, forms * signs]), degree), [6], axis=1
+            )
             first, last = Border(series).at(np.array([0.0, 1.0]))[:, :3]
             series[:2, :3] -= (first + last) / 2, (last - first) / 2
-            return Border(series)
+            return Border(series, bent if forms.size else None)
     return None

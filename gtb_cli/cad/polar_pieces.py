@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, unit
+from gtb_cli.cad.curved_pieces import CurvedEdge, curve_pieces
 from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.cad.part_borders import Border
 from gtb_cli.cad.spline_pieces import (
@@ -22,6 +23,7 @@ from gtb_cli.cad.spline_pieces import (
     corner_pieces,
     edge_normals,
     fit_inside,
+    forms_at,
     grid,
     largest_angle,
     measured_surfaces,
@@ -95,7 +97,8 @@ def polar_pieces(
 
     Seams have normals of their own, near the patch's; where they meet, one second fundamental form says how all turn
     and bend, so that no conditions contradict. Edges are the borders of a part, or as in `fitted_pieces`. Of what is
-    measured, `error` is along normals. A `DomainError` says that the patch has no normal at a corner or seam.
+    measured, `error` is along normals, and 0 where borders have forms, which pieces leave the patch to meet. A
+    `DomainError` says that the patch has no normal at a corner or seam.
     """
     v = patch.domain.vertices
     r = len(v)
@@ -130,25 +133,32 @@ def polar_pieces(
     _bend([], [(spoke, -1) for spoke in spokes])
     for spoke in spokes:
         spoke.fit()
-    angle = bend = 0.0
-    faced = []
     for k, net in enumerate(nets):
         tip = tips[k, 0]
         known = [planes[0][k] / half.conditions[:, None], np.tile(tip, (len(whole.conditions), 1))]
         known.append(planes[1][k] / half.conditions[:, None])  # as derivatives there grow with the distance
         points = (fitted[k] - origin) / size
-        faced.append(_fit(net, (half, whole), points, [(outer[k], 0, 1)], known, 1 / half.fitted))
+        _fit(net, (half, whole), points, [(outer[k], 0, 1)], known, 1 / half.fitted)
         net[1, :, :3] -= np.outer((net[1, :, :3] - net[0, :, :3] * net[1, :, 3:]) @ tip, tip)
-        found = [edge_normals(net, *EDGES[side], half) for side in (0, 2)]
-        found.append(edge_normals(np.stack([net[1], 2 * net[1] - net[0]]), *EDGES[1], whole))  # 180° off if it folds
-        angle = max(angle, *map(largest_angle, found, (planes[2][k], planes[3][k], tip)))
     for k in range(r):
         around = [(outer[(k + 1) % r], 1, 0.5), (outer[k], 0, 0.5), (spokes[k], 0, 1), (spokes[(k + 1) % r], 0, 1)]
         nets.append(np.ones((len(half.greville), len(half.greville), 4)))
         nets[-1][..., :3] = 0.0
-        faced.append(_fit(nets[-1], (half, half), (more[0][k] - origin) / size, around, [], 1.0))
+        _fit(nets[-1], (half, half), (more[0][k] - origin) / size, around, [], 1.0)
+    forms = [forms_at(patch, piece, grid(half.conditions, end)) for piece in polar for end in (zero, one)]
+    if curved := any(each is not None for each in forms):
+        ends = [
+            CurvedEdge(planes[k % 2][k // 2], None if each is None else each * size) for k, each in enumerate(forms)
+        ]
+        curve_pieces(nets, (half, whole), [*zip(ends[::2], ends[1::2], strict=True)])
+    angle = bend = 0.0
+    faced = [[edge_normals(net, *EDGES[3], whole)] for net in nets[:r]]
+    faced += [[edge_normals(net, *side, half) for side in EDGES] for net in nets[r:]]
     count = len(half.along)
-    for k in range(r):
+    for k, net in enumerate(nets[:r]):
+        found = [edge_normals(net, *EDGES[side], half) for side in (0, 2)]
+        found.append(edge_normals(np.stack([net[1], 2 * net[1] - net[0]]), *EDGES[1], whole))  # 180° off if it folds
+        angle = max(angle, *map(largest_angle, found, (planes[2][k], planes[3][k], tips[k, 0])))
         (rim,), before, here, after = faced[k], faced[r + (k - 1) % r], faced[r + k], faced[r + (k + 1) % r]
         bend = max(bend, largest_angle(rim[:count], here[1]), largest_angle(rim[: count - 2 : -1], before[0]))
         bend = max(bend, largest_angle(here[3], after[2]))
@@ -156,6 +166,7 @@ def polar_pieces(
     surfaces, away, gap = measured_surfaces(name, made, [*between, *more[1]], origin, size)
     pairs = zip(away, [*faces, *more_faces], strict=True)
     error = max(float(np.abs((each * towards).sum(axis=1)).max()) for each, towards in pairs)
+    error *= not curved  # they leave the patch
     return FittedPieces(surfaces, error, gap, bend, angle, 0.0)
 
 
@@ -166,11 +177,8 @@ def _fit(
     seams: Sequence[tuple[_Seam, float, float]],
     known: list[FloatArray],
     stress: FloatArray | float,
-) -> list[FloatArray]:
-    """Fit a piece with known normals on its first sides, and seams, from and to parameters, on the others.
-
-    Return its own normals along these seams.
-    """
+) -> None:
+    """Fit a piece with known normals on its first sides, and seams, from and to parameters, on the others."""
     share = 30.0  # beside positions
     sides, planes = EDGES[len(known) :], [*known]
     for (axis, last), (seam, start, end) in zip(sides, seams, strict=True):
@@ -178,7 +186,6 @@ def _fit(
         net.swapaxes(0, axis)[last, :, :3] = along.curve(seam.points(start + (end - start) * along.greville))
         planes.append(seam.field(start + (end - start) * along.conditions))
     fit_inside(net, splines, points, planes, share, stress)
-    return [edge_normals(net, axis, last, splines[1 - axis]) for axis, last in sides]
 
 
 def _polar_net(piece: Piece, radial: Splines, around: Splines, rims: list[FloatArray]) -> FloatArray:

@@ -31,11 +31,17 @@ class Body(NamedTuple):
 
 
 def encode_cad(
-    surfaces: Sequence[SplineSurface], kind: str, unit: str = "mm", name: str = "patch", part: Any = None
+    surfaces: Sequence[SplineSurface],
+    kind: str,
+    unit: str = "mm",
+    name: str = "patch",
+    part: Any = None,
+    *,
+    curved: bool = False,
 ) -> Body:
     """Sew surfaces along edges that agree, and encode them as a CAD file; closed shells become solids.
 
-    With a part, a shape of the kernel, the surfaces are sewn to its faces.
+    With a part, a shape of the kernel, the surfaces are sewn to its faces; `curved` seams have measured curvatures.
 
     The file states the name of the whole and the unit of coordinates (BREP files have none). An `ExportError` says that
     the extra is missing, or that the kernel finds the result invalid or cannot write it.
@@ -55,7 +61,7 @@ def encode_cad(
     shape, faces, shells, solids = _sewn(surfaces, sewn, part)
     if part is not None and shells:
         shape, faces, shells, solids = _sewn(surfaces, roughly, part)
-    seams = None if part is None else seams_of(shape, [face for face, _ in faces])
+    seams = None if part is None else seams_of(shape, [face for face, _ in faces], curved=curved)
     if not check(shape).IsValid():
         raise ExportError(
             f"{kind.upper()}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?"

@@ -140,13 +140,21 @@ def _located(patch: Patch, pieces: list[Piece], places: FloatArray) -> tuple[lis
     return list(patch.rational_basis.locations(knots, "linear", faces.ravel())), faces.size
 
 
-def _moves(patch: Patch, piece: Piece, places: FloatArray) -> Iterator[tuple[BoolArray, FloatArray]]:
-    """Yield places on borders, and how far points and normals of these are from the patch's."""
+def _borders(patch: Patch, piece: Piece, places: FloatArray) -> Iterator[tuple[BoolArray, Border, FloatArray]]:
+    """Yield which places are on a border, that border, and their fractions of the edge."""
     for edge, border, (_, inwards) in zip(piece.edges, piece.borders, sides_of(places), strict=True):
         if border is not None and edge is not None:
             start, end = np.roll(patch.domain.vertices, -edge, axis=0)[:2]
             feet = piece.knots(places[inwards == 0]) - start
-            yield inwards == 0, border.at(feet @ (end - start) / ((end - start) @ (end - start)))
+            yield inwards == 0, border, feet @ (end - start) / ((end - start) @ (end - start))
+
+
+def forms_at(patch: Patch, piece: Piece, places: FloatArray) -> FloatArray | None:
+    """Return the (n, 3, 3) second fundamental forms of a part at places on one of its borders, if it has any."""
+    for on_side, border, fractions in _borders(patch, piece, places):
+        if on_side.all() and border.forms is not None:
+            return border.forms_at(fractions)
+    return None
 
 
 def points_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> list[FloatArray]:
@@ -157,8 +165,8 @@ def points_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> li
         for half, (own, inwards) in zip(piece.halves, sides_of(every), strict=True):
             if half is not None and (exact := half.at(own[inwards == 0])[0]) is not None:
                 here[inwards == 0] = exact
-        for on_side, moves in _moves(patch, piece, every):
-            here[on_side] += moves[:, :3]
+        for on_side, border, fractions in _borders(patch, piece, every):
+            here[on_side] += border.at(fractions)[:, :3]
     return np.split(points, np.cumsum([len(one) for one in places])[:-1], axis=1)
 
 
@@ -167,8 +175,8 @@ def normals_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> l
     every = np.concatenate(places)
     normals = patch.normals_at(*_located(patch, pieces, every)).reshape(len(pieces), -1, 3)
     for piece, here in zip(pieces, normals, strict=True):
-        for on_side, moves in _moves(patch, piece, every):
-            here[on_side] = unit(here[on_side] + moves[:, 3:])
+        for on_side, border, fractions in _borders(patch, piece, every):
+            here[on_side] = unit(here[on_side] + border.at(fractions)[:, 3:])
     return np.split(normals, np.cumsum([len(one) for one in places])[:-1], axis=1)
 
 

@@ -98,7 +98,8 @@ def fill(
     row of control points, if the patch is to touch tangent planes along it. It may also be a .gbp or .lop file; or a
     model of surfaces, or a STEP, IGES or BREP file (extra gtb-cli[cad]), of which an open ring of edges is filled.
 
-    With -o FILE.step (or .iges, .brep) the patch is B-splines that keep its tangent planes, sewn to the part's faces.
+    With -o FILE.step (or .iges, .brep) the patch is B-splines that keep its tangent planes, sewn to the part's faces;
+    with --continuity g2 they also continue the curvature of these, and what differs is said.
 
     Along each side with a ribbon the tangent planes are exact up to rounding. With --continuity g2 so is the curvature:
     that of a neighbour in a model, of a .gbp file of degree 5 or more, or of the strip of a curve, its "ribbon" and its
@@ -134,6 +135,9 @@ def fill(
             return
         name = None if isinstance(found, Model) else named or input_stem(loop)
         options = {"continuity": continuity, "inner": inner, "fullness": fullness or 1.0, "raises": raises}
+        bends = isinstance(found, Part) and kind is not None and continuity == {"": "g2"}
+        if bends:
+            options["continuity"] = {}  # what is written meets curvature, where no patch does
         with streams.console.clock("fill"):
             fill_hole = filled_in_some_way if fullness is None and raises is None else filled
             filling = fill_hole(found, hole, name, **options, g2_tolerance=g2_tolerance)
@@ -142,7 +146,10 @@ def fill(
 
         part = found.shape if isinstance(found, Part) else None
         with about(source):
-            encoded = encode_surfaces(filling.model or filling.patch, kind, "mm", tolerance, angle, part=part)
+            allowed = g2_tolerance if bends else None
+            encoded = encode_surfaces(
+                filling.model or filling.patch, kind, "mm", tolerance, angle, part=part, bend_allowed=allowed
+            )
         write_blocks(streams.output, [encoded[0]])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
         streams.write(dump(filling.model or filling.patch))  # before its certificate: it may be impossible

@@ -76,7 +76,11 @@ class HoleSide:
         """
         if continuity == "g2":
             if self.bend is None:
-                needed = "a ribbon and a ribbon2" if self.across is None else "a ribbon2 (.gbp: degree 5; parts: none)"
+                needed = (
+                    "a ribbon and a ribbon2"
+                    if self.across is None
+                    else "a ribbon2 (.gbp: degree 5; parts: -o FILE.step, all sides)"
+                )
                 raise DomainError(f"{self.name}: its neighbour's curvature is not known: continuity g2 needs {needed}")
             if not np.isfinite(self.bend).all():
                 place = stations()[int(np.flatnonzero(~np.isfinite(self.bend))[0])]

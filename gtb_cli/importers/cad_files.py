@@ -3,6 +3,7 @@
 Its Python package is an extra: ``gtb-cli[cad]``. Lengths of STEP and IGES files become millimetres.
 """
 
+import math
 import os
 import re
 import subprocess
@@ -176,6 +177,28 @@ def face_frames(face: Any, places: Iterable[Sequence[float]]) -> tuple[FloatArra
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     has_normal = lengths > 1e-9 * lengths.max()  # beyond what is rounding at a pole
     return points, along, across, np.where(has_normal, normals / np.where(has_normal, lengths, 1.0), np.nan)
+
+
+def face_forms(face: Any, places: Sequence[Sequence[float]]) -> FloatArray:
+    """Return second fundamental forms of a face at n places, (n, 3, 3): of v, times the outward normal, it is v · F v.
+
+    They are NaN where the face has no normal, or the kernel no second derivatives.
+    """
+    surface, gp, rows = kernel("BRep").BRep_Tool.Surface_s(face), kernel("gp"), []
+    _, along, across, normals = face_frames(face, places)
+    for u, v in places:
+        vectors = gp.gp_Pnt(), *(gp.gp_Vec() for _ in range(5))
+        try:
+            surface.D2(u, v, *vectors)
+            rows.append([(each.X(), each.Y(), each.Z()) for each in vectors[3:]])
+        except kernel("Standard").Standard_Failure:
+            rows.append([(math.nan,) * 3] * 3)
+    known = np.isfinite(normals).all(axis=1)
+    parts_of = np.full((len(normals), 3, 2), math.nan)  # of vectors, along both derivatives
+    parts_of[known] = np.linalg.pinv(np.stack([along, across], axis=1)[known])
+    first, second, mixed = (np.array(rows) * normals[:, None]).sum(axis=2).T
+    forms = np.array([[first, mixed], [mixed, second]]).transpose(2, 0, 1)
+    return np.asarray(parts_of @ forms @ parts_of.swapaxes(1, 2))
 
 
 def face_pieces(face: Any) -> list[FloatArray] | None:
