@@ -201,8 +201,8 @@ def _with_curvature(
     gaussian, mean = np.concatenate(limits, axis=1)
     largest = float((np.abs(mean) + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))).max())
     pairs = (gaussian / extent, largest**2 / extent), (mean, largest)
-    single = [float(each.mean()) / extent if np.ptp(each) <= 1e-6 * size else math.nan for each, size in pairs]
-    return CornerLimits(found.normals, tilt, largest / extent, 0.0, *single, found.folds)
+    one, other = (float(v.mean()) / extent if np.ptp(v) <= 1e-6 * size else math.nan for v, size in pairs)
+    return CornerLimits(found.normals, tilt, largest / extent, 0.0, one, other, found.folds)
 
 
 def _orders(i: Any, j: Any) -> tuple[Any, Any, Any]:
