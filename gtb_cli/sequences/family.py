@@ -1,24 +1,22 @@
 """Families of patches that tend to a limit, meshed on one complex: the triangulation follows the limit."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import border_of, knot_tolerance
-from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.joints import Joint, Joints, unjoined
 from gtb_cli.sequences.film_meshes import film_mesh
-from gtb_cli.tessellation.complexes import Complex, coarse_complexes, join, joined_complex
+from gtb_cli.tessellation.complexes import Complex, coarse_complexes, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.edges import EdgeRef
@@ -37,9 +35,6 @@ class Family:
     is_limit: tuple[bool, ...]  # for each of them whether it is the limit, to rounding
     joints: Joints  # of the patches of the limit
     faces: IntArray | None = None  # (c, f) faces of Δ that hold each face of each patch of the limit; None for one
-    # For each sampler the thickness, as a fraction of Δ's size, of the layer along the boundary in which it differs
-    # from what it is inside; empty if there is none.
-    thickness: tuple[float, ...] = ()
     knot_limit: KnotLimit | None = None  # None for a degeneration
 
     @property
@@ -60,14 +55,6 @@ class Family:
     def uniform(self, resolution: int) -> Complex:
         """Return the complex with `resolution` cells along each edge of each patch of the limit."""
         return joined_complex(self.limit.patches, self.joints, resolution)
-
-    def graded(self, resolution: int, member: int) -> Complex:
-        """Return a complex like `uniform`, but with cells near the boundary as small as a member needs."""
-        if not self.thickness or not 0 < self.thickness[member] < 1 / resolution:
-            return self.uniform(resolution)
-        layer_cells = 4.0  # across the layer
-        part = graded_triangulation(self.limit.patches[0].domain, resolution, self.thickness[member] / layer_cells)
-        return join(self.limit.patches, self.joints, [part])[0]
 
     def over_whole(self, mosaic: Complex) -> Complex:
         """Return a complex over the patches of the limit as one over Δ."""
@@ -94,10 +81,9 @@ class Family:
 def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
     """Patches at some steps of a knot limit, and the merged one."""
     members = tuple(move_knots(limit.patch, limit.moves, step) for step in steps)
-    thickness = (*map(limit.nearness, steps), 0.0) if limit.films else ()
     samplers = tuple(Sampler((patch,)) for patch in (*members, limit.merged))
     joints, is_limit = unjoined(limit.merged), (False,) * len(members)
-    return Family(samplers, members, is_limit, joints, thickness=thickness, knot_limit=limit)
+    return Family(samplers, members, is_limit, joints, knot_limit=limit)
 
 
 def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
@@ -164,52 +150,6 @@ def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequ
         for face, knots in enumerate(parts, start=1):
             table[cell, face] = shape.faces.smallest(knots).number
     return table
-
-
-def graded_triangulation(shape: Domain, resolution: int, finest: float) -> Triangulation:
-    """Cut Δ into cells that become smaller towards its edges and corners: from `finest`, as a fraction of Δ's size."""
-    part = triangulation(shape, resolution) if shape.dimension == 1 else central_triangulation(shape, resolution)
-    v = shape.vertices
-    steepness = 1.0
-    for _ in range(50):
-        steepness = math.log1p(steepness / (resolution * finest))
-    if shape.dimension == 1:
-        share = (part.parameters - v[0]) / (v[1] - v[0])
-        u = v[0] + _both_ways(share, steepness) * (v[1] - v[0])
-        u[part.boundary] = v[:, None]
-    else:
-        u = _towards_edges(v, part.parameters, steepness)
-        sides = np.roll(v, -1, axis=0) - v
-        share = _both_ways(np.arange(resolution) / resolution, steepness)
-        u[part.boundary] = v[:, None] + share[None, :, None] * sides[:, None]
-    return replace(part, parameters=u)
-
-
-def _towards_edges(v: FloatArray, u: FloatArray, steepness: float) -> FloatArray:
-    """Move (m, 2) points of a polygon outwards along rays from its centre, and the rays towards its corners."""
-    center = v.mean(axis=0)
-    sides = np.roll(v, -1, axis=0) - v
-    normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
-    # Shares of the way out to each edge's line; the largest says which edge the ray meets.
-    shares = (u - center) @ (normals / ((v - center) * normals).sum(axis=1)[:, None]).T
-    edge = shares.argmax(axis=1)
-    ring = np.clip(shares.max(axis=1), 0.0, 1.0)
-    side = sides[edge]
-    outer = center + (u - center) / np.where(ring > 0, ring, 1.0)[:, None] - v[edge]
-    place = np.clip((outer * side).sum(axis=1) / (side**2).sum(axis=1), 0.0, 1.0)
-    target = v[edge] + _both_ways(place, steepness)[:, None] * side
-    return np.asarray(center + (1 - _from_end(1 - ring, steepness))[:, None] * (target - center))
-
-
-def _from_end(share: FloatArray, steepness: float) -> FloatArray:
-    """Map [0, 1] to itself, with small steps near 0."""
-    return np.asarray(np.expm1(steepness * share) / math.expm1(steepness))
-
-
-def _both_ways(share: FloatArray, steepness: float) -> FloatArray:
-    """Map [0, 1] to itself, with small steps near both ends."""
-    half = _from_end(1 - np.abs(2 * share - 1), steepness) / 2
-    return np.where(share < 0.5, half, 1 - half)
 
 
 def _in_order(mosaic: Complex) -> Complex:

@@ -87,8 +87,8 @@ class Measurement:
         film_error = 0.25  # as a fraction of the chord error: cells of surface and film do not match
         limit, sampler, film = self.family.limit, self.family.samplers[member], self.family.film
         assert film is not None
-        mosaic, doubt = self.refined(self.family.graded(self.resolution, member), limit)
-        mosaic, other_doubt = self.refined(mosaic, sampler)
+        start, doubt = self.start
+        mosaic, other_doubt = self.refined(start, sampler)
         ends = self.sampled(mosaic, limit)
         surface = ends if sampler is limit else self.sampled(mosaic, sampler)
         cells = np.concatenate([ends.cells, shifted(film.cells, len(ends.vertices))])
@@ -98,6 +98,11 @@ class Measurement:
         error = 2 * self.tolerance + max(found.error, plain.error)
         doubt = doubt or other_doubt
         return 0.0 if sampler is limit else plain.distance, found.distance, None if doubt else error, doubt
+
+    @cached_property
+    def start(self) -> tuple[Complex, str]:
+        """The complex on which the limit is within the chord error; a coarse one, and why, if it has too many faces."""
+        return self.refined(self.family.uniform(self.resolution), self.family.limit)
 
     @cached_property
     def tolerance(self) -> float:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 
 from gtb_cli import (
     Patch,
@@ -19,7 +19,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.sequences.family import approaching
 from gtb_cli.sequences.film_meshes import film_mesh
-from gtb_cli.sequences.measurement import Accuracy
+from gtb_cli.sequences.measurement import Accuracy, Measurement
 from gtb_cli.sequences.sequence import degeneration, knot_sequence
 from tests.marks import long, mostly_long
 from tests.shell import SPECS
@@ -104,11 +104,20 @@ def test_a_layer_of_a_knot_near_an_edge_is_not_missed():
     assert_distances_of_dense_samples(patch, {3: 0}, 0.5)
 
 
+def crowded_at_edges(patch):
+    """A mesh of rings around the middle of Δ, the nearer to edges and corners the denser, up to 1e-7 of its size."""
+    layer, v = np.append(0, np.geomspace(1e-7, 0.02, CELLS // 3 - 1)), patch.domain.vertices
+    half, ring = np.append(layer, np.linspace(0.04, 0.5, CELLS)), 1 - np.append(layer, np.linspace(0.03, 0.99, 99))
+    along = np.append(half, 1 - half[-2::-1])
+    outer = v[:, None] + along[:, None] * (np.roll(v, -1, axis=0) - v)[:, None]
+    u = v.mean(axis=0) + ring[:, None, None] * (outer - v.mean(axis=0))[:, None]
+    return Mesh(patch.evaluate(u.reshape(-1, 2), "linear"), Delaunay(u.reshape(-1, 2)).simplices)
+
+
 def assert_distances_of_dense_samples(patch, moves, step):
     """Film and merged patch are sampled by themselves, and the member up to a thousandth of its layer."""
     limit, member = knot_limit(patch, moves), move_knots(patch, moves, step)
-    mosaic = approaching(limit, [step]).graded(CELLS, 0)
-    there = Mesh(member.evaluate(mosaic.parameters, "linear"), mosaic.cells)
+    there = crowded_at_edges(member)
     merged = tessellate(limit.merged, CELLS)
     found = knot_sequence(patch, moves, [step], resolution=2).members[0]
     assert found.doubt == ""
@@ -120,6 +129,13 @@ def assert_distances_of_dense_samples(patch, moves, step):
     if limit.films:
         film = film_mesh(limit)
         assert found.film_distance == pytest.approx(farthest(there, [merged, film]), abs=2e-3 * size)
+
+
+def test_a_limit_that_is_not_fine_enough_is_in_doubt(monkeypatch):
+    found = Measurement(approaching(knot_limit(inner_knots(), {6: 3}), [0.5]), Accuracy(1e-2, 64, 1000))
+    doubts = {found.family.samplers[0]: "", found.family.limit: "coarse"}
+    monkeypatch.setattr(found, "refined", lambda mosaic, sampler: (mosaic, doubts[sampler]))
+    assert found.between_meshes(0)[2:] == (None, "coarse")
 
 
 def farthest(mesh, others):
