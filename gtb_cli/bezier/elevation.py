@@ -23,26 +23,10 @@ def elevate(patch: Patch, by: int = 1) -> Patch:
     tensor product patches this is the classical degree elevation by `by`, in both directions of the latter; for others
     the paper's Section 5 names it as future work.
 
-    Parameters
-    ----------
-    patch : Patch
-    by : int
-        Number of elevations.
-
-    Returns
-    -------
-    Patch
-        The elevated patch, with all coefficients 1 and without a lifting.
-
-    Raises
-    ------
-    DomainError
-        `by` is not a whole number from 0, or the result would have more than `MAX_ELEVATED_KNOTS` knots.
-
-    Notes
-    -----
-    The image is exactly the same. A curve with k_0 = k_1 keeps its points at the same fractions of its interval, and a
-    Bézier patch at the same fractions of its domain; other surfaces are reparametrised.
+    The result has all coefficients 1, and no lifting. Its image is exactly the same. A curve with k_0 = k_1 keeps its
+    points at the same fractions of its interval, and a Bézier patch at the same fractions of its domain; other surfaces
+    are reparametrised. `DomainError` is raised unless `by` is a whole number from 0, and where the result would have
+    more than `MAX_ELEVATED_KNOTS` knots.
     """
     if isinstance(by, bool) or not isinstance(by, int | np.integer) or by < 0:
         raise DomainError(f"by: expected a whole number, at least 0, got {by!r}")

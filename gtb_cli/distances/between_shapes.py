@@ -21,8 +21,6 @@ from gtb_cli.theory.patch import Patch
 def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
     """Measure how far two surfaces, or curves, are from each other at most, whatever their parameters.
 
-    Notes
-    -----
     The distance is found by a search that starts from points all over both, so it is not proved. It is too large if a
     nearest point was missed, as happens between surfaces with hundreds of knots, and too small if the farthest one is
     on a peak between starting points. The bound has room for missed nearest points where any came to light.

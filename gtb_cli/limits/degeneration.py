@@ -56,22 +56,9 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
 def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> Model:
     """Return the limit of a patch under toric degeneration: a patch for each cell of the regular decomposition.
 
-    Parameters
-    ----------
-    patch : Patch
-        The limit of a curve is its regular control curve (Thm 3.2); for surfaces it is Thm 4.2.
-    lifting : (n,) float, optional
-        λ_i; the default is the patch's own. The limit for x → 0 is that of −λ.
-
-    Returns
-    -------
-    Model
-        A patch for each cell, in the order of the cells; `cells_of` takes a known decomposition.
-
-    Raises
-    ------
-    DomainError
-        There is no lifting, or it does not fit.
+    It is the limit for x → ∞ (Thm 3.2, Thm 4.2), of a curve its regular control curve; for x → 0 it is that of −λ. The
+    lifting λ, (n,), is the patch's own by default. Patches are in the order of the cells; `cells_of` takes a known
+    decomposition. `DomainError` is raised where there is no lifting, or it does not fit.
     """
     return cells_of(patch, regular_decomposition(patch.knots, lifting_of(patch, lifting)))
 

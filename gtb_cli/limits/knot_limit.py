@@ -68,18 +68,8 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
 def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
     """Move knots part of the way to others: ``a_k + step (a_q − a_k)``, all at once (Thm 4.1, Ex. 4.2).
 
-    Parameters
-    ----------
-    patch : Patch
-    moves : mapping of int to int
-        {k: q} by index. In a chain {1: 2, 2: 3} both knots move to the place of knot 3.
-    step : float
-        From 0, the patch itself, to 1, where the knots coincide.
-
-    Raises
-    ------
-    DomainError
-        An error of `merge_knots`, or a step outside [0, 1].
+    Moves are {k: q} by index: in a chain {1: 2, 2: 3} both knots move to the place of knot 3. Steps are from 0, the
+    patch itself, to 1, where the knots coincide. `DomainError` is raised as by `merge_knots`, and for another step.
     """
     if not 0 <= step <= 1:
         raise DomainError(f"step: expected a number from 0 to 1, got {step!r}")

@@ -261,26 +261,11 @@ class Patch:
         return DerivativeField(self.rational_basis, self.control_points), DerivativeField(self.rational_basis, None)
 
     def normals(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
-        """Unit normals of a surface, in the direction of ∂P/∂u_0 × ∂P/∂u_1, with their limits on the boundary.
+        """Return unit normals of a surface, (…, 3), along ∂P/∂u_0 × ∂P/∂u_1, with their limits on the boundary.
 
-        Parameters
-        ----------
-        u : (…, 2) float
-        parametrization : {"toric", "linear"}
+        Parameters are (…, 2). Normals are NaN where there is none, or there are several limits at a corner: a mesh has
+        the mean of its adjacent faces there. `DomainError` is raised for a curve, and for a parameter outside Δ.
 
-        Returns
-        -------
-        (…, 3) float
-            Unit vectors; NaN where the surface has no normal, or several limits at a corner. A mesh has the mean of
-            its adjacent faces there.
-
-        Raises
-        ------
-        DomainError
-            The patch is a curve, or a parameter lies outside Δ.
-
-        Notes
-        -----
         The normal on an edge is tangent × derivative towards the nearest layer of knots not parallel to it. At a corner
         it is the limit on all ways to it, up to 1e-4 degrees: see `gtb_cli.corner_limits`. Inside, digits are kept up
         to the boundary, even if a few knots hold nearly all of T; see `gtb_cli.theory.normals`.
@@ -296,25 +281,11 @@ class Patch:
         return normals_at(self, locations, count)
 
     def curvature(self, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
-        """Gaussian and mean curvature of a surface; see `gtb_cli.Curvature`.
+        """Return the Gaussian and the mean curvature of a surface, (…) each, at (…, 2) parameters.
 
-        Parameters
-        ----------
-        u : (…, 2) float
-        parametrization : {"toric", "linear"}
+        ``found.gaussian`` and ``found.mean`` are NaN without a normal or a finite limit; see `gtb_cli.Curvature`.
+        `DomainError` is raised for a curve, and for a parameter outside Δ.
 
-        Returns
-        -------
-        Curvature
-            ``found.gaussian`` and ``found.mean``, (…) each; NaN without a normal or a finite limit.
-
-        Raises
-        ------
-        DomainError
-            The patch is a curve, or a parameter lies outside Δ.
-
-        Notes
-        -----
         Values on edges and at corners are limits. Across an edge there is one if the second layer of knots next to it
         is at least twice as far as the first; otherwise the curvature generally grows like h^(r − 2), r the ratio and h
         the distance in linear parameters. For corners see `gtb_cli.corner_limits`. The relative error is a few
@@ -338,15 +309,8 @@ class Patch:
     def boundary(self, edge: int) -> Patch:
         """Return the curve of an edge: the patch of the knots on it, measured from its first corner (Thm 4.0).
 
-        Parameters
-        ----------
-        edge : int
-            0 … r − 1, counter-clockwise from the lowest, then leftmost, corner of Δ.
-
-        Raises
-        ------
-        DomainError
-            The patch is a curve, or has no such edge.
+        Edges are 0 … r − 1, counter-clockwise from the lowest, then leftmost, corner of Δ. `DomainError` is raised for
+        a curve, and for another edge.
         """
         r = len(self.domain.vertices)
         if self.dimension == 1 or not 0 <= edge < r:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 
 from gtb_cli import (
     Patch,
@@ -111,10 +111,7 @@ def crowded_at_edges(patch):
     along = np.append(half, 1 - half[-2::-1])
     outer = v[:, None] + along[:, None] * (np.roll(v, -1, axis=0) - v)[:, None]
     u = v.mean(axis=0) + ring[:, None, None] * (outer - v.mean(axis=0))[:, None]
-    corner = np.add.outer(len(along) * np.arange(len(ring) * len(v)), np.arange(len(along) - 1))
-    corner = corner[np.arange(len(corner)) % len(ring) < len(ring) - 1].ravel()[:, None]
-    cells = np.concatenate([corner + np.array(row) for row in ([0, 1, len(along)], [1, len(along), len(along) + 1])])
-    return Mesh(patch.evaluate(u.reshape(-1, 2), "linear"), cells)
+    return Mesh(patch.evaluate(u.reshape(-1, 2), "linear"), Delaunay(u.reshape(-1, 2)).simplices)
 
 
 def assert_distances_of_dense_samples(patch, moves, step):
