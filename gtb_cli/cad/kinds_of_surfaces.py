@@ -53,7 +53,7 @@ def encode_surfaces(
             f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
         )
         if curvature is not None and bend_allowed is not None:
-            share = f"{100 * curvature.share:.2g}% of {curvature.largest:.3g}"
+            share = f"{curvature.share:.2%} of {curvature.largest:.3g}"
             off = f"{curvature.difference:.2g} ({share}) near {curvature.place}"
             if not curvature.share <= bend_allowed:
                 raise ToleranceError(f"continuity g2: curvatures differ by {off}: `g2_tolerance` bounds it")
