@@ -18,7 +18,7 @@ from gtb_cli.theory.patch import Patch
 
 SPANS: tuple[int, ...] = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted piece, tried in turn
 POLAR_SPANS: tuple[int, ...] = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
-CURVED_SPANS: tuple[int, ...] = (4, 6, 8)  # of those that meet curvature
+CURVED_SPANS: tuple[int, ...] = (4, 6)  # of those that meet curvature
 
 
 class SplineSurfaces(NamedTuple):

@@ -12,7 +12,7 @@ from gtb_cli.importers.cad_files import face_forms, face_frames, kernel, uses_of
 CLOSER = (1 - np.cos(np.pi * (np.arange(256) + 0.5) / 256)) / 2  # towards the ends, to 1e-5, where angles are largest
 
 
-class Curvature(NamedTuple):
+class CurvatureGap(NamedTuple):
     """How far normal curvatures of new faces are from a part's, square to its edges from a thousandth of each on.
 
     `largest` is the part's largest curvature there, or if it is less, 1 / size. Where edges meet at some `corners`,
@@ -41,7 +41,7 @@ class Seams(NamedTuple):
     gap: float
     inner_angle: float
     inner_gap: float
-    curvature: Curvature | None = None
+    curvature: CurvatureGap | None = None
 
 
 def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams:
@@ -65,7 +65,7 @@ def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams
     return Seams(angle, gap, inner_angle, inner_gap, _curvature(bends) if bends else None)
 
 
-def _curvature(bends: list[tuple[FloatArray, FloatArray, FloatArray]]) -> Curvature:
+def _curvature(bends: list[tuple[FloatArray, FloatArray, FloatArray]]) -> CurvatureGap:
     """Sum up points along edges, differences of curvatures there, and the part's forms."""
     inside, near = np.minimum(CLOSER, 1 - CLOSER) > 1e-3, 1e-3  # of an edge, and of the size
     points, differences, forms = (np.array(rows)[:, inside] for rows in zip(*bends, strict=True))
@@ -80,7 +80,7 @@ def _curvature(bends: list[tuple[FloatArray, FloatArray, FloatArray]]) -> Curvat
     ]
     place = point_text(points[worst], points.reshape(-1, 3))
     most = max(jumps, default=0.0)
-    return Curvature(abs(float(differences[worst])), largest, place, most, sum(x > 0.01 * largest for x in jumps))
+    return CurvatureGap(abs(float(differences[worst])), largest, place, most, sum(x > 0.01 * largest for x in jumps))
 
 
 def along_edge(

@@ -13,9 +13,10 @@ from gtb_cli.arrays import FloatArray, IntArray, unit
 from gtb_cli.cad.spline_pieces import Splines, grid
 from gtb_cli.errors import DomainError
 
-ROUNDS = 4
-ANGLES, JUMPS, BENDS = 1e6, 1e3, 1e3  # weights of conditions at seams and edges beside the variation of forms
-SLIDE = 10.0  # that of moves along the surface, which only poles next but one to edges make
+ROUNDS, SMALL = 8, 5e-4  # of least squares, as long as poles move by more than a share of the size
+ANGLES, JUMPS, BENDS = 1e6, 3e2, 1e3  # weights of conditions at seams and edges beside the variation of forms
+RIDGE = 1e-11  # share of the diagonal, beyond its rounding
+SLIDE = 100.0  # that of moves along the surface, which only poles next but one to edges make
 
 _Rows = tuple[int, FloatArray]
 _Moves = list[tuple[IntArray, FloatArray]]
@@ -124,6 +125,7 @@ def curve_pieces(
             slopes = one.slopes(axis, tangents, normals), other.slopes(last, tangents, normals)
             squares.add(ANGLES, [(p, slopes[0]), (q, -slopes[1])])
             squares.add(JUMPS, [(p, one.form(towards, towards)), (q, -other.form(towards, towards))])
+        squares.matrix[np.diag_indices_from(squares.matrix)] *= 1 + RIDGE
         try:
             step = cho_solve(cho_factor(squares.matrix), squares.wanted)
         except (np.linalg.LinAlgError, ValueError):
@@ -131,6 +133,8 @@ def curve_pieces(
         moved += step
         for net, (numbers, table) in zip(nets, moves, strict=True):
             net[..., :3] += (table @ step[numbers]).reshape(net[..., :3].shape)
+        if np.abs(step).max() < SMALL:
+            break
 
 
 def _add_variation(squares: _Squares, p: int, places: _Places, splines: tuple[Splines, Splines]) -> None:
@@ -143,6 +147,9 @@ def _add_variation(squares: _Squares, p: int, places: _Places, splines: tuple[Sp
         a, b = np.delete(numbers, -1, axis).ravel(), np.delete(numbers, 0, axis).ravel()
         e, f = _frames(unit(places.normals[a] + places.normals[b])).swapaxes(0, 1)
         scale = np.sqrt((areas[a] + areas[b]) / 2) / np.linalg.norm(places.points[a] - places.points[b], axis=1)
+        if p < len(squares.nets) // 2:  # towards the pole forms may depend on the direction only
+            s = np.repeat(splines[0].fitted, shape[1])
+            scale *= np.minimum(s[a], s[b])
         for one, other, factor in ((e, e, 1.0), (e, f, np.sqrt(2)), (f, f, 1.0)):
             rows = places.form(one, other, b) - places.form(one, other, a)
             squares.add(np.sqrt(len(rows)), [(p, rows * (factor * scale)[:, None])])

@@ -53,11 +53,10 @@ def encode_surfaces(
             f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
         )
         if curvature is not None and bend_allowed is not None:
-            off = (
-                f"{curvature.difference:.2g} ({curvature.share:.2g} of {curvature.largest:.3g}) near {curvature.place}"
-            )
+            share = f"{curvature.share:.2%} of {curvature.largest:.3g}"
+            off = f"{curvature.difference:.2g} ({share}) near {curvature.place}"
             if not curvature.share <= bend_allowed:
-                raise ToleranceError(f"continuity g2: curvatures differ by {off}: `g2_tolerance` is {bend_allowed:g}")
+                raise ToleranceError(f"continuity g2: curvatures differ by {off}: `g2_tolerance` bounds it")
             parts.append(f"curvature to the part within {off}")
             if curvature.corners:
                 parts.append(f"the part's own jumps by up to {curvature.jump:.2g} at {curvature.corners} corners")

@@ -29,8 +29,8 @@ class Border(NamedTuple):
     def forms_at(self, fractions: FloatArray) -> FloatArray:
         """Return (n, 3, 3) second fundamental forms: of v, times the patch's normal, it is v · F v."""
         assert self.forms is not None
-        rows: FloatArray = np.polynomial.chebyshev.chebval(2 * fractions - 1, self.forms)
-        return rows.T.reshape(-1, 3, 3)
+        rows = np.polynomial.chebyshev.chebval(2 * fractions - 1, self.forms).T
+        return np.asarray(rows.reshape(-1, 3, 3), dtype=float)
 
 
 def part_borders(patch: Patch, part: Any, *, curved: bool = False) -> list[Border | None]:

@@ -79,7 +79,7 @@ class HoleSide:
                 needed = (
                     "a ribbon and a ribbon2"
                     if self.across is None
-                    else "a ribbon2 (.gbp: degree 5; parts: -o FILE.step, all sides)"
+                    else "a ribbon2 (.gbp: degree 5; parts: all sides, to a CAD file)"
                 )
                 raise DomainError(f"{self.name}: its neighbour's curvature is not known: continuity g2 needs {needed}")
             if not np.isfinite(self.bend).all():

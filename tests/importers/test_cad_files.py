@@ -9,13 +9,24 @@ import pytest
 
 import gtb_cli
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
+from gtb_cli.cad.cad_seams import along_edge
 from gtb_cli.cad.sewing import encode_cad
 from gtb_cli.errors import SpecError
 from gtb_cli.filling.fill import filled
 from gtb_cli.filling.holes import one_ring
 from gtb_cli.filling.part_holes import Part, part_of
 from gtb_cli.filling.sides import points_and_tangents, stations
-from gtb_cli.importers.cad_files import edge_pieces, extent_of, face_pieces, kernel, parts, read_shape, uses_of_edges
+from gtb_cli.importers.cad_files import (
+    edge_pieces,
+    extent_of,
+    face_forms,
+    face_frames,
+    face_pieces,
+    kernel,
+    parts,
+    read_shape,
+    uses_of_edges,
+)
 from gtb_cli.importers.readers import import_data
 from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
@@ -119,6 +130,41 @@ def test_pieces_are_points_at_smooth_corners_and_follow_a_part_from_which_the_pa
         assert (body.solids, extent_of(shape, "Volume")) == (1, pytest.approx(32 / 3 * np.pi, abs=0.01))
         assert max(body.seams.angle, body.seams.inner_angle, fit.angle, fit.bend) < 3e-4
         assert max(body.seams.gap, body.seams.inner_gap) < 1e-8
+
+
+def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_path, monkeypatch):
+    part, out = written(box_without_a_corner((2, 2, 2)), tmp_path), tmp_path / "filled.brep"
+    fill = "fill", part, "--elevate", 0, "--continuity", "g2", "-o", out
+    words = r"seams .*, curvature to the part within (\S+) \(\S+% of 0.5\) near .* jumps by up to 0.5 at 3 corners"
+    said = re.search(words, gtb(*fill, status=0).err)
+    shape, differences = read_shape(out.read_bytes(), "brep", "x"), []
+    new = max(face_kind(face) for face in parts(shape, "FACE"))
+    for pair in uses_of_edges(shape).values():
+        if len({face_kind(face) == new for _, face in pair}) == 2:
+            (_, normals, ways, at), (*_, other) = (along_edge(*each, np.linspace(0.1, 0.9, 30)) for each in pair)
+            one, other = (face_forms(face, where) for (_, face), where in zip(pair, (at, other), strict=True))
+            across = np.cross(normals, ways)
+            differences.append(np.abs(np.einsum("ni,nij,nj->n", across, one - other, across)).max())
+    assert len(differences) == 6
+    assert max(float(word) for word in re.findall(r"(\S+) degrees and", said[0])) < 1e-3
+    assert 0 < max(differences) <= float(said[1]) < 1e-3
+    out.unlink()
+    monkeypatch.setattr("gtb_cli.cad.curved_pieces.ROUNDS", 0)
+    result = gtb(*fill, status=2)
+    assert re.search(r"continuity g2: curvatures differ by \S+ \(\S+% of 0.5\) near \(.*: --g2-tolerance", result.err)
+    assert not out.exists()
+
+
+def face_kind(face):
+    return int(kernel("BRepAdaptor").BRepAdaptor_Surface(face).GetType().value)
+
+
+def test_forms_of_a_face_are_those_of_its_surface():
+    (ball,) = parts(kernel("BRepPrimAPI").BRepPrimAPI_MakeSphere(2.0).Shape(), "FACE")
+    at = [[0.3, 0.4], [1.0, -0.2]]
+    normals = face_frames(ball, at)[3]
+    assert face_forms(ball, at) == pytest.approx((normals[:, :, None] * normals[:, None] - np.eye(3)) / 2, abs=1e-12)
+    assert np.isnan(face_forms(ball, [[0.3, np.pi / 2], *at])[0]).all()
 
 
 @long
