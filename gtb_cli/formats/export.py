@@ -101,7 +101,12 @@ def encode_mesh(
     """
     kind = _known(format)
     _check_request(mesh, kind, ascii, unit)
-    _check_cells(mesh)
+    vertices = len(mesh.vertices)
+    if not vertices or not len(mesh.cells):
+        raise ExportError(f"the mesh is empty: {vertices} vertices, {len(mesh.cells)} cells")
+    low, high = int(mesh.cells.min()), int(mesh.cells.max())
+    if low < 0 or high >= vertices:
+        raise ExportError(f"cells: expected indices from 0 to {vertices - 1}, got {low if low < 0 else high}")
     mesh = _with_normals(mesh, kind, normals)
     coordinates = _texture_coordinates(mesh) if uv and FORMATS[kind].uv else None
     attributes: dict[str, FloatArray] = {}
@@ -223,15 +228,6 @@ def _format_of(path: str) -> str:
         expected = ", ".join(f".{name}" for name in FORMATS)
         raise ExportError(f"cannot tell the format of {path}: expected a name that ends in {expected}, or a format")
     return suffix
-
-
-def _check_cells(mesh: Mesh) -> None:
-    vertices = len(mesh.vertices)
-    if not vertices or not len(mesh.cells):
-        raise ExportError(f"the mesh is empty: {vertices} vertices, {len(mesh.cells)} cells")
-    low, high = int(mesh.cells.min()), int(mesh.cells.max())
-    if low < 0 or high >= vertices:
-        raise ExportError(f"cells: expected indices from 0 to {vertices - 1}, got {low if low < 0 else high}")
 
 
 def _check_numbers(label: str, values: FloatArray, limit: float) -> None:

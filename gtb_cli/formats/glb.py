@@ -80,7 +80,14 @@ def _triangles(parts: Sequence[Node], extras: dict[str, Any], root: str) -> byte
         _gather(tree, root, extras)
         if len(parts) > 1:
             (plain,) = tree["materials"]
-            tree["materials"] = [_coloured(plain, number, part.name) for number, part in enumerate(parts)]
+            tree["materials"] = []
+            for number, part in enumerate(parts):  # with the colours of patches, which glTF takes as linear light
+                shares = bytes.fromhex(
+                    PATCH_COLOURS[number % len(PATCH_COLOURS)][1:]
+                )  # all above sRGB's linear beginning
+                linear = [round(((share / 255 + 0.055) / 1.055) ** 2.4, 6) for share in shares]
+                shading = plain["pbrMetallicRoughness"] | {"baseColorFactor": [*linear, 1.0]}
+                tree["materials"].append(plain | {"name": part.name, "pbrMetallicRoughness": shading})
         numbers = {part.name: number for number, part in enumerate(parts)}
         for mesh in tree["meshes"]:
             for primitive in mesh["primitives"]:
@@ -108,14 +115,6 @@ def _gather(tree: dict[str, Any], name: str, extras: dict[str, Any]) -> None:
         tree["scenes"][tree["scene"]]["nodes"] = [len(nodes) - 1]
     if (unit := extras.get("extras", {}).get("unit")) is not None:
         nodes[-1]["scale"] = [UNITS[unit]] * 3
-
-
-def _coloured(material: dict[str, Any], number: int, name: str) -> dict[str, Any]:
-    """Return a material with the colour of a patch, which glTF takes as linear light."""
-    parts = bytes.fromhex(PATCH_COLOURS[number % len(PATCH_COLOURS)][1:])
-    linear = [round(((part / 255 + 0.055) / 1.055) ** 2.4, 6) for part in parts]  # sRGB; all above its linear beginning
-    shading = material["pbrMetallicRoughness"] | {"baseColorFactor": [*linear, 1.0]}
-    return material | {"name": name, "pbrMetallicRoughness": shading}
 
 
 def _lines(parts: Sequence[Node], extras: dict[str, Any], root: str) -> list[bytes]:

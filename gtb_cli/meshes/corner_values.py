@@ -24,7 +24,7 @@ def unlike_values(
     are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have,
     which have to be half of those of one. Also tells where that was.
     """
-    skipped = {FACETS, *left_out}
+    skipped = {FACETS, *left_out, *[GROUPS] * (isinstance(slots, float) and "spec" in (a.format, b.format))}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
     keys, where = list[list[IntArray]](), "vertices in the same place"
     remarks = _remarks(a, b, here, there, slots, keys)

@@ -210,8 +210,7 @@ def difference(
     turned, remarks = 0 if lone is None else lone.turned, tuple[str, ...]()
     close = min(allowed, max(resolution, 1e-6 * diagonal))
     is_told = "attributes" not in ignore and (found.distance <= allowed or lone is not None)
-    are_left_out = "attributes" in ignore or kind == "surface"
-    values, where = ((), "no place") if are_left_out else unlike_values(a, b, close)
+    values, where = ((), "no place") if "attributes" in ignore or kind == "surface" else unlike_values(a, b, close)
     if same_kind and found.distance <= allowed:
         turned, remarks = unlike(a, b, allowed, close, lone is None)
     return made(

@@ -13,7 +13,7 @@ from gtb_cli.meshes.difference import Difference, Point
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.review.colouring import distances, moved, turned
+from gtb_cli.review.colouring import distances, turned
 from gtb_cli.review.simplification import simplified
 from gtb_cli.verdicts.verdict import WORDS, Verdict, Word
 
@@ -140,7 +140,9 @@ def _side(mesh: Mesh | None, other: Mesh | None, found: Difference | None) -> Si
     if found.distance <= found.tolerance:
         return Side(measures, shown, len(mesh.cells), turned=turned(shown, other))
     if found.method == "vertices" and np.array_equal(mesh.cells, other.cells):
-        return Side(measures, shown, len(mesh.cells), moved(shown.vertices, other.vertices[kept]))
+        frame = Frame.around(shown.vertices, others := other.vertices[kept])
+        apart = np.linalg.norm(frame.inside(shown.vertices) - frame.inside(others), axis=1)
+        return Side(measures, shown, len(mesh.cells), frame.length(apart))
     shown, apart = distances(shown, other, found.distance)
     return Side(measures, shown, len(mesh.cells), apart)
 

@@ -8,12 +8,6 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, middles
 
 
-def moved(vertices: FloatArray, others: FloatArray) -> FloatArray:
-    """(m,) distances between (m, 3) vertices and those that belong to them."""
-    frame = Frame.around(vertices, others)
-    return frame.length(np.linalg.norm(frame.inside(vertices) - frame.inside(others), axis=1))
-
-
 def distances(mesh: Mesh, other: Mesh, largest: float) -> tuple[Mesh, FloatArray]:
     """Return a mesh and the distances of its vertices from another one.
 

@@ -2,7 +2,7 @@
 
 import re
 
-from gtb_cli.review.changes import Change, Review
+from gtb_cli.review.changes import Review
 from gtb_cli.review.table import amount, rows
 from gtb_cli.vocabulary import printable
 
@@ -33,21 +33,15 @@ def markdown(review: Review, page: str = "") -> str:
             changed = row is not None and row.is_changed
             cells.append("" if row is None else f"{row.old or '–'} → **{row.new or '–'}**" if changed else row.old)
         line = f"| {' | '.join(cells)} |\n"
-        about = _about(change)
+        lines = [_code(reason) for reason in change.reasons]  # what the table does not hold
+        lines += [f"most at ({' '.join(f'{x:.6g}' for x in change.largest)})"] if change.largest is not None else []
+        about = f"\n{_code(change.verdict.name)}: {'; '.join(lines)}\n" if lines else ""
         left = len(review.changes) - k
         if len((text + table + line + below + about + more.format(left)).encode()) > MAX_BYTES:
             return text + table + more.format(left) + below
         table += line
         below += about
     return text + table + below
-
-
-def _about(change: Change) -> str:
-    """Return what the table does not hold of a change: reasons, and where it is largest."""
-    lines = [_code(reason) for reason in change.reasons]
-    if change.largest is not None:
-        lines.append(f"most at ({' '.join(f'{x:.6g}' for x in change.largest)})")
-    return f"\n{_code(change.verdict.name)}: {'; '.join(lines)}\n" if lines else ""
 
 
 def _code(text: str) -> str:

@@ -7,7 +7,6 @@ import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ import gtb_cli
 import gtb_cli.review.changes as room
 from gtb_cli import Mesh, Recipe, diff, load
 from gtb_cli.errors import Fault
-from gtb_cli.meshes.difference import Difference
 from gtb_cli.review.changes import Change, review
 from gtb_cli.review.reports import page
 from gtb_cli.review.simplification import simplified
@@ -25,14 +23,7 @@ from gtb_cli.verdicts.verdict import Verdict, Word
 from tests.specs import SPECS
 
 
-def change(
-    name: str,
-    word: Word,
-    old: Mesh | None = None,
-    new: Mesh | None = None,
-    found: Difference | None = None,
-    reasons: Sequence[str] = (),
-) -> Change:
+def change(name: str, word: Word, old: Mesh | None = None, new: Mesh | None = None, found=None, reasons=()) -> Change:
     """What is shown of a verdict on two meshes."""
     errors = tuple(map(Fault, reasons))
     return room.change(Verdict(name, (name, name), word, found, errors=errors, meshes=(old, new)))
