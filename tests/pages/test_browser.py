@@ -98,7 +98,7 @@ def test_switches_show_and_hide(browser, show):
     browser.keys("o")
     assert near(browser.picture(), "#d6001c").sum() < red / 20
     browser.keys("o")
-    for key in "nkcea":
+    for key in "nkceal":
         one = browser.picture()
         browser.keys(key)
         assert changed(one, browser.picture()) > 0.001, key
