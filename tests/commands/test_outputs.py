@@ -71,12 +71,6 @@ def test_a_file_that_is_given_comes_before_one_that_exists(tmp_path, monkeypatch
     assert located(Fault("a:3: is empty")) == Fault("is empty", "a:3")
 
 
-def test_a_name_with_a_line_break_is_whole():
-    (error,) = json.loads(gtb("--errors", "json", "info", "x\ny.toml", status=2).err)["errors"]
-    assert (error["file"], error["message"]) == ("x\ny.toml", "No such file or directory")
-    assert gtb("info", "x\ny.toml", status=2).err == "gtb: error: x\\ny.toml: No such file or directory\n"
-
-
 def test_an_error_keeps_its_faults_on_its_way():
     parts = Fault("must be positive", "a: b.toml", 3, 7, "weights[1]")
     error = pickle.loads(pickle.dumps(SpecError(parts, "one\ntwo")))
