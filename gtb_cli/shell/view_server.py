@@ -69,7 +69,7 @@ class Pages:
             return found
 
     def _known(self, key: tuple[Numbers, bool]) -> Seen | None:
-        """Return a state that was made of the files as they are now; an error of a whole state is a quick one's, too."""
+        """Return a state that was made of the files as they are now: a quick one has the error of a whole one."""
         with self._lock:
             if self._files.changed():
                 self._seen.clear()

@@ -30,7 +30,9 @@ const window = {}, innerWidth = 800, innerHeight = 600, Option = any(), URLSearc
 def answer(script: str, *data: dict[str, Any]) -> Any:
     """What a script, the body of a function of data, returns where the page's own have run."""
     folder = Path(gtb_cli.__file__).parent / "pages"
-    own = "".join((folder / f"{name}.js").read_text("utf-8") for name in ("common", "page", "drawing", "measuring", "watch"))
+    own = "".join(
+        (folder / f"{name}.js").read_text("utf-8") for name in ("common", "page", "drawing", "measuring", "watch")
+    )
     found = f"(async data => {{ {script} }})({json.dumps(data)})"
     code = f"{DOCUMENT}{own}{found}.then(found => {{ console.log(JSON.stringify(found)); process.exit(); }});"
     return json.loads(subprocess.run(["node", "-"], input=code.encode(), stdout=subprocess.PIPE, check=True).stdout)
@@ -63,12 +65,20 @@ def test_an_error_is_shown_that_stays_and_goes_as_soon_as_the_file_can_be_read()
     data = page_data(content_of(gtb_cli.load(SPECS / "bicubic.toml")))
     empty, bad = {"version": 2, "error": "is empty"}, {"version": 5, "error": "line 2"}
     quick, whole = ({"error": "", "data": data | {"quick": quick}} for quick in (True, False))
-    news = [empty, quick | {"version": 3}, whole | {"version": 4}, *[bad] * 3, quick | {"version": 6}, bad | {"version": 7}]
+    news = [
+        empty,
+        quick | {"version": 3},
+        whole | {"version": 4},
+        *[bad] * 3,
+        quick | {"version": 6},
+        bad | {"version": 7},
+    ]
     script = (
         "const asked = []; pause = async () => {}; complain(''); present(data.pop());"
         "return new Promise(done => { fetch = async address => {"
         "asked.push([address.includes('quick'), $('error').textContent, !$('working').hidden]);"
-        "if (asked.length > data.length) done(asked); return { json: async () => data[asked.length - 1] }; }; watch(1); })"
+        "if (asked.length > data.length) done(asked);"
+        "return { json: async () => data[asked.length - 1] }; }; watch(1); })"
     )
     assert answer(script, *news, data) == [
         *([False, "", False], [True, "", False], [False, "", True]),  # nothing is said of an empty file
