@@ -96,6 +96,7 @@ def test_a_model_that_leaves_the_window_or_becomes_small_is_fitted_again_unless_
     script = (
         "Object.assign(canvas, { clientWidth: 800, clientHeight: 600 });"
         "return [false, true].map(own => data.slice(1).map(each => { present(data[0]); fit(); set({ azimuth: -50 });"
+        "present(data[1]);"
         "if (own) zoomAt(400, 300, 1.03); const { zoom } = state, old = scene.size; present(each);"
         "return [state.zoom / (zoom * scene.size / old), strays(), state.azimuth]; }))"
     )
