@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, unit
-from gtb_cli.cad.curved_pieces import CurvedEdge, curve_pieces
+from gtb_cli.cad.curved_pieces import curve_pieces
 from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.cad.part_borders import Border
 from gtb_cli.cad.spline_pieces import (
@@ -147,10 +147,8 @@ def polar_pieces(
         _fit(nets[-1], (half, half), (more[0][k] - origin) / size, around, [], 1.0)
     forms = [forms_at(patch, piece, grid(half.conditions, end)) for piece in polar for end in (zero, one)]
     if curved := any(each is not None for each in forms):
-        ends = [
-            CurvedEdge(planes[k % 2][k // 2], None if each is None else each * size) for k, each in enumerate(forms)
-        ]
-        curve_pieces(nets, (half, whole), [*zip(ends[::2], ends[1::2], strict=True)])
+        scaled = [None if form is None else form * size for form in forms]
+        curve_pieces(nets, (half, whole), [(planes[k % 2][k // 2], form) for k, form in enumerate(scaled)])
     angle = bend = 0.0
     faced = [[edge_normals(net, *EDGES[3], whole)] for net in nets[:r]]
     faced += [[edge_normals(net, *side, half) for side in EDGES] for net in nets[r:]]
