@@ -25,11 +25,6 @@ class CurvatureGap(NamedTuple):
     jump: float
     corners: int
 
-    @property
-    def share(self) -> float:
-        """The difference as a share of the largest curvature."""
-        return self.difference / self.largest
-
 
 class Seams(NamedTuple):
     """The largest angle in degrees, and the largest gap, of new faces to those of a part, and between new ones.

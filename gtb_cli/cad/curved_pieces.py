@@ -27,10 +27,8 @@ class _Places:
     """Places of a piece, at which derivatives and second forms are given by rows: linear in its poles."""
 
     def __init__(self, net: FloatArray, splines: tuple[Splines, Splines], places: FloatArray) -> None:
-        from scipy.interpolate import BSpline
-
         s, t = (
-            [BSpline(each.knots, np.eye(len(each.greville)), each.degree)(x, order) for order in range(3)]
+            [each.spline(np.eye(len(each.greville)))(x, order) for order in range(3)]
             for each, x in zip(splines, places.T, strict=True)
         )
         orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -165,14 +163,11 @@ def _moves(nets: list[FloatArray], kinds: _Kinds) -> tuple[list[Any], FloatArray
     Each pole of a polar net that is neither at its corner or edges nor next to them has a variable along its normal;
     those next to these have two more. So has each pole inside the other nets, and of seams, which nets share.
     """
-    from scipy.interpolate import BSpline
     from scipy.sparse import csr_array
 
     half, whole = kinds[0]
     r, m, n = len(nets) // 2, len(half.greville), len(whole.greville)
-    halves = [
-        half.curve(BSpline(whole.knots, np.eye(n), whole.degree)(x)) for x in (half.greville / 2, 1 - half.greville / 2)
-    ]
+    halves = [half.curve(whole.spline(np.eye(n))(x)) for x in (half.greville / 2, 1 - half.greville / 2)]
     outer, inner = np.eye((m - 2) * (n - 4)).reshape(m - 2, n - 4, -1), np.eye((m - 2) * (m - 1))
     ends = np.cumsum([0, *(r * [outer.shape[2], len(inner)]), 1])
     tables = [np.zeros((*net.shape[:2], ends[-1])) for net in nets]

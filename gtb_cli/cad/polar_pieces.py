@@ -4,10 +4,8 @@ At a corner of 180° a rectangle has no normal, and no smooth one has the curvat
 corner as a side without length, and there normals at once and any curvature that depends on the direction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,9 +30,6 @@ from gtb_cli.cad.spline_pieces import (
 )
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
 
 DEGREE, TURNS = 7, 5  # of pieces, and of normals along seams
 PLACES = (1 - np.cos(np.pi * np.arange(81) / 80)) / 2  # where seams are fitted
@@ -65,7 +60,7 @@ class _Seam:
         """Fit what is not given."""
         self.curve = _least(self.splines, PLACES, self.rows[0], self.poles)
         self.normals = _least(self.turns, PLACES, self.rows[1], self.arrows)
-        self.points, self.arrow = _spline(self.splines, self.curve), _spline(self.turns, self.normals)
+        self.points, self.arrow = self.splines.spline(self.curve), self.turns.spline(self.normals)
 
     def field(self, x: FloatArray) -> FloatArray:
         """Return (n, 3) unit normals at parameters, square to the curve."""
@@ -200,7 +195,7 @@ def _polar_net(piece: Piece, radial: Splines, around: Splines, rims: list[FloatA
 
 def _edge_way(poles: FloatArray, splines: Splines, normals: FloatArray, normal: FloatArray) -> _Way:
     """Return the way of an edge at its middle, where its rational curve ends."""
-    spline, turns = _spline(splines, poles), _spline(splines, _least(splines, splines.conditions, normals, {}))
+    spline, turns = splines.spline(poles), splines.spline(_least(splines, splines.conditions, normals, {}))
     rate, turn = spline(1.0, 1)[:3] - spline(1.0)[:3] * spline(1.0, 1)[3], turns(1.0, 1)
     return _Way(rate, normal, -turn @ rate, turn)
 
@@ -229,9 +224,3 @@ def _least(splines: Splines, places: FloatArray, rows: FloatArray, given: dict[i
     free = np.delete(np.arange(len(poles)), list(given))
     poles[free] = np.linalg.lstsq(values[:, free], rows - values @ poles)[0]
     return poles
-
-
-def _spline(splines: Splines, poles: FloatArray) -> BSpline:
-    from scipy.interpolate import BSpline
-
-    return BSpline(splines.knots, poles, splines.degree)

@@ -49,6 +49,12 @@ class Splines:
         self.along = np.append((starts + lengths * (1 - np.cos(np.pi * np.arange(20) / 20)) / 2).ravel(), 1.0)
         self.slopes = degree / ends[1], degree / (1 - ends[-2])  # of the second pole and the last but one, at the ends
 
+    def spline(self, poles: FloatArray) -> Any:
+        """Return the curve with these poles along the first axis, a `BSpline` of scipy."""
+        from scipy.interpolate import BSpline
+
+        return BSpline(self.knots, poles, self.degree)
+
     def values(self, places: FloatArray) -> FloatArray:
         """Return (n, m) values of the m B-splines."""
         from scipy.interpolate import BSpline
@@ -224,15 +230,13 @@ def fit_inside(
 
 def edge_normals(net: FloatArray, axis: int, last: int, splines: Splines) -> FloatArray:
     """Return (n, 3) unit normals of a piece along an edge where it is measured; NaN where it has none."""
-    from scipy.interpolate import BSpline
-
     rounding = 1e-9  # of the longest derivatives' product: below it, as on an edge without length, there is no normal
     here, following = net.swapaxes(0, axis)[[last, (1, -2)[last]]]
-    edge = BSpline(splines.knots, here, splines.degree)
+    edge = splines.spline(here)
     values = edge(splines.along)
     points = values[:, :3] / values[:, 3:]
     # Derivatives of rational points, but for a positive factor, which directions do not need.
-    inwards = BSpline(splines.knots, (following - here) * (1, -1)[last], splines.degree)
+    inwards = splines.spline((following - here) * (1, -1)[last])
     rates = [spline(splines.along) for spline in (edge.derivative(), inwards)]
     along, across = (rate[:, :3] - points * rate[:, 3:] for rate in rates)
     normals = np.cross(along, across) * (-1, 1)[axis]
