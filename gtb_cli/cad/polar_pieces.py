@@ -22,6 +22,7 @@ from gtb_cli.cad.spline_pieces import (
     edge_normals,
     fit_inside,
     forms_at,
+    framed,
     grid,
     largest_angle,
     measured_surfaces,
@@ -113,7 +114,10 @@ def polar_pieces(
     line_turns, more_faces = normals_at(patch, inner, [grid(PLACES, one), grids[1][1]])
     if not all(np.isfinite(each).all() for each in (*planes, tips, turns, line_turns)):
         raise DomainError("has no normal at a corner or seam")
-    nets = [_polar_net(polar[k], half, whole, [(rim[k] - origin) / size for rim in sides]) for k in range(r)]
+    nets = []
+    for piece, first, last in zip(polar, *sides, strict=True):
+        nets.append(framed(piece, (half, whole), [(0, (first - origin) / size), (2, (last - origin) / size)]))
+        nets[-1][0] = nets[-1][0, 0]
     outer = [_Seam(whole, (curves[k] - origin) / size, turns[k]) for k in range(r)]  # from side k to the one before
     for k in range(r):
         meeting = [(outer[k], 0), (outer[(k + 1) % r], -1)]
@@ -179,18 +183,6 @@ def _fit(
         net.swapaxes(0, axis)[last, :, :3] = along.curve(seam.points(start + (end - start) * along.greville))
         planes.append(seam.field(start + (end - start) * along.conditions))
     fit_inside(net, splines, points, planes, share, stress)
-
-
-def _polar_net(piece: Piece, radial: Splines, around: Splines, rims: list[FloatArray]) -> FloatArray:
-    """Return the homogeneous poles of a polar piece at its corner and edges, and all weights."""
-    weights = piece.weights(grid(radial.greville, around.greville)).reshape(len(radial.greville), -1)
-    net = np.zeros((*weights.shape, 4))
-    net[..., 3] = around.curve(radial.curve(weights).T).T
-    for row, rim in zip((0, -1), rims, strict=True):
-        here = weights[:, row, None]
-        net[:, row] = radial.curve(np.hstack([rim * here, here]))
-    net[0] = net[0, 0]
-    return net
 
 
 def _edge_way(poles: FloatArray, splines: Splines, normals: FloatArray, normal: FloatArray) -> _Way:

@@ -111,12 +111,9 @@ def corner_pieces(
     middles, pieces = (1 - ends) * v + ends * np.roll(v, -1, axis=0), []
     for k in range(len(v)):
         own, before = (k, pairs[k][0], borders[k]), ((k - 1) % len(v), pairs[k - 1][1], borders[k - 1])
-        corners = [[v[k], middles[k - 1]], [middles[k], v.mean(axis=0)]]
-        sides: list[Any] = [*zip(own, before, 3 * [None], strict=True)]
-        if is_polar:
-            corners = [[v[k], v[k]], [middles[k], middles[k - 1]]]
-            sides = [*zip(own, 3 * [None], before, strict=True)]
-        pieces.append(Piece(np.array(corners), k, *sides))
+        start, end = (v[k], middles[k - 1]) if is_polar else (middles[k - 1], v.mean(axis=0))
+        sides: Any = (own, 3 * [None], before) if is_polar else (own, before, 3 * [None])
+        pieces.append(Piece(np.array([[v[k], start], [middles[k], end]]), k, *zip(*sides, strict=True)))
     return pieces, middles
 
 
@@ -182,6 +179,19 @@ def normals_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> l
         for on_side, border, fractions in _borders(patch, piece, every):
             here[on_side] = unit(here[on_side] + border.at(fractions)[:, 3:6])
     return np.split(normals, np.cumsum([len(one) for one in places])[:-1], axis=1)
+
+
+def framed(piece: Piece, splines: tuple[Splines, Splines], rims: Iterable[tuple[int, FloatArray]]) -> FloatArray:
+    """Return the homogeneous poles of a piece on sides with given points, 0 elsewhere, and all weights."""
+    first, second = splines
+    weights = piece.weights(grid(first.greville, second.greville)).reshape(len(first.greville), -1)
+    net = np.zeros((*weights.shape, 4))
+    net[..., 3] = second.curve(first.curve(weights).T).T
+    for side, rim in rims:
+        axis, row = EDGES[side]
+        here = weights.swapaxes(0, axis)[row][:, None]
+        net.swapaxes(0, axis)[row] = splines[1 - axis].curve(np.hstack([rim * here, here]))
+    return net
 
 
 def fit_inside(
