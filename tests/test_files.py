@@ -269,16 +269,6 @@ def test_a_pipe_whose_reader_has_gone():
 # --- several files ---------------------------------------------------------------------------------------------------
 
 
-def test_staged_files_appear_together(tmp_path):
-    (tmp_path / "a.obj").write_text("old")
-    with StagedFiles(tmp_path) as staged:
-        staged.add(f"{tmp_path}/a.obj", [b"new a"])
-        staged.add(f"{tmp_path}/b.obj", [b"new b"])
-        assert (tmp_path / "a.obj").read_text() == "old"
-        assert not (tmp_path / "b.obj").exists()
-    assert contents(tmp_path) == {"a.obj": "new a", "b.obj": "new b"}
-
-
 def test_ctrl_c_during_the_renames_finishes_them(tmp_path, monkeypatch):
     (tmp_path / "a.obj").write_text("old")
     (tmp_path / "b.obj").write_text("old")
@@ -397,14 +387,6 @@ def test_a_folder_that_appears_meanwhile_keeps_its_other_files(tmp_path):
             (folder / name).write_text("old")
     assert contents(folder) == {"a": "new", "record": "new", "other": "old"}
     assert os.listdir(tmp_path / "deep") == ["out"]
-
-
-def test_a_file_may_go_elsewhere(tmp_path):
-    with StagedFiles(tmp_path / "new") as staged:
-        staged.add(f"{tmp_path}/new/b", [b"new"])
-        staged.add(f"{tmp_path}/c", [b"new"])
-        assert not (tmp_path / "new").exists()
-    assert sorted(path.name for path in tmp_path.rglob("*")) == ["b", "c", "new"]
 
 
 def test_staged_files_refuse_what_cannot_be_renamed_over(tmp_path):

@@ -47,7 +47,7 @@ def info(request: ReportRequest, up: Up) -> None:
     processors: the page of commands has the lines by which git diff shows them. Of a STEP, IGES or BREP file: faces,
     solids, holes, sizes.
 
-    Of what is closed, also what a printer asks, in millimetres if units are: size, footprint, overhangs by more than 45
+    Of what is closed, also what a printer asks, in the units of the model: size, footprint, overhangs by more than 45
     degrees, and the least wall (of up to 50 000 faces, with --long or --json 200 000) with its place.
     """
     in_full = request.in_full
@@ -96,9 +96,9 @@ def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool,
         for name, extent in extents(shape).items() if up is not None else ():
             report |= {name: extent.value, f"{name}_error": extent.error}
         if report.get("closed") and "volume" in report:
+            report["printing"] = None
             with suppress(ToleranceError):
-                mesh = Recipe(tolerance="0.1%", max_faces=50_000).mesh(shape)[0]
-                report["printing"] = _printing(mesh, up, in_full)
+                report["printing"] = _printing(Recipe(tolerance="0.1%", max_faces=50_000).mesh(shape)[0], up, in_full)
     return report
 
 
@@ -234,7 +234,7 @@ def _size_rows(found: dict[str, Any]) -> list[tuple[str, str]]:
     lines.append(("control points", "from {} to {}".format(*corners(found["control_box"]))))
     names = [name for name in ("length", "area", "volume") if name in found]
     lines += [(name, _within(found[name], found[f"{name}_error"])) for name in names]
-    return lines + printing_rows(found.get("printing"))
+    return lines + printing_rows(found.get("printing", {}))
 
 
 def _within(value: float, error: float) -> str:

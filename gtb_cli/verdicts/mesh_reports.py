@@ -63,7 +63,11 @@ def _report(known: KnownMesh, printed: Callable[[Mesh], dict[str, Any]]) -> dict
 
 
 def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
-    """Write what a printer asks, in the millimetres for which slicers take units, in labelled lines."""
+    """Write what a printer asks, in the units of the model, in labelled lines; None stands for what took too many."""
+    if found is None:
+        return [
+            ("least wall", "not measured: within 0.1% there are too many faces; gtb info of a coarser mesh says it")
+        ]
     if not found:
         return []
     import numpy as np
@@ -72,17 +76,17 @@ def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
 
     size = [f"{length:.4g}" for length in found["size"]]
     sides = " × ".join(length for axis, length in zip("xyz", size, strict=True) if axis != found["up"])
-    share = f"{found['overhang_area']:.4g} mm², {100 * found['overhang_share']:.3g}% of the surface"
+    share = f"area {found['overhang_area']:.4g}, {100 * found['overhang_share']:.3g}% of the surface"
     wall = "not measured: there are many faces, and --long measures more"
     if found["least_wall"] is not None:
         place = np.array(found["least_wall_place"])
         near = point_text(place, np.array([place, place + found["size"]]))
         wall = f"{found['least_wall']:.4g} near {near}; behind 90% of the surface {found['usual_wall']:.4g} or more"
     return [
-        ("size in mm", " × ".join(size)),
-        ("footprint in mm", f"{sides}, {found['bed_area']:.4g} mm² on the bed"),
+        ("size", " × ".join(size)),
+        ("footprint", f"{sides}, area {found['bed_area']:.4g} on the bed"),
         ("overhangs", f"{share}, by more than 45 degrees from upright"),
-        ("least wall in mm", wall),
+        ("least wall", wall),
     ]
 
 
@@ -143,7 +147,7 @@ def mesh_text(report: dict[str, Any]) -> str:
     max_groups_shown = 20
     shown = dict(report)
     groups, holes = shown.pop("groups", []), shown.pop("holes", [])
-    digests, printed = shown.pop("digests", {}), shown.pop("printing", None)
+    digests, printed = shown.pop("digests", {}), shown.pop("printing", {})
     if box := shown.get("bounds"):
         size = max(map(operator.sub, *reversed(box)))
         shown["bounds"] = corners(box)

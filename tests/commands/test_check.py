@@ -51,19 +51,6 @@ def test_knots_near_an_edge_hide_no_other_failure(failing, tmp_path):
     assert [line.split()[2] for line in lines if line.startswith("not decided")] == ["definition", "isoparametric"]
 
 
-def test_a_table_with_a_line_for_each_property():
-    result = gtb("check", PENTAGON, status=0)
-    assert result.err == ""
-    *lines, summary = result.text.splitlines()
-    assert len(lines) == sum(prop.of_surfaces is not None for prop in PROPERTIES)
-    for line, prop in zip(lines, (prop for prop in PROPERTIES if prop.of_surfaces), strict=True):
-        assert line[:14].strip() in ("holds", "measured", "not applicable")
-        assert line[16:].startswith(f"{prop.name} ")
-        assert f"  {prop.of_surfaces}: " in line
-    assert summary == "12 hold, 0 fail, 2 measured, 5 not applicable"
-    assert "\033" not in result.text
-
-
 def test_a_property_that_fails_is_exit_status_1(failing):
     result = gtb("check", PENTAGON, status=1)
     assert result.err == ""

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from gtb_cli.errors import ToleranceError
 from tests.marks import mostly_long
-from tests.shell import BICUBIC, CURVE, PENTAGON, gtb
+from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 
 
 @pytest.mark.parametrize("command", mostly_long(["check", "info --json", "check --json", "info --long"]))
@@ -18,3 +19,12 @@ def test_processes_that_share_reports_change_nothing(command, tmp_path):
     assert (alone.status, alone.text, alone.err) == (2, shared.text, shared.err)
     assert shared.status == 2
     assert all(name in alone.text for name in ("<stdin>", "bicubic.toml", "cubic-bezier.toml"))
+
+
+def test_a_solid_that_needs_too_many_faces_is_said_not_to_be_measured(monkeypatch):
+    def refused(*_):
+        raise ToleranceError("more than 50000 faces")
+
+    monkeypatch.setattr("gtb_cli.commands.info.Recipe.mesh", refused)
+    text = gtb("info", SPECS / "rounded-cube.toml").text
+    assert [line for line in text.splitlines() if line.startswith("least wall        not measured: within 0.1% ")]

@@ -12,7 +12,7 @@ import trimesh
 
 from gtb_cli import __version__
 from tests.marks import mostly_long
-from tests.shell import PENTAGON, REPOSITORY, SPECS, gtb, process
+from tests.shell import PENTAGON, REPOSITORY, SPECS, gtb
 from tests.test_architecture import loaded_by
 
 BOX = str(SPECS / "hebesphenorotunda.toml")
@@ -55,11 +55,6 @@ def test_it_says_what_they_were_made_with(tmp_path):
     found = manifest_of(PENTAGON, BOX, "-n", 3, "--normals", "-o", tmp_path / "b", path=tmp_path / "m.json")
     assert (found["options"]["resolution"], found["options"]["normals"]) == (3, True)
     assert "tolerance" not in found["files"][0]
-
-
-def test_a_pipe_takes_it(tmp_path):
-    found = process("mesh", PENTAGON, "-n", "2", "-o", "x.obj", "--manifest", "/dev/stdout", folder=tmp_path)
-    assert json.loads(found.out)["files"][0]["file"] == "x.obj"
 
 
 def test_it_imports_no_trimesh_for_a_version(tmp_path):

@@ -10,17 +10,15 @@ import numpy as np
 import pytest
 
 from gtb_cli.checks.properties import check
-from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
 from gtb_cli.language.starter import template
 from gtb_cli.models.joined_edges import find_joints
-from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.vocabulary import SHELLS, TEMPLATES
-from tests.marks import long, mostly_long
-from tests.shell import gtb, process
+from tests.marks import mostly_long
+from tests.shell import gtb
 
 THINGS = [("bowl", 5), ("shade", 6), ("joint", 3), ("handle", None)]
 PATCHES = ["curve", "triangle", "rectangle", "pentagon", "model"]
@@ -132,14 +130,8 @@ def test_templates_are_what_they_are_called():
 
 
 def test_the_model_is_a_closed_body():
-    model = parse(template("model"))
-    assert isinstance(model, Model)
-    joints = find_joints(model.patches)
-    assert joints.closed
-    assert not any(joints.flipped)
-    body = tessellate(model, 8).to_trimesh()
-    assert body.is_watertight
-    assert body.volume > 0
+    joints = find_joints(parse(template("model")).patches)
+    assert (joints.closed, any(joints.flipped)) == (True, False)
 
 
 def test_an_unknown_template_is_an_error_in_python_too():
@@ -160,22 +152,3 @@ def test_a_shell_understands_its_script(name, tmp_path, monkeypatch):
     if shutil.which(name):
         done = subprocess.run([name, "-n", path], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stderr) == (0, "")
-
-
-def completions(words: str, count: int) -> list[str]:
-    """What gtb tells bash that the last of some words may become, each as kind,word."""
-    result = process(_GTB_COMPLETE="bash_complete", COMP_WORDS=words, COMP_CWORD=str(count))
-    assert result.err == ""
-    return result.out.decode().split()
-
-
-@long
-def test_commands_options_and_files_are_completed():
-    assert completions("gtb ", 1) == [f"plain,{name}" for name in COMMANDS]
-    assert completions("gtb che", 1) == ["plain,check"]
-    assert completions("gtb check sp", 2) == ["file,sp"]
-    assert completions("gtb diff one.obj sp", 3) == ["file,sp"]
-    assert completions("gtb mesh x.toml -o b", 4) == ["file,b"]
-    assert completions("gtb new r", 2) == ["plain,rectangle"]
-    assert "plain,--json" in completions("gtb info x.toml --", 3)
-    assert completions("gtb mesh x.toml -f p", 4) == ["plain,ply"]

@@ -10,8 +10,7 @@ import pytest
 from gtb_cli.errors import DomainError, Fault, SpecError
 from gtb_cli.shell.faults import located
 from gtb_cli.shell.messages import annotation
-from tests.marks import long
-from tests.outputs import SCHEMAS, check_json, schema_of, validator
+from tests.outputs import SCHEMAS, schema_of, validator
 from tests.shell import SPECS, gtb
 
 
@@ -20,17 +19,6 @@ def test_a_schema_is_one_and_asks_for_its_version(name):
     jsonschema.Draft202012Validator.check_schema(schema_of(name))
     assert not validator(name).is_valid({})
     assert not validator(name).is_valid({"schema": 2})
-
-
-@long
-def test_reports_on_all_kinds_of_specs_are_as_their_schemas_say():
-    names = ("cubic-bezier", "repeated-knot", "trapezoid", "pentagon", "example-3.4", "box-corner")
-    specs = [SPECS / f"{name}.toml" for name in names]
-    for command in ("info", "check"):
-        done = gtb(command, *specs, "--json")
-        assert done.status in (0, 1)
-        check_json(f"gtb {command} --json", done)
-        assert [each["file"] for each in json.loads(done.out)] == [*map(str, specs)]
 
 
 def test_what_is_not_as_a_schema_says_is_seen():
@@ -81,12 +69,6 @@ def test_a_file_that_is_given_comes_before_one_that_exists(tmp_path, monkeypatch
     assert located(Fault("a:3: is empty"), ["a"]) == Fault("is empty", "a", 3)
     assert located(Fault("a:3: is empty"), ["a", "a:3"]) == Fault("is empty", "a:3")
     assert located(Fault("a:3: is empty")) == Fault("is empty", "a:3")
-
-
-def test_a_name_with_a_line_break_is_whole():
-    (error,) = json.loads(gtb("--errors", "json", "info", "x\ny.toml", status=2).err)["errors"]
-    assert (error["file"], error["message"]) == ("x\ny.toml", "No such file or directory")
-    assert gtb("info", "x\ny.toml", status=2).err == "gtb: error: x\\ny.toml: No such file or directory\n"
 
 
 def test_an_error_keeps_its_faults_on_its_way():

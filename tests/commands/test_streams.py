@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, strategies as st
 
 from gtb_cli.shell import streams
-from tests.shell import BICUBIC, PENTAGON, command, environment, gtb
+from tests.shell import PENTAGON, command, environment, gtb
 
 
 @pytest.fixture(autouse=True)
@@ -27,12 +27,6 @@ def test_an_input_that_comes_by_a_redirection_is_not_overwritten():
     assert Path("s.toml").read_bytes() == Path(PENTAGON).read_bytes()
     shutil.copy("s.toml", "t.toml")
     assert gtb("info", "s.toml", "-o", "t.toml", status=0).out == b""  # another file is
-
-
-@pytest.mark.parametrize("line", [("boundary",), ("elevate",)])
-def test_an_output_that_cannot_be_written_is_no_fault_of_the_spec(line):
-    result = gtb(line[0], BICUBIC, *line[1:], "-o", "nowhere/x.obj", status=2)
-    assert result.err == "gtb: error: cannot write nowhere/x.obj: the folder nowhere does not exist\n"
 
 
 @given(

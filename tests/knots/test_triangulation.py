@@ -113,46 +113,6 @@ def test_a_triangle_and_each_sector_of_a_polygon_are_cut_into_similar_triangles(
     assert np.sort(found, axis=0) == pytest.approx(np.sort(expected, axis=0), abs=64 * n * EPS * shape.size)
 
 
-# Order, by hand
-
-
-ORDERS = {
-    "segment": ([3, 1], [[1], [2], [3]], [[0, 1], [1, 2]], [[0], [2]]),
-    "triangle": (
-        [[0, 4], [4, 0], [0, 0]],
-        [[0, 0], [2, 0], [4, 0], [0, 2], [2, 2], [0, 4]],
-        [[0, 1, 3], [1, 4, 3], [1, 2, 4], [3, 4, 5]],
-        [[0, 1], [2, 4], [5, 3]],
-    ),
-    "quadrilateral": (
-        [[0, 2], [2, 2], [4, 0], [0, 0]],
-        [[0, 0], [2, 0], [4, 0], [0, 1], [1.5, 1], [3, 1], [0, 2], [1, 2], [2, 2]],
-        [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [3, 4, 7], [3, 7, 6], [4, 5, 8], [4, 8, 7]],
-        [[0, 1], [2, 5], [8, 7], [6, 3]],
-    ),
-    "pentagon": (
-        [[0, 0], [8, 0], [10, 4], [5, 12], [-3, 4]],
-        [
-            [4, 4], [2, 2], [6, 2], [7, 4], [4.5, 8], [0.5, 4],
-            [0, 0], [4, 0], [8, 0], [9, 2], [10, 4], [7.5, 8], [5, 12], [1, 8], [-3, 4], [-1.5, 2],
-        ],
-        [
-            [0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 1],
-            [1, 6, 7], [1, 7, 2], [2, 7, 8], [2, 8, 9], [2, 9, 3], [3, 9, 10], [3, 10, 11], [3, 11, 4], [4, 11, 12],
-            [4, 12, 13], [4, 13, 5], [5, 13, 14], [5, 14, 15], [5, 15, 1], [1, 15, 6],
-        ],
-        [[6, 7], [8, 9], [10, 11], [12, 13], [14, 15]],
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ORDERS)
-def test_the_order_of_parts_is_fixed(name):
-    knots, *expected = ORDERS[name]
-    parts = triangulation(domain(knots), 2)
-    assert [table.tolist() for table in (parts.parameters, parts.cells, parts.boundary)] == expected
-
-
 @pytest.mark.parametrize("corners", [3, 4, 5])
 @pytest.mark.parametrize("resolution", [1, 2, 5])
 def test_moved_vertices_never_turn_cells_over_around_the_centre(corners, resolution):

@@ -7,7 +7,6 @@ import pytest
 
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.checks.joint_checks import joint_findings
-from gtb_cli.language.writer import save
 from gtb_cli.models.curve_equality import equal, matched
 from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
@@ -19,7 +18,6 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import Curve, edge_curve, edge_points_at
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
-from tests.shell import gtb
 
 ROUNDING = 1e-13  # distance, as a fraction of the size, of points from two representations of one curve
 ARC = np.array([(1.0, 0, 0), (1.0, 1, 0), (0.0, 1, 0)])
@@ -119,16 +117,6 @@ def test_edges_of_other_parameters_are_joined_in_even_and_refined_meshes(case):
     mosaic, points = refined(model, sampler, 3e-3 * scale)
     assert_parameters_are_those_of_points(model, mosaic, points, rounding)
     assert not len(tessellate(model, tolerance=3e-3 * scale).open_sides)
-
-
-@long
-def test_they_are_watertight_on_the_command_line(tmp_path):
-    save(body(1), tmp_path / "body.toml")
-    for options in (["-n", "5"], ["--tolerance", "1%"], ["-n", "6", "--parametrization", "toric"]):
-        run = gtb("mesh", tmp_path / "body.toml", *options, "--require", "watertight", "-o", tmp_path / "x.obj")
-        assert (run.status, "not joined" in run.text) == (0, False)
-    assert gtb("info", tmp_path / "body.toml").status == 0
-    assert gtb("check", tmp_path / "body.toml").status == 0
 
 
 @pytest.mark.parametrize(("factor", "by"), [(0.3, 1), (2.0, 3), (5.0, 2)])
