@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import compress
 from operator import itemgetter
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -34,8 +34,7 @@ MOST_CURVED = 150.0
 UNEVEN = 0.08
 """Difference of curvature at an edge where it is given and a hundredth inside, of the largest, that counts as none."""
 
-STRENGTHS = (1.0, 3.0, 10.0)
-LED = 1.0
+_Scored: TypeAlias = tuple[float, FloatArray]
 
 
 class FairSearch:
@@ -54,12 +53,19 @@ class FairSearch:
 
     def scores(self, surfaces: Sequence[FloatArray]) -> list[float]:
         """Return products of powers of bending and of its variation in both zones."""
+        return [score for _, score in self._judged(surfaces)]
+
+    def _judged(self, surfaces: Sequence[FloatArray]) -> list[tuple[float, float]]:
+        """Return the bending of what is seen, and the score, of each surface."""
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
         zones = np.stack([self._zones[0], self._places.areas])
         both = zip(*bendings(self._inside + self._outside, zones, surfaces), strict=True)
-        return [b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in both]
+        return [
+            (b.energy, b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat))
+            for b, d in both
+        ]
 
-    def fairest(self, surface: AlgebraicSurface | None) -> list[tuple[float, FloatArray]]:
+    def fairest(self, surface: AlgebraicSurface | None) -> list[_Scored]:
         """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
         plane = np.column_stack([self._places.knots, np.zeros(len(self._places.knots))])
         second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
@@ -73,72 +79,62 @@ class FairSearch:
         unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
         if not np.array_equal(unbound, found[best]):
             pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
-        calmed = partial(self._calmed, energies[best], bound=0.0 if pairs[0][1] is unbound else CROSSING)
+        calmed = partial(self._calmed, energies[best], 0.0 if pairs[0][1] is unbound else CROSSING)
         pairs[0] = calmed(*pairs[0])
         pairs += [(scored[0], found[0])] * (best > 0)
-        if self._given:
-            return self._evened(energies[best], pairs[0], calmed, surface) + pairs
-        return self._led_to(surface, *pairs[0]) + pairs
+        surfaces = self._evened(surface, calmed, pairs[0]) if self._given else self._led_to(surface, *pairs[0])
+        return surfaces + pairs
 
-    def _evened(
-        self,
-        energy: FloatArray,
-        first: tuple[float, FloatArray],
-        calmed: Callable[..., tuple[float, FloatArray]],
-        surface: AlgebraicSurface | None,
-    ) -> list[tuple[float, FloatArray]]:
-        """Return a surface, or one whose curvature a hundredth inside edges is pulled to theirs, and where it is led."""
-        self._strips = self._strips_of(first[1])
-        found = list[tuple[float, list[tuple[float, FloatArray]]]]()
-        for strength in (0.0, *STRENGTHS):
-            even = partial(self._even, strength * energy) if strength else None
-            if even:
-                points = self._least(energy, share=calmed.keywords["bound"], pull=even)
-                first = calmed(*self.scores([points]), points, also=even)
-            surfaces = [*self._led_to(surface, *first, LED if strength else 0.0), first]
-            uneven = self._unevenness(surfaces[0][1])
-            found.append((self.scores([surfaces[0][1]])[0] * max(1.0, uneven / UNEVEN) ** 4, surfaces))
-            if uneven <= UNEVEN:
+    def _evened(self, surface: AlgebraicSurface | None, calmed: partial[_Scored], one: _Scored) -> list[_Scored]:
+        """Return a surface and where it is led; curvature inside edges is pulled to theirs as little as is enough."""
+        rounds, most_bent, of_led = 6, 1.125, 0.2  # times the bending without a pull; share of the pull where it is led
+        self._strips = self._strips_of(one[1])
+        found, strength = list[tuple[float, float, list[_Scored]]](), 0.0
+        for _ in range(rounds):
+            if strength:
+                even, (energy, bound) = partial(self._even, strength * calmed.args[0]), calmed.args
+                points = self._least(energy, share=bound, pull=even)
+                one = calmed(*self.scores([points]), points, even)
+            surfaces = [*self._led_to(surface, *one, of_led * strength), one]
+            points = surfaces[0][1]
+            ((bent, score),) = self._judged([points])
+            rows, ways, wanted = self._even(None, points)
+            uneven = float(np.abs(wanted - ((rows @ points) * ways).sum(axis=1)).max())
+            if found and bent > most_bent * found[0][1]:
                 break
-        return min(found, key=itemgetter(0))[1]
+            found.append((score * max(1.0, uneven) ** 4, bent, surfaces))
+            if uneven <= 1:
+                break
+            strength = strength * min(max(1.5, uneven), 3.0) or min(0.1 * uneven, 1.0)
+        return min(found, key=itemgetter(0))[2]
 
     def _strips_of(self, points: FloatArray) -> tuple[list[Block], FloatArray, float]:
-        """Return places a hundredth inside edges with given curvatures, κ₁ + κ₂ at these edges, and the largest given."""
-        count = 24  # a side
+        """Return places a hundredth inside edges of given curvature, κ₁ + κ₂ at these, and what differs too much."""
         patch = Patch(self._places.knots, points, log_weights=self._places.log_weights)
-        pairs = [hundredth_inside(patch, edge_of(patch, k), row.curve, count) for k, row in self._given.items()]
-        inside, on_edges = np.concatenate(pairs, axis=1)
-        s = MomentMap(*self._places[:2]).inverse(inside, 1e-10)
-        largest = max(np.abs(row.bend).max() for row in self._given.values())
-        there, bends = -2 * patch.curvature(np.stack([inside, on_edges]), "linear").mean
-        largest = max(largest, np.abs(bends).max() / 2, np.abs(there).max() / 10)  # of planes and cylinders, too
-        return list(blocks(*self._places[:2], s)), bends, float(largest or 1.0)
+        pairs = [hundredth_inside(patch, edge_of(patch, k), row.curve, 24) for k, row in self._given.items()]
+        places = np.concatenate(pairs, axis=1)
+        inside, on_edges = -2 * patch.curvature(places, "linear").mean
+        largest = [np.abs(row.bend).max() for row in self._given.values()]
+        largest += [np.abs(on_edges).max() / 2, np.abs(inside).max() / 10]  # of planes and cylinders
+        s = MomentMap(*self._places[:2]).inverse(places[0], 1e-10)
+        return list(blocks(*self._places[:2], s)), on_edges, UNEVEN * float(max(largest)) or 1.0
 
-    def _unevenness(self, points: FloatArray) -> float:
-        """Return the largest difference of κ₁ + κ₂ at edges and a hundredth inside, of the largest curvature given."""
-        places, bends, largest = self._strips
-        inside = [frame(block, points).normal_parts(2) for block in places]
-        order = np.concatenate([block.places for block in places])
-        return float(np.abs(np.concatenate([xx + yy for xx, _, yy in inside]) - bends[order]).max() / largest)
-
-    def _even(self, energy: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rows, ways and what they should be, for which κ₁ + κ₂ a hundredth inside edges is as at these."""
-        places, bends, largest = self._strips
-        rows, ways = np.zeros((len(bends), len(points))), np.zeros((len(bends), 3))
+    def _even(self, energy: FloatArray | None, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return rows, ways and what they should be, for κ₁ + κ₂ inside edges to be as at these; squares as energy."""
+        places, wanted, much = self._strips
+        rows, ways = np.zeros((len(wanted), len(points))), np.zeros((len(wanted), 3))
         for block in places:
             own = frame(block, points)
             for part, table in block.tables(own.orders[1][0][3:] + own.orders[1][2][3:]):
                 rows[block.places[part]] = table.T
             ways[block.places] = own.axes[0].T
-        stiffness = np.sqrt(np.vdot(points, energy @ points) / len(bends)) / (UNEVEN * largest)
-        return rows * stiffness, ways, bends * stiffness
+        stiffness = 1 / much if energy is None else np.sqrt(np.vdot(points, energy @ points) / len(wanted)) / much
+        return rows * stiffness, ways, wanted * stiffness
 
-    def _calmed(
-        self, energy: FloatArray, score: float, points: FloatArray, bound: float, also: Any = None
-    ) -> tuple[float, FloatArray]:
+    def _calmed(self, energy: FloatArray, bound: float, score: float, points: FloatArray, also: Any = None) -> _Scored:
         """Return a surface, or a pulled one whose rows cross edges more at corners, where scores see curvature, too."""
         steps = (1.0, 0.03), (1.4, 0.03), (1.4, 0.1), (2.0, 0.1)  # factors of shares, and pulls, of the energy's value
-        beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[tuple[float, FloatArray]]()
+        beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[_Scored]()
         for step in (*steps, None):
             curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
             beyond |= curved > MOST_CURVED
@@ -165,9 +161,10 @@ class FairSearch:
             stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
             rows.append((near.table[each] * stiffness[:, None, None]).reshape(-1, len(points)))
             ways.append(np.repeat(near.normals[each], 3, axis=0))
-        zeros = np.zeros(sum(map(len, rows)))
-        own = np.concatenate(rows), np.concatenate(ways), zeros
-        return tuple(map(np.concatenate, zip(own, also(points), strict=True))) if also else own
+        parts = [also(points)] if also else []
+        parts.append((np.concatenate(rows), np.concatenate(ways), np.zeros(sum(map(len, rows)))))
+        table, normals, wanted = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return table, normals, wanted
 
     def _energies(self, points: FloatArray) -> list[FloatArray]:
         """Return energies in the metric of a surface, those of what is seen first.
@@ -183,7 +180,7 @@ class FairSearch:
 
     def _led_to(
         self, surface: AlgebraicSurface | None, score: float, fairest: FloatArray, strength: float = 0.0
-    ) -> list[tuple[float, FloatArray]]:
+    ) -> list[_Scored]:
         """Return the fairest, moved smoothly onto a surface that is known and bends more; none if it ends elsewhere."""
         rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
         if surface is None:
