@@ -155,16 +155,14 @@ class FairSearch:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
         quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # squares have the energy's value; half of the places
-        value, rows, ways = np.vdot(points, energy @ points), [], []
+        value, parts = np.vdot(points, energy @ points), [also(points)] if also else []
         for near in compress(self._layers(points), beyond):
             curved = near.curvatures[each] * near.edge / quiet
             stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
-            rows.append((near.table[each] * stiffness[:, None, None]).reshape(-1, len(points)))
-            ways.append(np.repeat(near.normals[each], 3, axis=0))
-        parts = [also(points)] if also else []
-        parts.append((np.concatenate(rows), np.concatenate(ways), np.zeros(sum(map(len, rows)))))
-        table, normals, wanted = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return table, normals, wanted
+            rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))
+            parts.append((rows, np.repeat(near.normals[each], 3, axis=0), np.zeros(len(rows))))
+        rows, ways, wanted = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return rows, ways, wanted
 
     def _energies(self, points: FloatArray) -> list[FloatArray]:
         """Return energies in the metric of a surface, those of what is seen first.
