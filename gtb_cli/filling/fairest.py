@@ -87,7 +87,7 @@ class FairSearch:
 
     def _evened(self, surface: AlgebraicSurface | None, calmed: partial[_Scored], one: _Scored) -> list[_Scored]:
         """Return a surface and where it is led; curvature inside edges is pulled to theirs as little as is enough."""
-        rounds, most_bent, of_led = 6, 1.125, 0.2  # times the bending without a pull; share of the pull where it is led
+        rounds, most_bent, of_led = 5, 1.125, 0.2  # times the bending without a pull; share of the pull where it is led
         self._strips = self._strips_of(one[1])
         found, strength = list[tuple[float, float, list[_Scored]]](), 0.0
         for _ in range(rounds):
@@ -105,7 +105,7 @@ class FairSearch:
             found.append((score * max(1.0, uneven) ** 4, bent, surfaces))
             if uneven <= 1:
                 break
-            strength = strength * min(max(1.5, uneven), 3.0) or min(0.1 * uneven, 1.0)
+            strength = strength * min(max(2.0, uneven), 3.0) or min(0.1 * uneven, 1.0)
         return min(found, key=itemgetter(0))[2]
 
     def _strips_of(self, points: FloatArray) -> tuple[list[Block], FloatArray, float]:
