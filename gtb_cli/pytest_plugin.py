@@ -124,7 +124,7 @@ class MeshRegression:
         ----------
         what : Patch, Model, several patches, Mesh, or path of a spec or of a mesh file
             A path is relative to the folder of the test. A mesh file in the format of the golden file is compared in
-            all that it holds, any other in its faces and groups.
+            all that it holds, any other in its faces and groups, and normals where ``normals=True`` asks for them.
         tolerance : float or str, optional
             Largest distance that is no difference, in model units or as ``"1%"`` of the size. Default: 1e-9 of the
             size, but never less than the digits of the file.
@@ -171,11 +171,12 @@ class MeshRegression:
             golden = self._golden(format, basename, fullpath)
             path = self._file.parent / what if isinstance(what, str | os.PathLike) else what
             self._config.stash.setdefault(_ASKED, set()).update({str(golden), str(path)})
-            known = operand(path, recipe).known
-            if isinstance(path, Path) and known.format == format:  # then it may hold more than a mesh
+            found = operand(path, recipe)
+            if isinstance(path, Path) and found.known.format == format:  # then it may hold more than a mesh
                 data = path.read_bytes()
             else:
-                data = b"".join(encode_mesh(known.mesh, format))
+                mesh = found.made if recipe.normals else found.known.mesh
+                data = b"".join(encode_mesh(mesh, format, normals=recipe.normals or None))
             self._compare(golden, data, Comparing(recipe, tolerance, kind, ignore))
         except GtbError as error:
             raise error.with_traceback(None) from None
