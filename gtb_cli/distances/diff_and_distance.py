@@ -84,6 +84,8 @@ def diff(
 ) -> Difference:
     """Compare two meshes, as ``gtb diff`` does: ``found.same``, ``found.distance``, where, and how.
 
+    A `GtbError` says that a file cannot be read, or something cannot be compared.
+
     Parameters
     ----------
     a, b : Mesh, Patch, Model, several patches, or path of a mesh file or of a spec
@@ -99,11 +101,6 @@ def diff(
         What is not a difference between meshes in the same place: faces that are turned over; other holes or parts,
         vertices shared in another way, and faces that are missing, there twice or without area; other normals, texture
         coordinates and attributes.
-
-    Raises
-    ------
-    GtbError
-        A file cannot be read, or something cannot be compared.
     """
     recipe = recipe or Recipe()
     return compared(operand(a, recipe), operand(b, recipe), tolerance, kind, ignore)
@@ -116,15 +113,13 @@ def distance(a: Comparable, b: Comparable) -> Distance:
     ``found.is_proved``. A `GtbError` says that a file cannot be read, a mesh has no cells, or that something is neither
     a mesh nor a patch.
 
-    Parameters
-    ----------
-    a, b : Mesh, Patch, Model, several patches, or path of a mesh file or of a spec
-
-    Notes
-    -----
     Between meshes, the distance is proved up to its error. Between patches, models and curves it is found on themselves
     by a search to three digits, which is not proved: a nearest point may be missed. Beside a mesh, a patch is meshed
     with an error of at most a thousandth of its size, seen at samples only.
+
+    Parameters
+    ----------
+    a, b : Mesh, Patch, Model, several patches, or path of a mesh file or of a spec
     """
     fine = 1e-3  # of the size: the mesh of a patch that is compared with a mesh
     one, other = (operand(each, Recipe(tolerance=f"{100 * fine}%")) for each in (a, b))
@@ -152,9 +147,11 @@ def compared(
             if word not in known:
                 raise DomainError(f"{name}: expected {' or '.join(known)}, got {word!r}")
     if kind == "vertices" or a.spec is None or b.spec is None:
-        result = difference(a.beside(b.known), b.beside(a.known), tolerance, kind, aspects)
+        are_held = kind != "surface" and "attributes" not in aspects
+        known = (a.beside(b.known), b.beside(a.known)) if are_held else (a.known, b.known)
+        result = difference(*known, tolerance, kind, aspects)
         contents, told = [*map(_libraries, (a, b))], f"{LIBRARIES}: not the same"
-        if kind != "surface" and "attributes" not in aspects and all(contents):  # these count, and no names
+        if are_held and all(contents):  # these count, and no names
             others = [remark for remark in result.values if remark != told]
             result = replace(result, values=(*others, *[told] * (contents[0] != contents[1])))
         return result
