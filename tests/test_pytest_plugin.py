@@ -98,8 +98,7 @@ def test_other(mesh_regression):
     gtb("mesh", folder / "lamp.toml", "-n", 1, "--normals", "-o", folder / "test_lamp" / "input.obj", status=0)
     steps = """
 again = "import _pytest.runner as r\\ndef pytest_runtest_protocol(item): r.runtestprotocol(item, 0)"  # twice
-pathlib.Path("conftest.py").write_text(again)
-run(), os.unlink("conftest.py")
+pathlib.Path("conftest.py").write_text(again), run(), os.unlink("conftest.py")
 [shutil.copy("test_lamp/input.obj", "test_lamp/" + name) for name in ("old.obj", "old.obtained.obj", "notes.txt")]
 run(), run("-k", "other"), run("test_lamp.py::test_lamp")
 pathlib.Path("conftest.py").write_text("def pytest_collection_modifyitems(items): items.pop()")
@@ -109,8 +108,9 @@ run()
 """
     *texts, turned = [text for _, text in runs(folder, test, steps)]
     assert [f"file {folder / 'test_lamp' / 'old.obj'}" in text for text in texts] == [False, True, False, False, False]
-    assert "did not exist" in texts[0] and "vn" in (folder / "test_lamp" / "test_lamp.obj").read_text()
-    assert "normals: up to " in turned and "not compared, as surfaces were" in turned
+    golden = (folder / "test_lamp" / "test_lamp.obj").read_text()
+    assert ["did not exist" in texts[0], "vn" in golden, "normals: up to " in turned] == [True] * 3
+    assert "not compared, as surfaces were" in turned
 
 
 @long
