@@ -28,6 +28,7 @@ _TESTS = pytest.StashKey[dict[str, str]]()  # that have golden files of their na
 _ASKED = pytest.StashKey[set[str]]()  # paths of golden files and of meshes that tests compared
 _PARTLY = pytest.StashKey[bool]()  # whether tests were left out
 _WRITTEN = pytest.StashKey[list[str]]()  # messages about the golden files that a test wrote
+_TOLD = pytest.StashKey[str]()  # those with which it failed
 
 
 @pytest.hookimpl(trylast=True)  # other plugins have the same option, and fail if they are not the first to add it
@@ -40,11 +41,12 @@ def pytest_load_initial_conftests(early_config: pytest.Config, parser: pytest.Pa
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
-    """Fail a test that wrote golden files, at its end, so that one run writes those of all its checks."""
+    """Fail a test that wrote golden files, at its end, so that one run writes those of all its checks; also a rerun."""
     result = yield
     if written := item.stash.get(_WRITTEN, None):
-        told = "\n".join(written)
+        item.stash[_TOLD] = "\n".join(written)
         written.clear()
+    if told := item.stash.get(_TOLD, ""):
         pytest.fail(told, pytrace=False)
     return result
 
@@ -120,11 +122,14 @@ class MeshRegression:
     ) -> None:
         """Compare a mesh with its golden file, as ``gtb diff`` does.
 
+        If the golden file is missing, or differs and pytest was called with ``--force-regen``, then it is written, and
+        the test fails at its end, also when it is run again at once; no test marked xfail writes one.
+
         Parameters
         ----------
         what : Patch, Model, several patches, Mesh, or path of a spec or of a mesh file
             A path is relative to the folder of the test. A mesh file in the format of the golden file is compared in
-            all that it holds, any other in its faces and groups.
+            all that it holds, any other in its faces and groups, and normals where ``normals=True`` asks for them.
         tolerance : float or str, optional
             Largest distance that is no difference, in model units or as ``"1%"`` of the size. Default: 1e-9 of the
             size, but never less than the digits of the file.
@@ -148,11 +153,6 @@ class MeshRegression:
             ``NAME.obtained.html``, until it differs no more.
         GtbError
             A file cannot be read or written, or the arguments make no sense.
-
-        Notes
-        -----
-        If the golden file is missing, or differs and pytest was called with ``--force-regen``, then it is written, and
-        the test fails at its end; no test marked xfail writes one.
         """
         __tracebackhide__ = True
         from gtb_cli.distances.diff_and_distance import operand
@@ -171,11 +171,12 @@ class MeshRegression:
             golden = self._golden(format, basename, fullpath)
             path = self._file.parent / what if isinstance(what, str | os.PathLike) else what
             self._config.stash.setdefault(_ASKED, set()).update({str(golden), str(path)})
-            known = operand(path, recipe).known
-            if isinstance(path, Path) and known.format == format:  # then it may hold more than a mesh
+            found = operand(path, recipe)
+            mesh = found.made if recipe.normals else found.known.mesh
+            if isinstance(path, Path) and found.known.format == format:  # then it may hold more than a mesh
                 data = path.read_bytes()
             else:
-                data = b"".join(encode_mesh(known.mesh, format))
+                data = b"".join(encode_mesh(mesh, format, normals=recipe.normals or None))
             self._compare(golden, data, Comparing(recipe, tolerance, kind, ignore))
         except GtbError as error:
             raise error.with_traceback(None) from None

@@ -78,8 +78,8 @@ run("--force-regen"), move(5.1000001), run("--force-regen")
 
 def test_where_ci_is_set_a_missing_golden_file_is_never_written(folder):
     test = "def test_lamp(mesh_regression):\n    mesh_regression.check(gtb_cli.load('lamp.toml'), resolution=1)\n"
-    expected = f"@pytest.mark.xfail\n{test.replace('test_lamp', 'test_expected_to_fail')}"
-    found = runs(folder, expected + test, 'run("-k", "expected")\nos.environ["CI"] = "true"\nrun(), run()\n')
+    test += f"@pytest.mark.xfail\n{test.replace('test_lamp', 'test_expected_to_fail')}"
+    found = runs(folder, test, 'run("-k", "expected")\nos.environ["CI"] = "true"\nrun(), run()\n')
     assert [status for status, _ in found] == [0, 1, 1]
     assert "test_lamp/test_lamp.obj does not exist, and is not written where CI is set" in found[2][1]
     assert files(folder) == set()
@@ -88,7 +88,7 @@ def test_where_ci_is_set_a_missing_golden_file_is_never_written(folder):
 def test_golden_files_that_no_test_asked_for_are_named_after_full_runs_that_passed(folder):
     test = """
 def test_lamp(mesh_regression):
-    mesh_regression.check("lamp.toml", n=1)
+    mesh_regression.check("lamp.toml", n=1, normals=True)
     mesh_regression.check("test_lamp/input.obj", fullpath="lamp.obj")
 def test_other(mesh_regression):
     mesh_regression.check("lamp.toml", n=2)
@@ -97,19 +97,19 @@ def test_other(mesh_regression):
     (folder / "test_lamp").mkdir()
     gtb("mesh", folder / "lamp.toml", "-n", 1, "--normals", "-o", folder / "test_lamp" / "input.obj", status=0)
     steps = """
-run()
+again = "import _pytest.runner as r\\ndef pytest_runtest_protocol(item): r.runtestprotocol(item, 0)"  # twice
+pathlib.Path("conftest.py").write_text(again), run(), os.unlink("conftest.py")
 [shutil.copy("test_lamp/input.obj", "test_lamp/" + name) for name in ("old.obj", "old.obtained.obj", "notes.txt")]
 run(), run("-k", "other"), run("test_lamp.py::test_lamp")
 pathlib.Path("conftest.py").write_text("def pytest_collection_modifyitems(items): items.pop()")
 run(), os.unlink("conftest.py")
-mesh = pathlib.Path("test_lamp/input.obj")
-mesh.write_text(mesh.read_text().replace("vn 0.", "vn 9."))
+mesh = pathlib.Path("test_lamp/input.obj"); mesh.write_text(mesh.read_text().replace("vn 0.", "vn 9."))
 run()
 """
     *texts, turned = [text for _, text in runs(folder, test, steps)]
-    line = f"no test asked for the golden file {folder / 'test_lamp' / 'old.obj'}"
-    assert [line in text for text in texts] == [False, True, False, False, False]
-    assert "normals: up to " in turned
+    assert [f"file {folder / 'test_lamp' / 'old.obj'}" in text for text in texts] == [False, True, False, False, False]
+    golden = (folder / "test_lamp" / "test_lamp.obj").read_text()
+    assert ["did not exist" in texts[0], "vn" in golden, "normals: up to " in turned] == [True] * 3
     assert "not compared, as surfaces were" in turned
 
 

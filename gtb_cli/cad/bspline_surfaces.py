@@ -100,7 +100,8 @@ def spline_surfaces(
             history.append((bend, least))
             wanted = angle if angle is not None else closest if lost < much else enough
             is_met, pairs = max(bend, least) <= wanted, zip(history[-1], history[-3], strict=True)
-            if error <= allowed and gap <= gap_allowed and (is_met or bend + least <= sum(reached[1:])):
+            is_sound = error <= allowed and gap <= gap_allowed and (fit is fitted_pieces or least < 90)
+            if is_sound and (is_met or bend + least <= sum(reached[1:])):
                 best, reached = found, (error, bend, least)
             is_better = any(now > wanted and now <= before / 2 for now, before in pairs)
             if best and (is_met or (angle is None and not is_better)):

@@ -25,11 +25,6 @@ class CurvatureGap(NamedTuple):
     jump: float
     corners: int
 
-    @property
-    def share(self) -> float:
-        """The difference as a share of the largest curvature."""
-        return self.difference / self.largest
-
 
 class Seams(NamedTuple):
     """The largest angle in degrees, and the largest gap, of new faces to those of a part, and between new ones.
@@ -47,7 +42,7 @@ class Seams(NamedTuple):
 def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams:
     """Measure the edges of new faces that two faces of a shape share; curvatures if they are `curved`."""
     new, bends = {hash(face) for face in fresh}, list[tuple[FloatArray, FloatArray, FloatArray]]()
-    worst = {False: [0.0, 0.0], True: [0.0, 0.0]}
+    found = {False: [(0.0, 0.0)], True: [(0.0, 0.0)]}
     for pair in uses_of_edges(shape).values():
         olds = [hash(face) not in new for _, face in pair]
         if len(pair) != 2 or all(olds):
@@ -55,13 +50,12 @@ def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams
         (points, normals, ways, at), (others, other_normals, _, at_other) = (along_edge(*each) for each in pair)
         gaps = np.linalg.norm(np.cross(points - others, ways), axis=1)
         angles = angles_between(normals, other_normals)  # 180 where the faces turn back
-        found = worst[any(olds)]
-        found[:] = max(found[0], float(np.nanmax(angles))), max(found[1], float(gaps.max()))
+        found[any(olds)].append((float(np.nanmax(angles)), float(gaps.max())))
         if curved and any(olds):
             towards = np.cross(normals, ways)
             forms = [face_forms(face, where) for (_, face), where in zip(pair, (at, at_other), strict=True)]
             bends.append((points, np.einsum("ni,nij,nj->n", towards, forms[0] - forms[1], towards), forms[olds[1]]))
-    (angle, gap), (inner_angle, inner_gap) = worst[True], worst[False]
+    (angle, gap), (inner_angle, inner_gap) = (map(max, zip(*found[key], strict=True)) for key in (True, False))
     return Seams(angle, gap, inner_angle, inner_gap, _curvature(bends) if bends else None)
 
 

@@ -4,8 +4,8 @@ Near a surface, the second fundamental form is linear in moves of its poles alon
 as they are. So a few rounds of least squares bring the forms of near places together, and those at edges to the part's.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,28 +18,17 @@ ANGLES, JUMPS, BENDS = 1e6, 3e2, 1e3  # weights of conditions at seams and edges
 RIDGE = 1e-11  # share of the diagonal, beyond its rounding
 SLIDE = 100.0  # that of moves along the surface, which only poles next but one to edges make
 
-_Rows = tuple[int, FloatArray]
-_Moves = list[tuple[IntArray, FloatArray]]
-
-
-class CurvedEdge(NamedTuple):
-    """What a polar piece meets along an edge, where its conditions are: (n, 3) unit normals, (n, 3, 3) forms or None.
-
-    The pieces have these normals there already.
-    """
-
-    normals: FloatArray
-    forms: FloatArray | None
+_Kinds: TypeAlias = list[tuple[Splines, Splines]]
+# A weight, rows of some nets, and what the sum of these rows should be
+_Condition: TypeAlias = tuple[float, list[tuple[int, FloatArray]], FloatArray | float]
 
 
 class _Places:
     """Places of a piece, at which derivatives and second forms are given by rows: linear in its poles."""
 
     def __init__(self, net: FloatArray, splines: tuple[Splines, Splines], places: FloatArray) -> None:
-        from scipy.interpolate import BSpline
-
         s, t = (
-            [BSpline(each.knots, np.eye(len(each.greville)), each.degree)(x, order) for order in range(3)]
+            [each.spline(np.eye(len(each.greville)))(x, order) for order in range(3)]
             for each, x in zip(splines, places.T, strict=True)
         )
         orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -55,90 +44,82 @@ class _Places:
         self.seconds = []
         for k, (i, j) in ((3, (0, 0)), (4, (0, 1)), (5, (1, 1))):
             second = (tables[k] - self.rates[i] * w[1 + j] - self.rates[j] * w[1 + i] - values * w[k]) / w[0]
-            a, b = np.einsum("nij,nj->in", self.parts, second @ poles)[..., None]
+            a, b = self.shares(second @ poles)
             self.seconds.append(second - a * self.rates[0] - b * self.rates[1])
+
+    def shares(self, vectors: FloatArray, chosen: IntArray | slice = slice(None)) -> FloatArray:
+        """Return (2, n, 1) parts of vectors along both derivatives, at chosen places."""
+        return np.asarray(np.einsum("nij,nj->in", self.parts[chosen], vectors)[..., None])
 
     def form(self, one: FloatArray, other: FloatArray, chosen: IntArray | slice = slice(None)) -> FloatArray:
         """Return (n, 3 m) rows of the second forms of pairs of (n, 3) tangent vectors at chosen places."""
-        a, b = (np.einsum("nij,nj->in", self.parts[chosen], each)[..., None] for each in (one, other))
+        a, b = self.shares(one, chosen), self.shares(other, chosen)
         shares = a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[1] * b[1]
         rows = np.sum([share * second[chosen] for share, second in zip(shares, self.seconds, strict=True)], axis=0)
-        return np.asarray((rows[..., None] * self.normals[chosen][:, None]).reshape(len(rows), -1))
+        return _along(rows, self.normals[chosen])
 
-    def slopes(self, axis: int, tangents: FloatArray, normals: FloatArray) -> FloatArray:
-        """Return (n, 3 m) rows of heights over planes, per length square to a seam with these tangents."""
-        across, along = (self.along, self.across)[axis], (self.across, self.along)[axis]
-        length = (across * np.cross(normals, tangents)).sum(axis=1, keepdims=True)
-        slant = (across * tangents).sum(axis=1, keepdims=True) / (along * tangents).sum(axis=1, keepdims=True)
-        rows = (self.rates[axis] - slant * self.rates[1 - axis]) / length
-        return np.asarray((rows[..., None] * normals[:, None]).reshape(len(rows), -1))
-
-
-class _Squares:
-    """Normal equations for moves of the poles of nets."""
-
-    def __init__(self, nets: list[FloatArray], moves: _Moves, costs: FloatArray, wanted: FloatArray) -> None:
-        self.nets, self.moves, self.matrix, self.wanted = nets, moves, np.diag(costs), wanted
-
-    def add(self, weight: float, parts: Sequence[_Rows], target: FloatArray | float = 0.0) -> None:
-        """Add the mean square, with a weight, of what sums of rows of some nets lack of a target."""
-        columns = np.unique(np.concatenate([self.moves[p][0] for p, _ in parts]))
-        lacks = np.zeros(len(parts[0][1])) + target
-        total = np.zeros((len(lacks), len(columns)))
-        for p, rows in parts:
-            numbers, table = self.moves[p]
-            lacks -= rows @ self.nets[p][..., :3].ravel()
-            total[:, np.searchsorted(columns, numbers)] += rows @ table
-        self.matrix[np.ix_(columns, columns)] += total.T @ total * (weight**2 / len(lacks))
-        self.wanted[columns] += total.T @ lacks * (weight**2 / len(lacks))
+    def slopes(self, towards: FloatArray, normals: FloatArray) -> FloatArray:
+        """Return (n, 3 m) rows of derivatives along (n, 3) tangent vectors, of heights along normals."""
+        return _along((self.shares(towards) * self.rates).sum(axis=0), normals)
 
 
 def curve_pieces(
-    nets: list[FloatArray], splines: tuple[Splines, Splines], edges: Sequence[tuple[CurvedEdge, CurvedEdge]]
+    nets: list[FloatArray], splines: tuple[Splines, Splines], edges: Sequence[tuple[FloatArray, FloatArray | None]]
 ) -> None:
-    """Change r polar nets, each between two edges, and the r nets round the centre, so that they meet these edges.
+    """Change r polar nets and the r nets round the centre, so that the former meet both their edges.
 
-    Edges, tangent planes along them and corners stay exactly as they are.
+    Along each edge, where its conditions are, (n, 3) unit normals, which the nets have already, and (n, 3, 3) forms, if
+    any, are given. Edges, tangent planes along them and corners stay exactly as they are.
     """
     from scipy.linalg import cho_factor, cho_solve
 
-    half = splines[0]
-    kinds = [splines] * len(edges) + [(half, half)] * len(edges)
+    kinds = [splines] * (len(nets) // 2) + [splines[:1] * 2] * (len(nets) // 2)
     moves, costs = _moves(nets, kinds)
     moved = np.zeros(len(costs))
     for _ in range(ROUNDS):
-        squares = _Squares(nets, moves, costs, -costs * moved * (costs > 1))
-        for p, (net, kind) in enumerate(zip(nets, kinds, strict=True)):
-            _add_variation(squares, p, _Places(net, kind, grid(kind[0].fitted, kind[1].fitted)), kind)
-        for k, pair in enumerate(edges):
-            for end, edge in zip((0.0, 1.0), pair, strict=True):
-                if edge.forms is not None:
-                    places = _Places(nets[k], splines, grid(half.conditions, np.array([end])))
-                    towards = unit(np.cross(edge.normals, places.along))
-                    wanted = np.einsum("ni,nij,nj->n", towards, edge.forms, towards)
-                    squares.add(BENDS, [(k, places.form(towards, towards))], wanted)
-        for sides in _seams(half.conditions, len(edges)):
-            (p, one, axis), (q, other, last) = ((p, _Places(nets[p], kinds[p], at), axis) for p, at, axis in sides)
-            tangents, normals = unit((one.across, one.along)[axis]), one.normals + other.normals
-            normals = unit(normals - (normals * tangents).sum(axis=1, keepdims=True) * tangents)
-            towards = np.cross(normals, tangents)
-            slopes = one.slopes(axis, tangents, normals), other.slopes(last, tangents, normals)
-            squares.add(ANGLES, [(p, slopes[0]), (q, -slopes[1])])
-            squares.add(JUMPS, [(p, one.form(towards, towards)), (q, -other.form(towards, towards))])
-        squares.matrix[np.diag_indices_from(squares.matrix)] *= 1 + RIDGE
+        matrix, wanted = np.diag(costs), -costs * moved * (costs > 1)
+        for weight, parts, target in _conditions(nets, kinds, edges):
+            lacks = target - np.sum([rows @ nets[p][..., :3].ravel() for p, rows in parts], axis=0)
+            total = np.sum([rows @ moves[p] for p, rows in parts], axis=0)
+            columns = np.flatnonzero(total.any(axis=0))
+            total = total[:, columns]
+            matrix[np.ix_(columns, columns)] += total.T @ total * (weight**2 / len(total))
+            wanted[columns] += total.T @ lacks * (weight**2 / len(total))
+        matrix[np.diag_indices_from(matrix)] *= 1 + RIDGE
         try:
-            step = cho_solve(cho_factor(squares.matrix), squares.wanted)
+            step = cho_solve(cho_factor(matrix), wanted)
         except (np.linalg.LinAlgError, ValueError):
             raise DomainError("least squares of its curvature have no solution") from None
         moved += step
-        for net, (numbers, table) in zip(nets, moves, strict=True):
-            net[..., :3] += (table @ step[numbers]).reshape(net[..., :3].shape)
+        for net, table in zip(nets, moves, strict=True):
+            net[..., :3] += (table @ step).reshape(net[..., :3].shape)
         if np.abs(step).max() < SMALL:
             break
 
 
-def _add_variation(squares: _Squares, p: int, places: _Places, splines: tuple[Splines, Splines]) -> None:
-    """Add the integral of the squared derivative of the second form, from differences of neighbouring places."""
+def _conditions(
+    nets: list[FloatArray], kinds: _Kinds, edges: Sequence[tuple[FloatArray, FloatArray | None]]
+) -> Iterator[_Condition]:
+    """Yield conditions of forms inside, which vary little, at edges, and of slopes and forms at seams."""
+    half = kinds[0][0]
+    for p, (net, kind) in enumerate(zip(nets, kinds, strict=True)):
+        yield from _variation(p, _Places(net, kind, grid(kind[0].fitted, kind[1].fitted)), kind, p < len(nets) // 2)
+    for number, (normals, forms) in enumerate(edges):
+        if forms is not None:
+            k, end = divmod(number, 2)
+            places = _Places(nets[k], kinds[k], grid(half.conditions, np.array([float(end)])))
+            towards = unit(np.cross(normals, places.along))
+            yield BENDS, [(k, places.form(towards, towards))], np.einsum("ni,nij,nj->n", towards, forms, towards)
+    for (p, at), (q, at_other) in _seams(half.conditions, len(nets) // 2):
+        one, other = _Places(nets[p], kinds[p], at), _Places(nets[q], kinds[q], at_other)
+        towards = unit(np.cross(one.normals + other.normals, one.across))
+        normals = unit(np.cross(one.across, towards))
+        yield ANGLES, [(p, one.slopes(towards, normals)), (q, -other.slopes(towards, normals))], 0.0
+        yield JUMPS, [(p, one.form(towards, towards)), (q, -other.form(towards, towards))], 0.0
+
+
+def _variation(p: int, places: _Places, splines: tuple[Splines, Splines], is_polar: bool) -> Iterator[_Condition]:
+    """Yield the integral of the squared derivative of the second form, from differences of neighbouring places."""
     shape = len(splines[0].fitted), len(splines[1].fitted)
     numbers = np.arange(shape[0] * shape[1]).reshape(shape)
     areas = np.linalg.norm(np.cross(places.along, places.across), axis=1)
@@ -147,24 +128,27 @@ def _add_variation(squares: _Squares, p: int, places: _Places, splines: tuple[Sp
         a, b = np.delete(numbers, -1, axis).ravel(), np.delete(numbers, 0, axis).ravel()
         e, f = _frames(unit(places.normals[a] + places.normals[b])).swapaxes(0, 1)
         scale = np.sqrt((areas[a] + areas[b]) / 2) / np.linalg.norm(places.points[a] - places.points[b], axis=1)
-        if p < len(squares.nets) // 2:  # towards the pole forms may depend on the direction only
+        if is_polar:  # towards the pole forms may depend on the direction only
             s = np.repeat(splines[0].fitted, shape[1])
             scale *= np.minimum(s[a], s[b])
         for one, other, factor in ((e, e, 1.0), (e, f, np.sqrt(2)), (f, f, 1.0)):
             rows = places.form(one, other, b) - places.form(one, other, a)
-            squares.add(np.sqrt(len(rows)), [(p, rows * (factor * scale)[:, None])])
+            yield np.sqrt(len(rows)), [(p, rows * (factor * scale)[:, None])], 0.0
 
 
-def _seams(x: FloatArray, r: int) -> list[list[tuple[int, FloatArray, int]]]:
-    """Return the two sides of each seam: nets, the same places in both, and axes across."""
+def _seams(x: FloatArray, r: int) -> Iterator[list[tuple[int, FloatArray]]]:
+    """Yield the two sides of each seam: nets, and the same places in both, in the first with s = 1."""
     zero, one = np.zeros(1), np.ones(1)
-    found = []
     for k in range(r):
         here, before = r + k, r + (k - 1) % r
-        found.append([(k, grid(one, x / 2), 0), (here, grid(zero, x), 0)])
-        found.append([(k, grid(one, 1 - x / 2), 0), (before, grid(x, zero), 1)])
-        found.append([(here, grid(x, one), 1), (before, grid(one, x), 0)])
-    return found
+        yield [(k, grid(one, x / 2)), (here, grid(zero, x))]
+        yield [(k, grid(one, 1 - x / 2)), (before, grid(x, zero))]
+        yield [(before, grid(one, x)), (here, grid(x, one))]
+
+
+def _along(rows: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return (n, 3 m) rows of parts along normals from (n, m) rows of poles."""
+    return np.asarray((rows[..., None] * normals[:, None]).reshape(len(rows), -1))
 
 
 def _frames(normals: FloatArray) -> FloatArray:
@@ -173,48 +157,35 @@ def _frames(normals: FloatArray) -> FloatArray:
     return np.stack([e, np.cross(normals, e)], axis=1)
 
 
-def _moves(nets: list[FloatArray], kinds: list[tuple[Splines, Splines]]) -> tuple[_Moves, FloatArray]:
-    """Return for each net the numbers of variables that move it, and (3 m, c) moves of its poles; and their costs.
+def _moves(nets: list[FloatArray], kinds: _Kinds) -> tuple[list[Any], FloatArray]:
+    """Return for each net sparse (3 m, n) moves of its poles with n variables of all nets, and the costs of these.
 
     Each pole of a polar net that is neither at its corner or edges nor next to them has a variable along its normal;
     those next to these have two more. So has each pole inside the other nets, and of seams, which nets share.
     """
-    from scipy.interpolate import BSpline
+    from scipy.sparse import csr_array
 
     half, whole = kinds[0]
     r, m, n = len(nets) // 2, len(half.greville), len(whole.greville)
-    sizes = np.array([(m - 3) * (n - 4), n - 4, (m - 2) ** 2, m - 2])  # of polar nets, their seams, others, spokes
-    ends = np.cumsum(sizes)
-    halves = [
-        half.curve(BSpline(whole.knots, np.eye(n), whole.degree)(x)[:, 2:-2])
-        for x in (half.greville / 2, 1 - half.greville / 2)
-    ]
-    tables = [np.zeros((*net.shape[:2], r * ends[-1] + 1)) for net in nets]
+    halves = [half.curve(whole.spline(np.eye(n))(x)) for x in (half.greville / 2, 1 - half.greville / 2)]
+    outer, inner = np.eye((m - 2) * (n - 4)).reshape(m - 2, n - 4, -1), np.eye((m - 2) * (m - 1))
+    ends = np.cumsum([0, *(r * [outer.shape[2], len(inner)]), 1])
+    tables = [np.zeros((*net.shape[:2], ends[-1])) for net in nets]
     for k in range(r):
-        inside, seam, middle, spoke = np.split(k * ends[-1] + np.arange(ends[-1]), ends[:-1])
         polar, here, before = tables[k], tables[r + k], tables[r + (k - 1) % r]
-        i, j = np.indices((m - 3, n - 4))
-        polar[i + 2, j + 2, inside.reshape(i.shape)] = 1
-        polar[-1, 2:-2, seam] = np.eye(n - 4)
-        i, j = np.indices((m - 2, m - 2))
-        here[i + 1, j + 1, middle.reshape(i.shape)] = 1
-        here[0][:, seam], before[:, 0][:, seam] = halves
-        here[1:-1, -1, spoke] = before[-1, 1:-1, spoke] = np.eye(m - 2)
+        polar[2:, 2:-2, ends[2 * k] : ends[2 * k + 1]] = outer
+        here[1:-1, 1:, ends[2 * k + 1] : ends[2 * k + 2]] = inner.reshape(m - 2, m - 1, -1)
+        before[-1, 1:-1] = here[1:-1, -1]
+        here[0], before[:, 0] = (table @ polar[-1] for table in halves)
         here[-1, -1, -1] = 1
-    towards = np.zeros((r * ends[-1] + 1, 3))
-    slides = np.zeros(len(towards), dtype=bool)
-    for p, (net, kind, table) in enumerate(zip(nets, kinds, tables, strict=True)):
+    towards = np.zeros((ends[-1], 3))
+    slides = np.any([(table[:, [2, -3]] == 1).any(axis=(0, 1)) for table in tables[:r]], axis=0)
+    for net, kind, table in zip(nets, kinds, tables, strict=True):
         off_pole = grid(*(np.maximum(each.greville, 1e-3) for each in kind))
-        rows, numbers = np.nonzero(table.reshape(-1, len(towards)) == 1)
+        rows, numbers = np.nonzero(table.reshape(-1, ends[-1]) == 1)
         towards[numbers] = _Places(net, kind, off_pole).normals[rows]
-        if p < r:
-            slides |= (table[:, [2, -3]] == 1).any(axis=(0, 1))
     vectors = np.concatenate([towards[:, None], _frames(towards)], axis=1)
-    free = np.stack([np.ones(len(towards), dtype=bool), slides, slides], axis=1)
-    names = np.cumsum(free).reshape(free.shape) - 1
-    found = []
-    for table in (each.reshape(-1, len(towards)) for each in tables):
-        columns = np.flatnonzero(table.any(axis=0))
-        moves = np.einsum("mc,cdx->mxcd", table[:, columns], vectors[columns])
-        found.append((names[columns][free[columns]], moves[:, :, free[columns]].reshape(3 * len(table), -1)))
-    return found, np.where(np.arange(3) > 0, SLIDE**2, np.ones((len(free), 1)))[free]
+    free = np.stack([np.ones(ends[-1], dtype=bool), slides, slides], axis=1)
+    found = [np.einsum("stc,cdx->stxcd", table, vectors)[..., free] for table in tables]
+    costs = np.where(np.arange(3) > 0, SLIDE**2, np.ones((ends[-1], 1)))[free]
+    return [csr_array(each.reshape(-1, len(costs))) for each in found], costs

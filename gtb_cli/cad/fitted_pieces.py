@@ -8,11 +8,11 @@ from gtb_cli.cad.part_borders import Border
 from gtb_cli.cad.spline_pieces import (
     EDGES,
     FittedPieces,
-    Piece,
     Splines,
     corner_pieces,
     edge_normals,
     fit_inside,
+    framed,
     grid,
     largest_angle,
     measured_surfaces,
@@ -48,7 +48,10 @@ def fitted_pieces(
     ]
     measured = [grid(splines.along, zero), grid(zero, splines.along)]
     *planes, first, second, ways = normals_at(patch, quarters, [*rows, *measured, np.array([[1.0, 0.0], [1.0, 1.0]])])
-    nets = _frames(quarters, splines, [(rim - origin) / size for rim in rims], ways)
+    edges, before, seams = ((rim - origin) / size for rim in rims)
+    rows_of = zip(quarters, edges, before, strict=True)
+    nets = [framed(quarter, (splines, splines), enumerate(pair)) for quarter, *pair in rows_of]
+    _add_seams(nets, splines, seams, ways)
     least = np.cos(np.radians(10))  # if normals turn farther within the first pole, B-splines cannot follow their limit
     followed = [(near * last).sum(axis=2) > least for near, last in zip(planes[::2], planes[1::2], strict=True)]
     given = [np.where(kept[..., None], last, np.nan) for kept, last in zip(followed, planes[1::2], strict=True)]
@@ -65,27 +68,13 @@ def fitted_pieces(
     return FittedPieces(surfaces, error, gap, bend, angle, 1 - float(np.mean(followed)))
 
 
-def _frames(quarters: list[Piece], splines: Splines, rims: list[FloatArray], ways: FloatArray) -> list[FloatArray]:
-    """Return (m, m, 4) homogeneous poles of each piece, those of edges and seams and all weights, 0 elsewhere.
-
-    Seams begin and end in the tangent planes there, of which `ways` are the (r, 2, 3) normals.
-    """
-    count = len(splines.greville)
-    nets = []
-    for k, quarter in enumerate(quarters):
-        weights = quarter.weights(grid(splines.greville, splines.greville)).reshape(count, count)
-        net = np.zeros((count, count, 4))
-        net[..., 3] = splines.curve(splines.curve(weights).T).T
-        for axis in (0, 1):
-            here = weights.swapaxes(0, 1 - axis)[0][:, None]
-            net.swapaxes(0, 1 - axis)[0] = splines.curve(np.hstack([rims[axis][k] * here, here]))
-        nets.append(net)
+def _add_seams(nets: list[FloatArray], splines: Splines, points: FloatArray, ways: FloatArray) -> None:
+    """Put seams between pieces; they begin and end in tangent planes, of which `ways` are the (r, 2, 3) normals."""
     for k, net in enumerate(nets):
-        seam = splines.curve(np.hstack([rims[2][k], np.ones((count, 1))]))
+        seam = splines.curve(np.hstack([points[k], np.ones((len(net), 1))]))
         seam[0] = net[-1, 0]
-        seam[-1, :3] = rims[2][0, -1]
+        seam[-1, :3] = points[0, -1]
         for pole, end, normal in ((1, 0, ways[k, 0]), (-2, -1, ways[k, 1])):
             if np.isfinite(normal).all():
                 seam[pole, :3] -= normal * (normal @ (seam[pole, :3] - seam[end, :3]))
         net[-1] = nets[(k + 1) % len(nets)][:, -1] = seam
-    return nets

@@ -53,9 +53,9 @@ def encode_surfaces(
             f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
         )
         if curvature is not None and bend_allowed is not None:
-            share = f"{curvature.share:.2%} of {curvature.largest:.3g}"
-            off = f"{curvature.difference:.2g} ({share}) near {curvature.place}"
-            if not curvature.share <= bend_allowed:
+            share = curvature.difference / curvature.largest
+            off = f"{curvature.difference:.2g} ({share:.2%} of {curvature.largest:.3g}) near {curvature.place}"
+            if not share <= bend_allowed:
                 raise ToleranceError(f"continuity g2: curvatures differ by {off}: `g2_tolerance` bounds it")
             parts.append(f"curvature to the part within {off}")
             if curvature.corners:

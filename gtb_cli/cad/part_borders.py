@@ -16,21 +16,15 @@ from gtb_cli.theory.patch import Patch
 class Border(NamedTuple):
     """Differences of a part's points and unit normals from a patch's along an edge: (m, 6) Chebyshev coefficients.
 
-    Where curvature is to be met, `forms` has the nine of the part's second fundamental form.
+    Where curvature is to be met, nine more are those of the part's second fundamental form F: of v, times the patch's
+    normal, it is v · F v.
     """
 
     coefficients: FloatArray
-    forms: FloatArray | None = None
 
     def at(self, fractions: FloatArray) -> FloatArray:
-        """Return (n, 6) differences at (n,) fractions of the edge; those of points are 0 at its ends."""
+        """Return (n, 6 or 15) rows at (n,) fractions of the edge; differences of points are 0 at its ends."""
         return np.asarray(np.polynomial.chebyshev.chebval(2 * fractions - 1, self.coefficients).T)
-
-    def forms_at(self, fractions: FloatArray) -> FloatArray:
-        """Return (n, 3, 3) second fundamental forms: of v, times the patch's normal, it is v · F v."""
-        assert self.forms is not None
-        rows = np.polynomial.chebyshev.chebval(2 * fractions - 1, self.forms).T
-        return np.asarray(rows.reshape(-1, 3, 3), dtype=float)
 
 
 def part_borders(patch: Patch, part: Any, *, curved: bool = False) -> list[Border | None]:
@@ -75,10 +69,8 @@ def _border(patch: Patch, edge: int, origin: FloatArray, traced: list[FloatArray
         if np.isfinite(turned).all() and (most := float(np.linalg.norm(away, axis=1).max())) <= near * size:
             if most <= exact * size and not forms.size:
                 return None
-            series, bent = np.split(
-                np.polynomial.chebyshev.chebfit(x, np.hstack([away, turned, forms * signs]), degree), [6], axis=1
-            )
+            series = np.polynomial.chebyshev.chebfit(x, np.hstack([away, turned, forms * signs]), degree)
             first, last = Border(series).at(np.array([0.0, 1.0]))[:, :3]
             series[:2, :3] -= (first + last) / 2, (last - first) / 2
-            return Border(series, bent if forms.size else None)
+            return Border(series)
     return None

@@ -4,15 +4,13 @@ At a corner of 180° a rectangle has no normal, and no smooth one has the curvat
 corner as a side without length, and there normals at once and any curvature that depends on the direction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, unit
-from gtb_cli.cad.curved_pieces import CurvedEdge, curve_pieces
+from gtb_cli.cad.curved_pieces import curve_pieces
 from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.cad.part_borders import Border
 from gtb_cli.cad.spline_pieces import (
@@ -24,6 +22,7 @@ from gtb_cli.cad.spline_pieces import (
     edge_normals,
     fit_inside,
     forms_at,
+    framed,
     grid,
     largest_angle,
     measured_surfaces,
@@ -32,9 +31,6 @@ from gtb_cli.cad.spline_pieces import (
 )
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
 
 DEGREE, TURNS = 7, 5  # of pieces, and of normals along seams
 PLACES = (1 - np.cos(np.pi * np.arange(81) / 80)) / 2  # where seams are fitted
@@ -65,7 +61,7 @@ class _Seam:
         """Fit what is not given."""
         self.curve = _least(self.splines, PLACES, self.rows[0], self.poles)
         self.normals = _least(self.turns, PLACES, self.rows[1], self.arrows)
-        self.points, self.arrow = _spline(self.splines, self.curve), _spline(self.turns, self.normals)
+        self.points, self.arrow = self.splines.spline(self.curve), self.turns.spline(self.normals)
 
     def field(self, x: FloatArray) -> FloatArray:
         """Return (n, 3) unit normals at parameters, square to the curve."""
@@ -118,7 +114,10 @@ def polar_pieces(
     line_turns, more_faces = normals_at(patch, inner, [grid(PLACES, one), grids[1][1]])
     if not all(np.isfinite(each).all() for each in (*planes, tips, turns, line_turns)):
         raise DomainError("has no normal at a corner or seam")
-    nets = [_polar_net(polar[k], half, whole, [(rim[k] - origin) / size for rim in sides]) for k in range(r)]
+    nets = []
+    for piece, first, last in zip(polar, *sides, strict=True):
+        nets.append(framed(piece, (half, whole), [(0, (first - origin) / size), (2, (last - origin) / size)]))
+        nets[-1][0] = nets[-1][0, 0]
     outer = [_Seam(whole, (curves[k] - origin) / size, turns[k]) for k in range(r)]  # from side k to the one before
     for k in range(r):
         meeting = [(outer[k], 0), (outer[(k + 1) % r], -1)]
@@ -147,10 +146,8 @@ def polar_pieces(
         _fit(nets[-1], (half, half), (more[0][k] - origin) / size, around, [], 1.0)
     forms = [forms_at(patch, piece, grid(half.conditions, end)) for piece in polar for end in (zero, one)]
     if curved := any(each is not None for each in forms):
-        ends = [
-            CurvedEdge(planes[k % 2][k // 2], None if each is None else each * size) for k, each in enumerate(forms)
-        ]
-        curve_pieces(nets, (half, whole), [*zip(ends[::2], ends[1::2], strict=True)])
+        scaled = [None if form is None else form * size for form in forms]
+        curve_pieces(nets, (half, whole), [(planes[k % 2][k // 2], form) for k, form in enumerate(scaled)])
     angle = bend = 0.0
     faced = [[edge_normals(net, *EDGES[3], whole)] for net in nets[:r]]
     faced += [[edge_normals(net, *side, half) for side in EDGES] for net in nets[r:]]
@@ -188,21 +185,9 @@ def _fit(
     fit_inside(net, splines, points, planes, share, stress)
 
 
-def _polar_net(piece: Piece, radial: Splines, around: Splines, rims: list[FloatArray]) -> FloatArray:
-    """Return the homogeneous poles of a polar piece at its corner and edges, and all weights."""
-    weights = piece.weights(grid(radial.greville, around.greville)).reshape(len(radial.greville), -1)
-    net = np.zeros((*weights.shape, 4))
-    net[..., 3] = around.curve(radial.curve(weights).T).T
-    for row, rim in zip((0, -1), rims, strict=True):
-        here = weights[:, row, None]
-        net[:, row] = radial.curve(np.hstack([rim * here, here]))
-    net[0] = net[0, 0]
-    return net
-
-
 def _edge_way(poles: FloatArray, splines: Splines, normals: FloatArray, normal: FloatArray) -> _Way:
     """Return the way of an edge at its middle, where its rational curve ends."""
-    spline, turns = _spline(splines, poles), _spline(splines, _least(splines, splines.conditions, normals, {}))
+    spline, turns = splines.spline(poles), splines.spline(_least(splines, splines.conditions, normals, {}))
     rate, turn = spline(1.0, 1)[:3] - spline(1.0)[:3] * spline(1.0, 1)[3], turns(1.0, 1)
     return _Way(rate, normal, -turn @ rate, turn)
 
@@ -231,9 +216,3 @@ def _least(splines: Splines, places: FloatArray, rows: FloatArray, given: dict[i
     free = np.delete(np.arange(len(poles)), list(given))
     poles[free] = np.linalg.lstsq(values[:, free], rows - values @ poles)[0]
     return poles
-
-
-def _spline(splines: Splines, poles: FloatArray) -> BSpline:
-    from scipy.interpolate import BSpline
-
-    return BSpline(splines.knots, poles, splines.degree)

@@ -49,6 +49,12 @@ class Splines:
         self.along = np.append((starts + lengths * (1 - np.cos(np.pi * np.arange(20) / 20)) / 2).ravel(), 1.0)
         self.slopes = degree / ends[1], degree / (1 - ends[-2])  # of the second pole and the last but one, at the ends
 
+    def spline(self, poles: FloatArray) -> Any:
+        """Return the curve with these poles along the first axis, a `BSpline` of scipy."""
+        from scipy.interpolate import BSpline
+
+        return BSpline(self.knots, poles, self.degree)
+
     def values(self, places: FloatArray) -> FloatArray:
         """Return (n, m) values of the m B-splines."""
         from scipy.interpolate import BSpline
@@ -105,12 +111,9 @@ def corner_pieces(
     middles, pieces = (1 - ends) * v + ends * np.roll(v, -1, axis=0), []
     for k in range(len(v)):
         own, before = (k, pairs[k][0], borders[k]), ((k - 1) % len(v), pairs[k - 1][1], borders[k - 1])
-        corners = [[v[k], middles[k - 1]], [middles[k], v.mean(axis=0)]]
-        sides: list[Any] = [*zip(own, before, 3 * [None], strict=True)]
-        if is_polar:
-            corners = [[v[k], v[k]], [middles[k], middles[k - 1]]]
-            sides = [*zip(own, 3 * [None], before, strict=True)]
-        pieces.append(Piece(np.array(corners), k, *sides))
+        start, end = (v[k], middles[k - 1]) if is_polar else (middles[k - 1], v.mean(axis=0))
+        sides: Any = (own, 3 * [None], before) if is_polar else (own, before, 3 * [None])
+        pieces.append(Piece(np.array([[v[k], start], [middles[k], end]]), k, *zip(*sides, strict=True)))
     return pieces, middles
 
 
@@ -151,10 +154,8 @@ def _borders(patch: Patch, piece: Piece, places: FloatArray) -> Iterator[tuple[B
 
 def forms_at(patch: Patch, piece: Piece, places: FloatArray) -> FloatArray | None:
     """Return the (n, 3, 3) second fundamental forms of a part at places on one of its borders, if it has any."""
-    for on_side, border, fractions in _borders(patch, piece, places):
-        if on_side.all() and border.forms is not None:
-            return border.forms_at(fractions)
-    return None
+    rows = [border.at(fractions) for on_side, border, fractions in _borders(patch, piece, places) if on_side.all()]
+    return rows[0][:, 6:].reshape(-1, 3, 3) if rows and rows[0].shape[1] > 6 else None
 
 
 def points_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> list[FloatArray]:
@@ -176,8 +177,21 @@ def normals_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> l
     normals = patch.normals_at(*_located(patch, pieces, every)).reshape(len(pieces), -1, 3)
     for piece, here in zip(pieces, normals, strict=True):
         for on_side, border, fractions in _borders(patch, piece, every):
-            here[on_side] = unit(here[on_side] + border.at(fractions)[:, 3:])
+            here[on_side] = unit(here[on_side] + border.at(fractions)[:, 3:6])
     return np.split(normals, np.cumsum([len(one) for one in places])[:-1], axis=1)
+
+
+def framed(piece: Piece, splines: tuple[Splines, Splines], rims: Iterable[tuple[int, FloatArray]]) -> FloatArray:
+    """Return the homogeneous poles of a piece on sides with given points, 0 elsewhere, and all weights."""
+    first, second = splines
+    weights = piece.weights(grid(first.greville, second.greville)).reshape(len(first.greville), -1)
+    net = np.zeros((*weights.shape, 4))
+    net[..., 3] = second.curve(first.curve(weights).T).T
+    for side, rim in rims:
+        axis, row = EDGES[side]
+        here = weights.swapaxes(0, axis)[row][:, None]
+        net.swapaxes(0, axis)[row] = splines[1 - axis].curve(np.hstack([rim * here, here]))
+    return net
 
 
 def fit_inside(
@@ -226,15 +240,13 @@ def fit_inside(
 
 def edge_normals(net: FloatArray, axis: int, last: int, splines: Splines) -> FloatArray:
     """Return (n, 3) unit normals of a piece along an edge where it is measured; NaN where it has none."""
-    from scipy.interpolate import BSpline
-
     rounding = 1e-9  # of the longest derivatives' product: below it, as on an edge without length, there is no normal
     here, following = net.swapaxes(0, axis)[[last, (1, -2)[last]]]
-    edge = BSpline(splines.knots, here, splines.degree)
+    edge = splines.spline(here)
     values = edge(splines.along)
     points = values[:, :3] / values[:, 3:]
     # Derivatives of rational points, but for a positive factor, which directions do not need.
-    inwards = BSpline(splines.knots, (following - here) * (1, -1)[last], splines.degree)
+    inwards = splines.spline((following - here) * (1, -1)[last])
     rates = [spline(splines.along) for spline in (edge.derivative(), inwards)]
     along, across = (rate[:, :3] - points * rate[:, 3:] for rate in rates)
     normals = np.cross(along, across) * (-1, 1)[axis]

@@ -151,31 +151,23 @@ def _encoded(
 
 def _triangle(points: FloatArray, lattice: Direction) -> Cell:
     """The cell of a Bézier triangle: its boundary from the first corner, then the inner rings."""
-    degree = lattice.degree
     place = {tuple(row): number for number, row in enumerate(lattice.places.tolist())}
-    order = [place[row] for row in _triangle_places(degree)]
-    return Cell(TRIANGLE, (degree, degree, 0), points[order])
+    order = [place[row] for row in _triangle_places(lattice.degree)]
+    return Cell(TRIANGLE, (lattice.degree, lattice.degree, 0), points[order])
 
 
 def _triangle_places(degree: int) -> Iterator[tuple[int, ...]]:
     """Barycentric indices (of the first, second and third corner) in VTK's order."""
+    corners = np.eye(3, dtype=int)
     for inset in range(degree // 3 + 1):
         side = degree - 3 * inset
-        ring = [(side, 0, 0), (0, side, 0), (0, 0, side)][: 3 if side else 1]
-        inner = range(1, side)
-        ring += [
-            *((side - k, k, 0) for k in inner),
-            *((0, side - k, k) for k in inner),
-            *((k, 0, side - k) for k in inner),
-        ]
-        yield from (tuple(share + inset for share in place) for place in ring)
+        ring = [side * corner for corner in corners[: 3 if side else 1]]
+        ring += [(side - k) * corners[i] + k * corners[i - 2] for i in range(3) for k in range(1, side)]
+        yield from (tuple((place + inset).tolist()) for place in ring)
 
 
 def _quadrilateral(net: FloatArray) -> Cell:
     """The cell of a tensor product: edges along the first direction, then the second, away from the first corner."""
-    m, n = net.shape[0] - 1, net.shape[1] - 1
-    corners = [(0, 0), (m, 0), (m, n), (0, n)]
-    first, second = range(1, m), range(1, n)
-    edges = [(i, 0) for i in first] + [(m, j) for j in second] + [(i, n) for i in first] + [(0, j) for j in second]
-    order = np.array(corners + edges + [(i, j) for j in second for i in first])
-    return Cell(QUADRILATERAL, (m, n, 0), net[order[:, 0], order[:, 1]])
+    corners, inner = net[[0, -1, -1, 0], [0, 0, -1, -1]], net[1:-1, 1:-1].swapaxes(0, 1).reshape(-1, 4)
+    points = np.concatenate([corners, net[1:-1, 0], net[-1, 1:-1], net[1:-1, -1], net[0, 1:-1], inner])
+    return Cell(QUADRILATERAL, (net.shape[0] - 1, net.shape[1] - 1, 0), points)

@@ -21,7 +21,7 @@ from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
-from gtb_cli.meshes.mesh import LIBRARIES, KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
+from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
@@ -38,26 +38,39 @@ Comparable: TypeAlias = Mesh | Shape
 class Operand:
     """One of the two things that are compared."""
 
-    origin: KnownMesh | Patch | Model
+    origin: KnownMesh | Mesh | Patch | Model
     recipe: Recipe  # for what is not a mesh
     name: str = ""  # of its file, for errors
 
     @property
     def spec(self) -> Patch | Model | None:
         """The patch or model that it is, if it is not a mesh."""
-        return None if isinstance(self.origin, KnownMesh) else self.origin
+        return None if isinstance(self.origin, KnownMesh | Mesh) else self.origin
 
     @cached_property
     def known(self) -> KnownMesh:
         """The mesh that it is or becomes."""
-        if isinstance(self.origin, KnownMesh):
-            return self.origin
+        return self.origin if isinstance(self.origin, KnownMesh) else _computed(self.made)
+
+    @cached_property
+    def made(self) -> Mesh:
+        """The mesh, with its normals if it was computed."""
+        if self.spec is None:
+            return self.origin.mesh if isinstance(self.origin, KnownMesh) else self.origin  # type: ignore[return-value]
         try:
-            return _computed(self.recipe.mesh(self.origin)[0])
+            return replace(self.recipe, normals=True).mesh(self.spec)[0]
         except GtbError as error:
-            if not self.name:
-                raise
-            raise error.within(self.name) from error
+            raise (error.within(self.name) if self.name else error) from error
+
+    def beside(self, file: KnownMesh) -> KnownMesh:
+        """Its mesh, with normals if it was computed, and the file has some; estimated ones only for as many cells."""
+        if isinstance(self.origin, KnownMesh) or NORMALS not in file.values():
+            return self.known
+        made, has_means = self.made, file.format == "ply"
+        rows, of = (made.vertex_normals, made.cells) if has_means else (made.normals, made.normal_of)
+        if rows is None or not (made.exact_normals or len(made.cells) == len(file.mesh.cells)):
+            return self.known
+        return replace(self.known, values=lambda: {**self.known.values(), NORMALS: (rows, of)})
 
 
 def diff(
@@ -69,7 +82,9 @@ def diff(
     kind: Kind = "auto",
     ignore: Aspect | Collection[Aspect] = (),
 ) -> Difference:
-    """Compare two meshes, as ``gtb diff`` does.
+    """Compare two meshes, as ``gtb diff`` does: ``found.same``, ``found.distance``, where, and how.
+
+    A `GtbError` says that a file cannot be read, or something cannot be compared.
 
     Parameters
     ----------
@@ -86,16 +101,6 @@ def diff(
         What is not a difference between meshes in the same place: faces that are turned over; other holes or parts,
         vertices shared in another way, and faces that are missing, there twice or without area; other normals, texture
         coordinates and attributes.
-
-    Returns
-    -------
-    Difference
-        ``found.same``, ``found.distance``, where, and how.
-
-    Raises
-    ------
-    GtbError
-        A file cannot be read, or something cannot be compared.
     """
     recipe = recipe or Recipe()
     return compared(operand(a, recipe), operand(b, recipe), tolerance, kind, ignore)
@@ -104,25 +109,17 @@ def diff(
 def distance(a: Comparable, b: Comparable) -> Distance:
     """Measure the two-sided (Hausdorff) distance between two surfaces or curves, whatever their parameters.
 
-    Parameters
-    ----------
-    a, b : Mesh, Patch, Model, several patches, or path of a mesh file or of a spec
+    ``found.distance`` is also ``float(found)``; there are ``found.error``, and whether it is proved:
+    ``found.is_proved``. A `GtbError` says that a file cannot be read, a mesh has no cells, or that something is neither
+    a mesh nor a patch.
 
-    Returns
-    -------
-    Distance
-        ``found.distance``, also ``float(found)``; ``found.error``, and whether it is proved: ``found.is_proved``.
-
-    Raises
-    ------
-    GtbError
-        A file cannot be read, a mesh has no cells, or something is neither a mesh nor a patch.
-
-    Notes
-    -----
     Between meshes, the distance is proved up to its error. Between patches, models and curves it is found on themselves
     by a search to three digits, which is not proved: a nearest point may be missed. Beside a mesh, a patch is meshed
     with an error of at most a thousandth of its size, seen at samples only.
+
+    Parameters
+    ----------
+    a, b : Mesh, Patch, Model, several patches, or path of a mesh file or of a spec
     """
     fine = 1e-3  # of the size: the mesh of a patch that is compared with a mesh
     one, other = (operand(each, Recipe(tolerance=f"{100 * fine}%")) for each in (a, b))
@@ -150,9 +147,11 @@ def compared(
             if word not in known:
                 raise DomainError(f"{name}: expected {' or '.join(known)}, got {word!r}")
     if kind == "vertices" or a.spec is None or b.spec is None:
-        result = difference(a.known, b.known, tolerance, kind, aspects)
+        are_held = kind != "surface" and "attributes" not in aspects
+        known = (a.beside(b.known), b.beside(a.known)) if are_held else (a.known, b.known)
+        result = difference(*known, tolerance, kind, aspects)
         contents, told = [*map(_libraries, (a, b))], f"{LIBRARIES}: not the same"
-        if kind != "surface" and "attributes" not in aspects and all(contents):  # these count, and no names
+        if are_held and all(contents):  # these count, and no names
             others = [remark for remark in result.values if remark != told]
             result = replace(result, values=(*others, *[told] * (contents[0] != contents[1])))
         return result
@@ -195,7 +194,7 @@ def _libraries(mesh: Operand) -> list[bytes]:
 def operand(what: Comparable, recipe: Recipe) -> Operand:
     """Return what is compared, with the recipe for what is not a mesh; `GtbError` if it is neither mesh nor spec."""
     if isinstance(what, Mesh):
-        return Operand(_computed(what), recipe)
+        return Operand(what, recipe)
     if not isinstance(what, str | os.PathLike):
         return Operand(shape_of(what), recipe)
     name = os.fspath(what)

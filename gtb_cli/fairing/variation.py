@@ -23,23 +23,12 @@ from gtb_cli.values import frozen
 
 @frozen
 class Bending:
-    """Integrals over the places at which a surface was sampled.
-
-    Attributes
-    ----------
-    area : float
-    energy : float
-        ∫ κ₁² + κ₂² dA, which does not depend on the unit of length.
-    variation : float
-        The area times ∫ |∇H|² dA, which does not depend on it either.
-    curvature : float
-        Largest absolute value of a principal curvature.
-    """
+    """Integrals over the places at which a surface was sampled; energy and variation do not depend on its size."""
 
     area: float
-    energy: float
-    variation: float
-    curvature: float
+    energy: float  # ∫ κ₁² + κ₂² dA
+    variation: float  # the area times ∫ |∇H|² dA
+    curvature: float  # largest absolute value of a principal curvature
 
     def scaled(self, size: float) -> "Bending":
         """Return the integrals of the surface times a size."""

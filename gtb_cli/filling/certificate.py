@@ -173,13 +173,21 @@ def angles_to(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
 def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:
     """Return twice the largest difference of mean curvatures at an edge and a hundredth of its length inside.
 
-    This is that of the curvatures across, if nothing else changes. Places near the ends are left out, a twentieth of
-    the edge at each, as they are no farther from other edges.
+    This is that of the curvatures across, if nothing else changes.
+    """
+    inside, there = (patch.curvature(places, "linear").mean for places in hundredth_inside(patch, edge, curve))
+    return float(2 * np.abs(inside - there).max())
+
+
+def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31) -> FloatArray:
+    """Return (2, count, 2) linear parameters: a hundredth of an edge's length inside, and at the edge.
+
+    Places near the ends are left out, a twentieth of the edge at each, as they are no farther from other edges.
     """
     distance, tries = 0.01, 4  # of its length; the distance is nearly linear in the place
     shape = patch.domain
     start, end = shape.vertices[edge], shape.vertices[(edge + 1) % len(shape.vertices)]
-    on_edge = start + np.linspace(0.05, 0.95, 31)[:, None] * (end - start)
+    on_edge = start + np.linspace(0.05, 0.95, count)[:, None] * (end - start)
     inward = np.array([start[1] - end[1], end[0] - start[0]])
     points, _ = points_and_tangents(curve, np.linspace(0, 1, 101))
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
@@ -190,8 +198,7 @@ def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:
         way = patch.evaluate(on_edge + depth * inward, "linear") - given
         way -= (way * along).sum(axis=1, keepdims=True) * along
         depth = np.minimum(depth * distance * length / np.linalg.norm(way, axis=1, keepdims=True), 3 * distance)
-    inside, there = (patch.curvature(place, "linear").mean for place in (on_edge + depth * inward, on_edge))
-    return float(2 * np.abs(inside - there).max())
+    return np.stack([on_edge + depth * inward, on_edge])
 
 
 def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:

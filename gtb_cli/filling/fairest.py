@@ -1,24 +1,29 @@
 """The fairest surface over a net: the best by a score that sees corners, or one led to a surface that is known."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import compress
 from operator import itemgetter
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray
+from gtb_cli.fairing.descent import BENDING_POWER
 from gtb_cli.fairing.energy import Samples
 from gtb_cli.fairing.fair import LEFT_OUT
-from gtb_cli.fairing.metric import blocks, forms
+from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.algebraic import AlgebraicSurface
+from gtb_cli.filling.certificate import edge_of, hundredth_inside
+from gtb_cli.filling.osculation import SecondRow
 from gtb_cli.filling.rows import CROSSING
 from gtb_cli.knots.domain import Domain
+from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.corners import CornerLayer, corner_layer
+from gtb_cli.theory.patch import Patch
 
 VISIBLE, NEARER = LEFT_OUT
 """Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
@@ -26,12 +31,21 @@ VISIBLE, NEARER = LEFT_OUT
 MOST_CURVED = 150.0
 """Largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores."""
 
+UNEVEN = 0.08
+"""Difference of curvature at an edge where it is given and a hundredth inside, of the largest, that counts as none."""
+
+_Scored: TypeAlias = tuple[float, FloatArray]
+
 
 class FairSearch:
     """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
 
-    def __init__(self, domain: Domain, at: Samples, depths: FloatArray, least: Callable[..., Any], power: int) -> None:
-        self._domain, self._places, self._least, self._power = domain, at, least, power
+    def __init__(
+        self, domain: Domain, at: Samples, depths: FloatArray, least: Callable[..., Any], given: Mapping[int, SecondRow]
+    ) -> None:
+        self._domain, self._places, self._least, self._given = domain, at, least, given
+        # Where curvature is given along edges, less bending is had by leaving it just inside them.
+        self._power = 0 if given else BENDING_POWER
         # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
         self._zones = at.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
@@ -39,12 +53,19 @@ class FairSearch:
 
     def scores(self, surfaces: Sequence[FloatArray]) -> list[float]:
         """Return products of powers of bending and of its variation in both zones."""
+        return [score for _, score in self._judged(surfaces)]
+
+    def _judged(self, surfaces: Sequence[FloatArray]) -> list[tuple[float, float]]:
+        """Return the bending of what is seen, and the score, of each surface."""
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
         zones = np.stack([self._zones[0], self._places.areas])
         both = zip(*bendings(self._inside + self._outside, zones, surfaces), strict=True)
-        return [b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat) for b, d in both]
+        return [
+            (b.energy, b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat))
+            for b, d in both
+        ]
 
-    def fairest(self) -> list[tuple[float, FloatArray]]:
+    def fairest(self, surface: AlgebraicSurface | None) -> list[_Scored]:
         """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
         plane = np.column_stack([self._places.knots, np.zeros(len(self._places.knots))])
         second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
@@ -58,13 +79,62 @@ class FairSearch:
         unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
         if not np.array_equal(unbound, found[best]):
             pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
-        pairs[0] = self._calmed(energies[best], *pairs[0], 0.0 if pairs[0][1] is unbound else CROSSING)
-        return pairs + [(scored[0], found[0])] * (best > 0)
+        calmed = partial(self._calmed, energies[best], 0.0 if pairs[0][1] is unbound else CROSSING)
+        pairs[0] = calmed(*pairs[0])
+        pairs += [(scored[0], found[0])] * (best > 0)
+        surfaces = self._evened(surface, calmed, pairs[0]) if self._given else self._led_to(surface, *pairs[0])
+        return surfaces + pairs
 
-    def _calmed(self, energy: FloatArray, score: float, points: FloatArray, bound: float) -> tuple[float, FloatArray]:
+    def _evened(self, surface: AlgebraicSurface | None, calmed: partial[_Scored], one: _Scored) -> list[_Scored]:
+        """Return a surface and where it is led; curvature inside edges is pulled to theirs as little as is enough."""
+        rounds, most_bent, of_led = 5, 1.125, 0.2  # times the bending without a pull; share of the pull where it is led
+        self._strips = self._strips_of(one[1])
+        found, strength = list[tuple[float, float, list[_Scored]]](), 0.0
+        for _ in range(rounds):
+            if strength:
+                even, (energy, bound) = partial(self._even, strength * calmed.args[0]), calmed.args
+                points = self._least(energy, share=bound, pull=even)
+                one = calmed(*self.scores([points]), points, even)
+            surfaces = [*self._led_to(surface, *one, of_led * strength), one]
+            points = surfaces[0][1]
+            ((bent, score),) = self._judged([points])
+            rows, ways, wanted = self._even(None, points)
+            uneven = float(np.abs(wanted - ((rows @ points) * ways).sum(axis=1)).max())
+            if found and bent > most_bent * found[0][1]:
+                break
+            found.append((score * max(1.0, uneven) ** 4, bent, surfaces))
+            if uneven <= 1:
+                break
+            strength = strength * min(max(2.0, uneven), 3.0) or min(0.1 * uneven, 1.0)
+        return min(found, key=itemgetter(0))[2]
+
+    def _strips_of(self, points: FloatArray) -> tuple[list[Block], FloatArray, float]:
+        """Return places a hundredth inside edges of given curvature, κ₁ + κ₂ at these, and what differs too much."""
+        patch = Patch(self._places.knots, points, log_weights=self._places.log_weights)
+        pairs = [hundredth_inside(patch, edge_of(patch, k), row.curve, 24) for k, row in self._given.items()]
+        places = np.concatenate(pairs, axis=1)
+        inside, on_edges = -2 * patch.curvature(places, "linear").mean
+        largest = [np.abs(row.bend).max() for row in self._given.values()]
+        largest += [np.abs(on_edges).max() / 2, np.abs(inside).max() / 10]  # of planes and cylinders
+        s = MomentMap(*self._places[:2]).inverse(places[0], 1e-10)
+        return list(blocks(*self._places[:2], s)), on_edges, UNEVEN * float(max(largest)) or 1.0
+
+    def _even(self, energy: FloatArray | None, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return rows, ways and what they should be, for κ₁ + κ₂ inside edges to be as at these; squares as energy."""
+        places, wanted, much = self._strips
+        rows, ways = np.zeros((len(wanted), len(points))), np.zeros((len(wanted), 3))
+        for block in places:
+            own = frame(block, points)
+            for part, table in block.tables(own.orders[1][0][3:] + own.orders[1][2][3:]):
+                rows[block.places[part]] = table.T
+            ways[block.places] = own.axes[0].T
+        stiffness = 1 / much if energy is None else np.sqrt(np.vdot(points, energy @ points) / len(wanted)) / much
+        return rows * stiffness, ways, wanted * stiffness
+
+    def _calmed(self, energy: FloatArray, bound: float, score: float, points: FloatArray, also: Any = None) -> _Scored:
         """Return a surface, or a pulled one whose rows cross edges more at corners, where scores see curvature, too."""
         steps = (1.0, 0.03), (1.4, 0.03), (1.4, 0.1), (2.0, 0.1)  # factors of shares, and pulls, of the energy's value
-        beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[tuple[float, FloatArray]]()
+        beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[_Scored]()
         for step in (*steps, None):
             curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
             beyond |= curved > MOST_CURVED
@@ -72,7 +142,7 @@ class FairSearch:
             if step is None or not beyond.any() or (len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]):
                 break
             share = np.where(beyond, np.maximum(step[0] * bound, (step[0] - 1) * CROSSING), bound)
-            points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy))
+            points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy, also))
             (score,) = self.scores([points])
         return min(calmer, key=itemgetter(0))
 
@@ -80,16 +150,19 @@ class FairSearch:
         corners = range(len(self._domain.vertices))
         return [corner_layer(self._domain, self._places.log_weights, points, corner) for corner in corners]
 
-    def _pull(self, beyond: BoolArray, energy: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _pull(
+        self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
         quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # squares have the energy's value; half of the places
-        value, rows, ways = np.vdot(points, energy @ points), [], []
+        value, parts = np.vdot(points, energy @ points), [also(points)] if also else []
         for near in compress(self._layers(points), beyond):
             curved = near.curvatures[each] * near.edge / quiet
             stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
-            rows.append((near.table[each] * stiffness[:, None, None]).reshape(-1, len(points)))
-            ways.append(np.repeat(near.normals[each], 3, axis=0))
-        return np.concatenate(rows), np.concatenate(ways)
+            rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))
+            parts.append((rows, np.repeat(near.normals[each], 3, axis=0), np.zeros(len(rows))))
+        rows, ways, wanted = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return rows, ways, wanted
 
     def _energies(self, points: FloatArray) -> list[FloatArray]:
         """Return energies in the metric of a surface, those of what is seen first.
@@ -103,13 +176,19 @@ class FairSearch:
         self._stiff = pairs[1, 1]
         return [third + factor / found.area * second for second, third in pairs for factor in (0, 100, 400)]
 
-    def led_to(self, surface: AlgebraicSurface, score: float, fairest: FloatArray) -> list[tuple[float, FloatArray]]:
+    def _led_to(
+        self, surface: AlgebraicSurface | None, score: float, fairest: FloatArray, strength: float = 0.0
+    ) -> list[_Scored]:
         """Return the fairest, moved smoothly onto a surface that is known and bends more; none if it ends elsewhere."""
         rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
+        if surface is None:
+            return []
         t, led = shares(exponents(*self._places[:3])), fairest
         form = (t * self._zones[1]) @ t.T + stiffness * self._stiff
+        even = partial(self._even, strength * stiffness * self._stiff) if strength else None
         for _ in range(rounds):
-            led = self._least(form, origin=led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led)))
+            origin = led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led))
+            led = self._least(form, origin=origin, pull=even)
         farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
         is_nearer = farther[0] < farther[1] and self.scores([led])[0] <= worst * score
         return [(score, led)] if is_nearer else []

@@ -18,7 +18,6 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, planar_cross
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.descent import BENDING_POWER
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
@@ -278,12 +277,9 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     first = energy_samples(region, resolution, NEARER)[0][: resolution**2] - start  # all sectors have their depths
     depths = planar_cross(end - start, first) / planar_cross(end - start, middle - start)
     depths = np.minimum(np.tile(depths, len(edges)) / VISIBLE, 1)
-    # Where curvature is given along edges, less bending is had by leaving it just inside them.
-    search = FairSearch(region, places, depths, least, 0 if any(each.second for each in edges) else BENDING_POWER)
-    found = search.fairest()
-    if fullness == 1 and (surface := algebraic_surface(edges)) is not None:
-        found = search.led_to(surface, *found[0]) + found
-    for score, points in found:
+    given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
+    search = FairSearch(region, places, depths, least, given)
+    for score, points in search.fairest(algebraic_surface(edges) if fullness == 1 else None):
         yield patch(points), score
     points = least(energy_at(*places, "thin-plate"))  # it overshoots least
     yield patch(points), search.scores([points])[0]

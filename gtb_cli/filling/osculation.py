@@ -114,7 +114,7 @@ class SecondRow:
         self, rim: Rim, curve: FloatArray, fields: list[FloatArray], bend: FloatArray, near_null: float = 1e-9
     ) -> None:
         # Rows below `near_null` are left out: multiples of them would be large, with data rounded in files.
-        self.curve, self.fields, self.sums, self._rim, self._bend = curve, fields, np.eye(len(fields)), rim, bend
+        self.curve, self.fields, self.sums, self._rim, self.bend = curve, fields, np.eye(len(fields)), rim, bend
         t = stations()
         values, rates = bernstein(rim.degree - 1, t), (rim.degree - 1) * bernstein(rim.degree - 2, t)
         ways = [((0.5 - t) * rim.weights / rim.degree)[:, None] * rim.rates]  # to the polar, times its weights
@@ -145,7 +145,7 @@ class SecondRow:
         """
         f = np.concatenate([[1.0], factors @ self.sums])
         a, g, h = f @ self._along, f @ self.across, f @ self._mixed
-        terms = self._along * h + a * self._mixed - self._along * a * self._rim.bend + self.across * g * self._bend
+        terms = self._along * h + a * self._mixed - self._along * a * self._rim.bend + self.across * g * self.bend
         wanted = (f @ terms) * self._factor - self._own
         shift = self._inverse @ wanted
         largest = np.abs(f[:, None] * terms * self._factor).max() + np.abs(self._own).max()

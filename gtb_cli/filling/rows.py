@@ -204,11 +204,14 @@ class _Form:
         return images, images @ moves.reshape(images.shape).T
 
     def moved(self, points: FloatArray, equations: CornerForms, *pulled: FloatArray) -> FloatArray:
-        """Return the points after the least moves of the free ones with which equations hold; pulls give way."""
+        """Return the points after the least moves of the free ones with which equations hold; pulls give way.
+
+        These are (p, n) rows, (p, 3) ways, and (p,) what rows of points should be along them.
+        """
         table, normals, missing = equations.matrix(len(points)), equations.normals, -equations.residuals(points)
         if pulled:
             table, normals = np.concatenate([table, pulled[0]]), np.concatenate([normals, pulled[1]])
-            missing = np.append(missing, -((pulled[0] @ points) * pulled[1]).sum(axis=1))
+            missing = np.append(missing, pulled[2] - ((pulled[0] @ points) * pulled[1]).sum(axis=1))
         shifts = np.linalg.solve(self._own, table[:, self._free].T)
         softness = (table[:, self._free] @ shifts) * (normals @ normals.T)
         softness += np.diag(np.arange(len(missing)) >= len(equations.normals))

@@ -34,9 +34,8 @@ def _bezier_points(degree: int, knots: FloatArray, k: int) -> FloatArray:
     for j in range(degree + 1):
         table = np.eye(degree + 1)
         for step, place in enumerate([start] * (degree - j) + [end] * j, 1):
-            for i in range(degree, step - 1, -1):
-                low, high = knots[k - degree + i], knots[k + 1 + i - step]
-                share = (place - low) / (high - low)
-                table[i] = (1 - share) * table[i - 1] + share * table[i]
-        rows.append(table[degree])
+            low, high = knots[k - degree + step : k + 1, None], knots[k + 1 : k + 2 + degree - step, None]
+            share = (place - low) / (high - low)
+            table = (1 - share) * table[:-1] + share * table[1:]
+        rows.append(table[0])
     return np.array(rows)

@@ -215,7 +215,11 @@ def _measure(text: str, source: str, format: Format) -> tuple[tuple[Path, int, s
     except TooMuch as error:
         line, reason = error.args
         raise SpecError(Fault(reason, source, line)) from None
-    return tuple((path, line, f"is given twice, first in line {first[path]}") for path, line in repeated.items())
+    hint = " (a list of tables has double brackets: [[patches]])"
+    return tuple(
+        (path, line, f"is given twice, first in line {first[path]}{hint * (path == ('patches',))}")
+        for path, line in repeated.items()
+    )
 
 
 def _parse(text: str, source: str, format: Format, repeated: tuple[tuple[Path, int, str], ...]) -> object:

@@ -123,6 +123,9 @@ def _knots(table: Table) -> tuple[FloatArray | None, int | None]:
     entries = table.entries["knots"]
     if isinstance(entries, str) and (grid := re.fullmatch(GRID, entries)):
         entries = [[i, j] for i in range(int(grid[1])) for j in range(int(grid[2]))]
+        if len(entries) > 4 and "coefficients" not in table.entries and table.values.faults.doubt is None:
+            doubt = 'is missing, and each is 1: "binomial" makes a Bézier patch'
+            table.values.faults.doubt = (*table.path, "coefficients"), doubt
     surface = isinstance(entries, list) and bool(entries) and isinstance(entries[0], list)
     if not isinstance(entries, list) or len(entries) < (3 if surface else 2):
         expected = "a list of at least 2 numbers (curve) or 3 pairs of numbers (surface)"

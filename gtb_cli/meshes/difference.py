@@ -143,8 +143,6 @@ def difference(
     Raises `DomainError` if the tolerance is none, a mesh has no cells or vertices that are not finite, or vertices are
     to be compared of meshes with other cells.
 
-    Notes
-    -----
     No tolerance is less than the resolution, the largest distance between equal points after rounding to the numbers in
     the files: for each coordinate, half a unit in the last place in either file, at the size of the largest coordinate.
     `matching` says when two meshes have the same cells. Surfaces with other cells may be the same: an edge that is cut

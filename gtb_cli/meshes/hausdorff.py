@@ -66,16 +66,11 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     when `MAX_CUTS` pieces are cut in each direction. Raises `DomainError` for a mesh without cells, or with vertices
     that are not finite.
 
-    Notes
-    -----
-    The distance from a point to a mesh is the exact distance to its nearest cell (`NearestCells`). Its maximum over a
-    cell is attained at a corner or between corners. The corners are measured first. The distance to a single cell is a
-    convex function; hence no point of a piece is farther from the other mesh than the farthest corner of the piece is
-    from any one cell there. If this bound exceeds the distance found, the piece is cut where it leaves the region over
-    the cell below it (`CellParts.cut`). In the end each piece lies over one cell, and its bound is attained. The search
-    ends when no more than `accuracy` can be gained, or the effort is spent. `Distance.bound` is what has been proved
-    by then: the distance itself for meshes of up to some ten thousand cells; only about the length of the cells for two
-    meshes of a million cells each that do not match.
+    Corners are measured first, each to its nearest cell (`NearestCells`). The distance to a single cell is convex, so
+    that no point of a piece is farther than its farthest corner is from any one cell. Pieces for which this exceeds the
+    distance found are cut where they leave the region over the cell below (`CellParts.cut`), until each lies over one.
+    `Distance.bound` is what is proved at the end: the distance itself for meshes of up to some ten thousand cells; only
+    about the length of the cells for two meshes of a million cells each that do not match.
     """
     used = [vertices_to_measure(mesh, "no distance can be measured") for mesh in (a, b)]
     frame = Frame.around(*used)

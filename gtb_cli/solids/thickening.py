@@ -33,8 +33,6 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     Raises `DomainError` if the mesh is a curve, the thickness is below rounding, or an edge has more than two faces or
     two of opposite orientations.
 
-    Notes
-    -----
     If patches meet at an angle, the vertex moves to where the offsets of all patches meet, but at most by `MAX_MITRE`
     times the thickness. Coincident ends of a boundary edge become one vertex. If the surface bends more sharply than
     the thickness, the offset folds: see `folded_faces`. `gtb_cli.solids.crossings` finds distant parts that meet.

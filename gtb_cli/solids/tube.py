@@ -46,8 +46,6 @@ def tube(
     Raises `DomainError` if the mesh is not a polyline, a polyline is a single point, or the radius is below rounding,
     and `ToleranceError` if the tube would have more than `max_faces` triangles.
 
-    Notes
-    -----
     A turn at a vertex is mitred, and a turn of more than 90° is mitred in two steps, so that no vertex is farther than
     √2 radii from the curve. With a tolerance, as many steps are taken as it needs, outside the bend; and the direction
     of a segment replaces a tangent at an angle φ to it if the tube, ``radius (1 − cos φ)`` thin there, would not hold

@@ -92,15 +92,8 @@ class Recipe:
 
         Vertices may move by `rounding` afterwards, as in a file: a tolerance then holds for the moved ones.
         `held` gives a mesh as its file's numbers hold it, which is judged, and a remark for where they are too coarse.
-
-        Raises
-        ------
-        DomainError
-            The recipe does not suit the spec: a tube of a surface, curvatures of a curve.
-        ToleranceError
-            Too many faces would be needed.
-        RequirementError
-            Something that is required is not so; names the edges or places.
+        Raises `DomainError` where the recipe does not suit the spec, as a tube of a surface, `ToleranceError` where too
+        many faces would be needed, and `RequirementError`, with edges or places, where what is required is not so.
         """
         from gtb_cli.models.model import with_weld
 

@@ -279,21 +279,24 @@ def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
     search._domain, search._least = SimpleNamespace(vertices=[0]), lambda *_, **__: next(made)
     search._layers = lambda points: [SimpleNamespace(edge=1.0, curvatures=np.array([curved[points]]))]
     search.scores = lambda found: [scores[found[0]]]
-    assert search._calmed(1.0, scores[0], 0, 0.9)[1] == taken
+    assert search._calmed(1.0, 0.9, scores[0], 0)[1] == taken
 
 
 def test_pulls_move_free_points_as_energies_do():
     """Without equations, the points have the least energy with the squares of a pull added."""
     rng = np.random.default_rng(0)
-    root, points, rows, ways = (rng.normal(size=shape) for shape in ((6, 6), (6, 3), (4, 6), (4, 3)))
+    root, points, rows, ways, wanted = (rng.normal(size=shape) for shape in ((6, 6), (6, 3), (4, 6), (4, 3), 4))
     free, none = np.array([1, 2, 4]), np.empty((0, 3))
     equations = CornerForms(none.astype(int), np.empty(0, dtype=int), none, none, np.empty(0))
-    moved = _Form(root @ root.T, free).moved(points, equations, rows, ways)
+    moved = _Form(root @ root.T, free).moved(points, equations, rows, ways, wanted)
     square = np.kron((root @ root.T)[np.ix_(free, free)], np.eye(3))
     table = (rows[:, free, None] * ways[:, None]).reshape(4, 9)
-    shift = np.linalg.solve(square + table.T @ table, -table.T @ ((rows @ points) * ways).sum(axis=1))
+    shift = np.linalg.solve(square + table.T @ table, table.T @ (wanted - ((rows @ points) * ways).sum(axis=1)))
     np.testing.assert_allclose((moved - points)[free].ravel(), shift, atol=1e-9)
     assert np.array_equal(np.delete(moved, free, axis=0), np.delete(points, free, axis=0))
+    search = object.__new__(FairSearch)
+    search._layers = lambda points: []  # where no corner is curved, only what is pulled beside it counts
+    assert search._pull([], np.eye(6), lambda _: (rows, ways, wanted), points)[2] == pytest.approx(wanted)
 
 
 @long

@@ -52,7 +52,8 @@ SAID = {
         name="sail",
     ),
     ARC: CURVE,
-    'knots = "grid 2x3"\ncontrol_points = [[0, 0], [0, 1], [0, 2], [3, 0], [3, 1], [3, 9]]\n': Patch(
+    'coefficients = [1, 1, 1, 1, 1, 1]\nknots = "grid 2x3"\n'
+    "control_points = [[0, 0], [0, 1], [0, 2], [3, 0], [3, 1], [3, 9]]\n": Patch(
         [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]], [[0, 0], [0, 1], [0, 2], [3, 0], [3, 1], [3, 9]]
     ),
     'coefficients = "binomial"\n' + ARC: CURVE.replace(coefficients=[1, 2, 1]),
