@@ -49,42 +49,25 @@ def test_patches_are_taken_apart_and_the_section_is_flipped():
     np.testing.assert_allclose([row[3:] for row in found[2:]], [[1, 1], [-1, -1]], atol=1e-6)
 
 
-def test_a_page_is_working_while_its_picture_is_quick_and_until_there_is_an_error():
+def test_an_error_is_shown_that_stays_and_a_page_is_working_as_soon_as_the_file_can_be_read():
     data = page_data(content_of(gtb_cli.load(SPECS / "bicubic.toml")))
-    show = "present(each); return [$('working').hidden, $('facts').textContent.split(':')[0]];"
-    quick, whole, wrong = answer(
-        f"const see = each => {{ {show} }}; const seen = data.map(see); see(data[0]); complain('x');"
-        "return [...seen, [$('working').hidden, $('error').textContent]];",
-        *(data | {"quick": quick} for quick in (True, False)),
-    )
-    assert quick == [False, "a quick picture, without thickness and fills"]
-    assert (whole[0], wrong) == (True, [True, "x"])
-
-
-def test_an_error_is_shown_that_stays_and_goes_as_soon_as_the_file_can_be_read():
-    data = page_data(content_of(gtb_cli.load(SPECS / "bicubic.toml")))
-    empty, bad = {"version": 2, "error": "is empty"}, {"version": 5, "error": "line 2"}
     quick, whole = ({"error": "", "data": data | {"quick": quick}} for quick in (True, False))
-    news = [
-        empty,
-        quick | {"version": 3},
-        whole | {"version": 4},
-        *[bad] * 3,
-        quick | {"version": 6},
-        bad | {"version": 7},
-    ]
+    news = [{"error": "is empty"}, quick, whole, *[{"error": "line 2", "version": 5}] * 3, quick, *[{"error": "x"}] * 2]
+    news = [{"version": 2 + min(k, 7)} | each for k, each in enumerate(news)]
     script = (
         "const asked = []; pause = async () => {}; complain(''); present(data.pop());"
-        "return new Promise(done => { fetch = async address => {"
-        "asked.push([address.includes('quick'), $('error').textContent, !$('working').hidden]);"
+        "return new Promise(done => { fetch = async address => { const facts = $('facts').textContent.split(':')[0];"
+        "asked.push([address.includes('quick'), $('error').textContent, !$('working').hidden, facts]);"
         "if (asked.length > data.length) done(asked);"
         "return { json: async () => data[asked.length - 1] }; }; watch(1); })"
     )
-    assert answer(script, *news, data) == [
+    found, text = answer(script, *news, data), "a quick picture, without thickness and fills"
+    assert [row[:3] for row in found] == [
         *([False, "", False], [True, "", False], [False, "", True]),  # nothing is said of an empty file
         *([False, "", False], [True, "", False], [True, "line 2", False], [True, "line 2", False]),
-        *([False, "", True], [True, "", True]),
+        *([False, "", True], [True, "", True], [True, "x", False]),
     ]
+    assert [row[3] == text for row in found] == [k in (2, 7, 8, 9) for k in range(10)]
 
 
 def test_a_model_that_leaves_the_window_or_becomes_small_is_fitted_again_unless_the_user_has_zoomed():
