@@ -219,8 +219,6 @@ def _report(filling: Filling, console: Console) -> None:
 
     from gtb_cli.arrays import point_text
     from gtb_cli.fairing.fair import agreed_text
-    from gtb_cli.fairing.folds import sharp_turns
-    from gtb_cli.filling.certificate import SPIKE
 
     # Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so
     corner_angle = 0.1
@@ -231,13 +229,8 @@ def _report(filling: Filling, console: Console) -> None:
             if angle > corner_angle:
                 names = f"{part.sides[corner - 1].name} and {part.sides[corner].name}"
                 console.warn(f"the tangent planes of {names} differ by {angle:.2g} degrees at their corner")
-    if filling.sharp_turns:
-        place = np.concatenate([sharp_turns(patch) for patch in filling.patches])[0]
-        corner = int(np.linalg.norm([side.ends[0] - place for side in filling.sides], axis=1).argmin())
-        where = f"{filling.sharp_turns} of some thousand places, the first nearest to corner {corner}"
-        console.warn(f"the patch turns sharply at {where}: coarse meshes fold there")
-    if filling.sharpness > SPIKE:
-        console.warn(f"in places it is curved {filling.sharpness:.2g} times as much as a sphere of its area")
+    for sentence in filling.sharp:
+        console.warn(sentence)
     points = np.concatenate([patch.control_points for patch in filling.patches])
 
     def near(place: FloatArray) -> str:

@@ -1,6 +1,7 @@
 """Folds of a surface, at which its normal turns over at once, and sharp turns, where it turns over in some distance."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -18,6 +19,18 @@ def sharp_turns(patch: Patch) -> FloatArray:
     part = central_triangulation(patch.domain, rings)
     points = patch.evaluate(part.parameters, "linear")
     return np.asarray(points[part.cells[folded_pairs(points, part.cells)[:, 0]]].mean(axis=1))
+
+
+def most_curved(patches: Iterable[Patch]) -> FloatArray:
+    """(3,) place where patches are curved most, a hundredth of the way from edges to the middle or farther."""
+    most, found = -1.0, np.full(3, math.nan)
+    for patch in patches:
+        s = patch.domain.center + 0.99 * (central_triangulation(patch.domain, 16).parameters - patch.domain.center)
+        bent = patch.curvature(s, "linear")
+        curved = np.nan_to_num(np.abs(bent.mean) + np.sqrt(np.maximum(bent.mean**2 - bent.gaussian, 0)))
+        if curved.max() > most:
+            most, found = curved.max(), patch.evaluate(s[curved.argmax()], "linear")
+    return found
 
 
 def folds(patch: Patch) -> FloatArray:
