@@ -124,18 +124,15 @@ class Filling:
     @property
     def sharp(self) -> list[str]:
         """Sentences that say where the patch turns sharply, and where it is curved most; none if it is smooth."""
-        said = []
+        said, ends = [], np.array([side.ends[0] for side in self.sides])
         if self.sharp_turns:
-            first, ends = (
-                np.concatenate([*map(turns, self.patches)])[0],
-                np.array([side.ends[0] for side in self.sides]),
-            )
-            corner = int(np.linalg.norm(ends - first, axis=1).argmin())
+            corner = int(np.linalg.norm(ends - np.concatenate([*map(turns, self.patches)])[0], axis=1).argmin())
             where = f"{self.sharp_turns} of some thousand places, the first nearest to corner {corner}"
-            said = [f"the patch turns sharply at {where}, {self._at(ends[corner])}: coarse meshes fold there"]
+            said = [f"the patch turns sharply at {where}, {self.at(ends[corner])}: coarse meshes fold there"]
         if self.sharpness > SPIKE:
+            part = max(self.parts or (self,), key=lambda part: part.bending.curvature)
             much = f"{self.sharpness:.2g} times as much as a sphere of its area"
-            said.append(f"the patch is curved {much} near {self._at(most_curved(self.patches))}")
+            said.append(f"the patch is curved {much} near {self.at(most_curved(part.patch))}")
         return said
 
     @property
@@ -143,12 +140,13 @@ class Filling:
         """What is to be seen: a hole in parts, the corner where planes differ most, and what is `sharp`."""
         angles, said = np.nan_to_num(self.corner_angles), [f"filled in {len(self.parts)} parts"] * bool(self.parts)
         if (most := float(angles.max())) > DISAGREEING:
-            at = self._at(self.sides[int(angles.argmax())].ends[0])
+            at = self.at(self.sides[int(angles.argmax())].ends[0])
             said.append(f"neighbours' planes differ by up to {most:.3g} degrees at their corner {at}")
         return said + self.sharp
 
-    def _at(self, place: FloatArray) -> str:
-        return point_text(place, np.array([side.ends[0] for side in self.sides]))
+    def at(self, place: FloatArray) -> str:
+        """Return a place for messages, with digits that suit the size of the patch."""
+        return point_text(place, np.concatenate([patch.control_points for patch in self.patches]))
 
     @property
     def fault(self) -> str | None:

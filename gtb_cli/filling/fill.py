@@ -193,9 +193,8 @@ def _in_parts(sides: Sequence[HoleSide], name: str | None, taken: Sequence[str |
         kinds = {side.name: "g1" if side.bend is None else "g2" for side in part}
         return fill_loop(part, name, **{**options, "continuity": kinds})
 
-    found = None
-    if any(corner.concave for corner in corners(ordered)):
-        found = fill_parts(ordered, fill_part, cut_sides=not taken)
+    concave = any(corner.concave for corner in corners(ordered))
+    found = fill_parts(ordered, fill_part, cut_sides=not taken) if concave else None
     if found is None:
         return fill_loop(sides, name, **options)
     if not found.parts:
