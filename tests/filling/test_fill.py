@@ -152,6 +152,7 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
     good, path, said = replace(gtb_cli.fill(triangle(), raises=0), raises=(0, 0, 0)), tmp_path / "loop.toml", []
     words, model = ["fullness 0.8", "fullness 0.5", "degrees raised by 1"], gtb_cli.load(SPECS / "box-corner.toml")
     gtb_cli.save(triangle(), path)
+    beside_planes = cure or with_ribbons()
 
     def stand_in(*_: object, **options: object) -> object:
         return good if cure and cure.items() <= options.items() else replace(good, folds=3)
@@ -168,7 +169,7 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
     for kind, end in (("g1", 'smaller ones, or `fills` "x=g0"'), ("g0", "too: try curves that cut .* smaller ones")):
         with pytest.raises(RequirementError, match=f"{', '.join(words)} were tried, .*{end}$"):
             room.with_fills(model, [("x", kind)], said.append)
-    good = with_ribbons()
+    good = beside_planes
     assert "try a fullness of 0.8 or 0.5, other ribbons" in gtb("fill", path, "--elevate=0", status=1).err
     with pytest.raises(RequirementError, match="too: try other ribbons, or curves"):
         room.with_fills(model, [("x", "g1")], said.append)
