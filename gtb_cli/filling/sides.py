@@ -76,11 +76,8 @@ class HoleSide:
         """
         if continuity == "g2":
             if self.bend is None:
-                needed = (
-                    "a ribbon and a ribbon2"
-                    if self.across is None
-                    else "a ribbon2 (.gbp: degree 5; parts: all sides, to a CAD file)"
-                )
+                needed = "a ribbon2 (.gbp: degree 5; parts: all sides, to a CAD file)"
+                needed = needed if self.across is not None else "a ribbon and a ribbon2"
                 raise DomainError(f"{self.name}: its neighbour's curvature is not known: continuity g2 needs {needed}")
             if not np.isfinite(self.bend).all():
                 place = stations()[int(np.flatnonzero(~np.isfinite(self.bend))[0])]
@@ -291,8 +288,7 @@ def _moved(side: HoleSide, start: FloatArray, end: FloatArray, evenly: bool) -> 
     """Return a side with other ends; all its points go with them, less and less, if they are moved `evenly`."""
     curve, fade = side.curve.copy(), np.linspace(1, 0, len(side.curve))[:, None]
     if evenly:
-        moves = fade * (start - side.ends[0]) + fade[::-1] * (end - side.ends[1])
-        curve[:, :3] += curve[:, 3:] * moves
+        curve[:, :3] += curve[:, 3:] * (fade * (start - side.ends[0]) + fade[::-1] * (end - side.ends[1]))
     curve[0, :3], curve[-1, :3] = start, end
     return replace(side, curve=curve)
 
