@@ -25,14 +25,8 @@ from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.corners import CornerLayer, corner_layer
 from gtb_cli.theory.patch import Patch
 
-VISIBLE, NEARER = LEFT_OUT
-"""Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
-
-MOST_CURVED = 150.0
-"""Largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores."""
-
-UNEVEN = 0.08
-"""Difference of curvature at an edge where it is given and a hundredth inside, of the largest, that counts as none."""
+VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary nothing is seen, or has a weight
+MOST_CURVED = 150.0  # largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores
 
 _Scored: TypeAlias = tuple[float, FloatArray]
 
@@ -51,17 +45,13 @@ class FairSearch:
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
         self._inside, self._outside = (list(blocks(*at[:3], part)) for part in parts)
 
-    def scores(self, surfaces: Sequence[FloatArray]) -> list[float]:
-        """Return products of powers of bending and of its variation in both zones."""
-        return [score for _, score in self._judged(surfaces)]
-
-    def _judged(self, surfaces: Sequence[FloatArray]) -> list[tuple[float, float]]:
-        """Return the bending of what is seen, and the score, of each surface."""
+    def scores(self, surfaces: Sequence[FloatArray]) -> list[tuple[float, float]]:
+        """Return products of powers of bending and of its variation in both zones, and the bending of what is seen."""
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
         zones = np.stack([self._zones[0], self._places.areas])
         both = zip(*bendings(self._inside + self._outside, zones, surfaces), strict=True)
         return [
-            (b.energy, b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat))
+            (b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat), b.energy)
             for b, d in both
         ]
 
@@ -73,31 +63,33 @@ class FairSearch:
         found = [self._least(energies[0])]
         energies += self._energies(found[0])
         found += [self._least(energy) for energy in energies[1:]]
-        scored = self.scores(found)
+        scored = [score for score, _ in self.scores(found)]
         best = int(np.argmin(scored))
         pairs = [(scored[best], found[best])]
         unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
         if not np.array_equal(unbound, found[best]):
-            pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
-        calmed = partial(self._calmed, energies[best], 0.0 if pairs[0][1] is unbound else CROSSING)
-        pairs[0] = calmed(*pairs[0])
+            pairs = sorted([*pairs, (self.scores([unbound])[0][0], unbound)], key=itemgetter(0))
+        least = energies[best], 0.0 if pairs[0][1] is unbound else CROSSING
+        pairs[0] = self._calmed(*least, *pairs[0])
         pairs += [(scored[0], found[0])] * (best > 0)
-        surfaces = self._evened(surface, calmed, pairs[0]) if self._given else self._led_to(surface, *pairs[0])
+        surfaces = self._evened(surface, *least, pairs[0]) if self._given else self._led_to(surface, *pairs[0])
         return surfaces + pairs
 
-    def _evened(self, surface: AlgebraicSurface | None, calmed: partial[_Scored], one: _Scored) -> list[_Scored]:
+    def _evened(
+        self, surface: AlgebraicSurface | None, energy: FloatArray, bound: float, one: _Scored
+    ) -> list[_Scored]:
         """Return a surface and where it is led; curvature inside edges is pulled to theirs as little as is enough."""
         rounds, most_bent, of_led = 5, 1.125, 0.2  # times the bending without a pull; share of the pull where it is led
         self._strips = self._strips_of(one[1])
         found, strength = list[tuple[float, float, list[_Scored]]](), 0.0
         for _ in range(rounds):
             if strength:
-                even, (energy, bound) = partial(self._even, strength * calmed.args[0]), calmed.args
+                even = partial(self._even, strength * energy)
                 points = self._least(energy, share=bound, pull=even)
-                one = calmed(*self.scores([points]), points, even)
+                one = self._calmed(energy, bound, self.scores([points])[0][0], points, even)
             surfaces = [*self._led_to(surface, *one, of_led * strength), one]
             points = surfaces[0][1]
-            ((bent, score),) = self._judged([points])
+            ((score, bent),) = self.scores([points])
             rows, ways, wanted = self._even(None, points)
             uneven = float(np.abs(wanted - ((rows @ points) * ways).sum(axis=1)).max())
             if found and bent > most_bent * found[0][1]:
@@ -114,10 +106,11 @@ class FairSearch:
         pairs = [hundredth_inside(patch, edge_of(patch, k), row.curve, 24) for k, row in self._given.items()]
         places = np.concatenate(pairs, axis=1)
         inside, on_edges = -2 * patch.curvature(places, "linear").mean
+        none = 0.08  # difference of curvature, of the largest
         largest = [np.abs(row.bend).max() for row in self._given.values()]
         largest += [np.abs(on_edges).max() / 2, np.abs(inside).max() / 10]  # of planes and cylinders
         s = MomentMap(*self._places[:2]).inverse(places[0], 1e-10)
-        return list(blocks(*self._places[:2], s)), on_edges, UNEVEN * float(max(largest)) or 1.0
+        return list(blocks(*self._places[:2], s)), on_edges, none * float(max(largest)) or 1.0
 
     def _even(self, energy: FloatArray | None, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return rows, ways and what they should be, for κ₁ + κ₂ inside edges to be as at these; squares as energy."""
@@ -143,7 +136,7 @@ class FairSearch:
                 break
             share = np.where(beyond, np.maximum(step[0] * bound, (step[0] - 1) * CROSSING), bound)
             points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy, also))
-            (score,) = self.scores([points])
+            score = self.scores([points])[0][0]
         return min(calmer, key=itemgetter(0))
 
     def _layers(self, points: FloatArray) -> list[CornerLayer]:
@@ -190,5 +183,5 @@ class FairSearch:
             origin = led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led))
             led = self._least(form, origin=origin, pull=even)
         farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
-        is_nearer = farther[0] < farther[1] and self.scores([led])[0] <= worst * score
+        is_nearer = farther[0] < farther[1] and self.scores([led])[0][0] <= worst * score
         return [(score, led)] if is_nearer else []

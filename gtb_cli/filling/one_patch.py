@@ -36,8 +36,7 @@ from gtb_cli.theory.corners import corner_layer, corner_limits, limits_of_normal
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
-FLAT_BEND = 1e-9
-"""Curvature of a flat neighbour, by rounding, of 1 / size."""
+FLAT_BEND = 1e-9  # curvature of a flat neighbour, by rounding, of 1 / size
 
 
 class _Attempt(NamedTuple):
@@ -164,10 +163,8 @@ def _remarks(
     for side, n in zip(sides, normals, strict=True):
         turn = 0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min()))
         if best.sharp_turns and turn > 90:  # a patch that follows such planes faces the other way, and then back
-            remarks.append(
-                f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply "
-                "there"
-            )
+            planes = f"its tangent planes turn by {turn:.0f} degrees along it"
+            remarks.append(f"{side.name}: {planes}, so that the patch turns sharply there")
     return remarks
 
 
@@ -282,4 +279,4 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     for score, points in search.fairest(algebraic_surface(edges) if fullness == 1 else None):
         yield patch(points), score
     points = least(energy_at(*places, "thin-plate"))  # it overshoots least
-    yield patch(points), search.scores([points])[0]
+    yield patch(points), search.scores([points])[0][0]

@@ -50,11 +50,7 @@ from gtb_cli.theory.corner_powers import (
 from gtb_cli.theory.rational_basis import Blend
 from gtb_cli.values import frozen
 
-PLANE_DEGREES = 1e-4
-"""Angle up to which limits of normals are one, as of control points with six decimals."""
-
-DISTANCES = np.logspace(-1, -6, 6)
-"""From a corner, of its shorter edge, at which curvature is sampled."""
+PLANE_DEGREES = 1e-4  # angle up to which limits of normals are one, as of control points with six decimals
 
 
 @frozen
@@ -355,7 +351,7 @@ class CornerLayer(NamedTuple):
 def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> CornerLayer:
     """Sample a surface with (n, 3) control points near a corner of Δ; NaN where these have fewer than two directions.
 
-    At `DISTANCES` there are layers that limits do not show. With v and w dual to the two knots that lead, sums of
+    There are layers that limits do not show. With v and w dual to the two knots that lead, sums of
     ``ξ (ξ − 1)``, ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances.
     """
     ways, reach = 21, 3.0  # fan of rates (1 / (1 + e^-q), 1 / (1 + e^q)): the last ones run along the edges
@@ -371,7 +367,7 @@ def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, co
         return CornerLayer(edge, np.array([math.nan]), b[:1], np.zeros((1, 3, len(b))))
     rates = 1 / (1 + np.exp(np.linspace(-reach, reach, ways)[:, None] * [-1, 1]))
     leads = log_weights[chain] - log_weights[own] + np.log(sizes)
-    far = np.log(DISTANCES * edge)[:, None, None]
+    far = np.log(np.logspace(-1, -6, 6) * edge)[:, None, None]
     s = (-((leads - far) / (rates @ x[chain].T)).max(axis=2)[:, :, None] * rates).reshape(-1, 2)
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
     terms = np.exp(s @ x.T + log_weights - log_weights[own])
