@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, angles_between, point_text, unit
+from gtb_cli.arrays import FloatArray, point_text, unit
 from gtb_cli.filling.sides import HoleSide, points_and_tangents, stations
 from gtb_cli.values import frozen
 
@@ -90,9 +90,3 @@ def at_corners(values: FloatArray | None) -> FloatArray:
     t = stations()[:6]
     shares = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])
     return np.stack([shares @ values[:6], shares @ values[:-7:-1]])
-
-
-def plane_angles(normals: Sequence[FloatArray | None]) -> FloatArray:
-    """Return the angles in degrees between the planes of sides k − 1 and k at corner k, NaN without planes."""
-    starts, ends = np.stack([at_corners(each) for each in normals], axis=1)
-    return angles_between(np.roll(ends, 1, axis=0), starts)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, planar_cross
+from gtb_cli.arrays import EPS, FloatArray, angles_between, planar_cross
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
@@ -25,7 +25,7 @@ from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
-from gtb_cli.filling.hole_corners import corners, plane_angles
+from gtb_cli.filling.hole_corners import at_corners, corners
 from gtb_cli.filling.net import net
 from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
@@ -67,7 +67,16 @@ def fill_loop(
     tangent planes or curvatures.
     """
     sides = met_with(continuity, sides)
-    _check_options(sides, inner, fullness, raises, g2_tolerance)
+    if inner not in ("fair", "flat"):
+        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
+    if not 0 < fullness <= 1000:
+        raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
+    if fullness != 1 and all(side.across is None for side in sides):
+        raise DomainError("fullness: continues along tangent planes, and no side has any")
+    if not g2_tolerance > 0:
+        raise DomainError(f"g2_tolerance: must be positive, got {g2_tolerance!r}")
+    if raises is not None and (isinstance(raises, bool) or raises < 0):
+        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
     quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
     disagreeing = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
@@ -78,7 +87,8 @@ def fill_loop(
     middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, float(np.ptp(points, axis=0).max())
     unit = [side.in_units(middle, size) for side in ordered]
     normals = [None if side.across is None else side_normals(side) for side in unit]
-    corner_angles = plane_angles(normals)
+    starts, ends = np.stack([at_corners(each) for each in normals], axis=1)
+    corner_angles = angles_between(np.roll(ends, 1, axis=0), starts)
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
@@ -132,19 +142,6 @@ def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], ro
     turned = np.linalg.norm(np.cross(np.concatenate(given), n), axis=1)
     rounding = max(rounding, *(side.rounding for side in sides))
     return bool(turned.max() <= rounding and np.abs((points - points[0]) @ n).max() <= rounding)
-
-
-def _check_options(sides: Sequence[HoleSide], inner: str, fullness: float, raises: int | None, most_off: float) -> None:
-    if inner not in ("fair", "flat"):
-        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
-    if not 0 < fullness <= 1000:
-        raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
-    if fullness != 1 and all(side.across is None for side in sides):
-        raise DomainError("fullness: continues along tangent planes, and no side has any")
-    if not most_off > 0:
-        raise DomainError(f"g2_tolerance: must be positive, got {most_off!r}")
-    if raises is not None and (isinstance(raises, bool) or raises < 0):
-        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
 
 
 def _remarks(
@@ -275,8 +272,8 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     depths = planar_cross(end - start, first) / planar_cross(end - start, middle - start)
     depths = np.minimum(np.tile(depths, len(edges)) / VISIBLE, 1)
     given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
-    search = FairSearch(region, places, depths, least, given)
-    for score, points in search.fairest(algebraic_surface(edges) if fullness == 1 else None):
+    search = FairSearch(region, places, depths, least, given, algebraic_surface(edges) if fullness == 1 else None)
+    for score, points in search.fairest():
         yield patch(points), score
     points = least(energy_at(*places, "thin-plate"))  # it overshoots least
     yield patch(points), search.scores([points])[0][0]
