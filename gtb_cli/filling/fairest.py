@@ -1,7 +1,7 @@
 """The fairest surface over a net: the best by a score that sees corners, or one led to a surface that is known."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import compress
 from operator import itemgetter
@@ -15,10 +15,10 @@ from gtb_cli.fairing.energy import Samples
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import bendings
-from gtb_cli.filling.algebraic import AlgebraicSurface
+from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import edge_of, hundredth_inside
-from gtb_cli.filling.osculation import SecondRow
 from gtb_cli.filling.rows import CROSSING
+from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
@@ -36,17 +36,13 @@ class FairSearch:
     """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
 
     def __init__(
-        self,
-        domain: Domain,
-        at: Samples,
-        depths: FloatArray,
-        least: Callable[..., Any],
-        given: Mapping[int, SecondRow],
-        known: AlgebraicSurface | None,
+        self, domain: Domain, at: Samples, depths: FloatArray, least: Any, edges: Sequence[EdgeRows], is_led: bool
     ) -> None:
-        self._domain, self._places, self._least, self._given, self._known = domain, at, least, given, known
+        self._domain, self._places, self._least = domain, at, least
+        self._known = algebraic_surface(edges) if is_led else None
+        self._given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
-        self._power = 0 if given else BENDING_POWER
+        self._power = 0 if self._given else BENDING_POWER
         # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
         self._zones = at.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))

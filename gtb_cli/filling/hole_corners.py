@@ -42,9 +42,8 @@ def corners(sides: Sequence[HoleSide]) -> list[Corner]:
     ends = np.array([0.0, 1.0])
     found = []
     for before, side in zip([sides[-1], *sides[:-1]], sides, strict=True):
-        ahead = points_and_tangents(side.curve, ends)[1][0]
-        back = -points_and_tangents(before.curve, ends)[1][1]
-        ahead, back = unit(np.stack([ahead, back]))
+        tangents = [points_and_tangents(each.curve, ends)[1] for each in (side, before)]
+        ahead, back = unit(np.stack([tangents[0][0], -tangents[1][1]]))
         plane = np.cross(ahead, back)
         plane = math.copysign(1, plane @ area) * plane if np.linalg.norm(plane) > parallel_sine else area
         planes = [

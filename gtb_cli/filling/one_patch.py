@@ -21,7 +21,6 @@ from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
-from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
@@ -271,8 +270,7 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     first = energy_samples(region, resolution, NEARER)[0][: resolution**2] - start  # all sectors have their depths
     depths = planar_cross(end - start, first) / planar_cross(end - start, middle - start)
     depths = np.minimum(np.tile(depths, len(edges)) / VISIBLE, 1)
-    given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
-    search = FairSearch(region, places, depths, least, given, algebraic_surface(edges) if fullness == 1 else None)
+    search = FairSearch(region, places, depths, least, edges, fullness == 1)
     for score, points in search.fairest():
         yield patch(points), score
     points = least(energy_at(*places, "thin-plate"))  # it overshoots least

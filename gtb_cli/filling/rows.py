@@ -83,7 +83,10 @@ class Rows:
         turning, soft = set[int](), None
         for _ in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
-            turning |= self._turning(points)
+            # At these, ways to first control points do not turn one way, as without a fold
+            legs = [self._legs(points, corner) for corner in range(len(self._net.corners))]
+            turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
+            turning |= {corner for corner, turn in enumerate(turns) if turn.min() <= 0}
             table, least = self._bounds(turning, share)
             if not len(table):
                 break
@@ -106,12 +109,6 @@ class Rows:
         sides = self._normals[corner], self._normals[corner - 1]
         own = np.cross(legs[0], legs[3])
         return legs, np.array([own if n is None else n[end] for n, end in zip(sides, (0, -1), strict=True)])
-
-    def _turning(self, points: FloatArray) -> set[int]:
-        """Return the corners at which the ways to first control points do not turn one way, as without a fold."""
-        legs = [self._legs(points, corner) for corner in range(len(self._net.corners))]
-        turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
-        return {corner for corner, turn in enumerate(turns) if turn.min() <= 0}
 
     def _bounds(self, turning: set[int], share: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows cross their edges, and do not meet."""

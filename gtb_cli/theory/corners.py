@@ -294,7 +294,7 @@ def _forms(knots: CornerKnots, sectors: Sequence[_Sector], unsure: FloatArray) -
     number = alike(orders.T, 4 * knots.gaps)
     orders = orders[np.unique(number, return_index=True)[1]]
     for sector in sectors:
-        xi, eta = _coordinates(knots, sector)
+        xi, eta = _coordinates(knots.x, knots.gaps, sector[:2])
         found = []
         for square in (xi * (xi - 1), xi * eta, eta * (eta - 1)):
             terms = square[sets] * minors
@@ -305,12 +305,12 @@ def _forms(knots: CornerKnots, sectors: Sequence[_Sector], unsure: FloatArray) -
         yield found
 
 
-def _coordinates(knots: CornerKnots, sector: _Sector) -> FloatArray:
-    """Return (2, n) coordinates of exponents that are 1 and 0, or 0 and 1, for the knots that lead."""
-    inverse = np.linalg.inv(knots.x[[sector.first, sector.second]])
-    found = knots.x @ inverse
+def _coordinates(x: FloatArray, gaps: FloatArray, leading: IntArray | tuple[int, ...]) -> FloatArray:
+    """Return (2, n) coordinates of exponents that are 1 and 0, or 0 and 1, for the two knots that lead."""
+    inverse = np.linalg.inv(x[list(leading)])
+    found = x @ inverse
     whole = np.clip(np.rint(found), 0, 1)
-    return np.where(np.abs(found - whole) <= 2 * knots.gaps @ np.abs(inverse), whole, found).T
+    return np.where(np.abs(found - whole) <= 2 * gaps @ np.abs(inverse), whole, found).T
 
 
 def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequence[Powers]) -> FloatArray:
@@ -319,7 +319,7 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
     ray, gaps = start + end if end.min() == AXIS else end, 4 * knots.gaps
     live = np.flatnonzero(knots.points.any(axis=1))
     leading = []
-    for k, rates in zip((sector.first, sector.second), _coordinates(knots, sector), strict=True):
+    for k, rates in zip((sector.first, sector.second), _coordinates(knots.x, knots.gaps, sector[:2]), strict=True):
         every = Powers(knots.x[live], knots.logs[live], rates[live, None] * knots.points[live])
         along = np.abs(orders_on(every.x - knots.x[k], ray, knots.gaps)) == 0
         leading.append(rows_of(every, along))
@@ -374,9 +374,7 @@ def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     parts = []
     for first, second in np.unique(order, axis=0).tolist():
         t = terms[(order == (first, second)).all(axis=1)]
-        dual = x @ np.linalg.inv(x[chain[[first, second]]])
-        whole = np.clip(np.rint(dual), 0, 1)
-        xi, eta = np.where(np.abs(dual - whole) <= 1e-10, whole, dual).T
+        xi, eta = _coordinates(x, gaps, chain[[first, second]])
         total = t.sum(axis=1, keepdims=True)
         factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)])[:, None] * t
         v, w, vv, vw, ww = factors - factors.sum(axis=2, keepdims=True) * (t / total)
