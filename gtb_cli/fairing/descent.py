@@ -10,17 +10,11 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.fairing.metric import Block
 from gtb_cli.fairing.variation import Bending, bendings, linearisation
 
-Zone: TypeAlias = tuple[Iterable[Block], FloatArray]
-"""A region of Δ: places, block by block, and the (m,) areas for which they stand."""
+Zone: TypeAlias = tuple[Iterable[Block], FloatArray]  # places in Δ, block by block, and the (m,) areas they stand for
 
-BENDING_POWER = 4
-"""Power of ∫ κ₁² + κ₂² in the product that is made small: with less, some surfaces bend more than a thin plate does."""
-
-FLAT = 1e-9
-"""∫ κ₁² + κ₂² or its variation below which no normal turns by more than some hundredths of a degree, or by rounding."""
-
-LEAST_GAIN = 0.1
-"""Part of the product of all figures that a step must win: what is fair to that is left as it is."""
+BENDING_POWER = 4  # of ∫ κ₁² + κ₂² in the product that is made small: with less, some bend more than a thin plate does
+FLAT = 1e-9  # of figures: below it normals turn by some hundredths of a degree at most, or by rounding
+LEAST_GAIN = 0.1  # of the product of all figures, in a step: what is fair to that is left as it is
 
 
 def measured(zones: Sequence[Zone], surfaces: Sequence[FloatArray]) -> list[list[Bending]]:
@@ -43,15 +37,11 @@ def figures(bent: Sequence[Bending]) -> FloatArray:
     return np.where(np.isfinite(found), found, np.inf)
 
 
-def merit(found: FloatArray) -> float:
-    """Return the logarithm of the product of (2 k,) figures, bending to a power: smaller is fairer."""
-    powers = np.tile([BENDING_POWER, 1], len(found) // 2)
-    return float(powers @ np.log(np.maximum(found, FLAT)))
-
-
 def is_fairer(found: FloatArray, than: FloatArray) -> bool:
-    """Tell whether a product of figures is smaller by `LEAST_GAIN`."""
-    return merit(found) < merit(than) + math.log(1 - LEAST_GAIN)
+    """Tell whether the product of (2 k,) figures, bending to a power, is smaller by `LEAST_GAIN`."""
+    powers = np.tile([BENDING_POWER, 1], len(found) // 2)
+    ours, others = (float(powers @ np.log(np.maximum(each, FLAT))) for each in (found, than))
+    return ours < others + math.log(1 - LEAST_GAIN)
 
 
 def descended(

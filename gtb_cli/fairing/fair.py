@@ -24,8 +24,8 @@ from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
 
 RIDGE_FRACTION = 1e-12  # of the mean energy is added: a control point without influence on it stays where it is
 
+# Outermost parts of the way to the middle without which figures must not rise; those of the first are reported
 LEFT_OUT = (1e-2, 1e-3)
-"""Outermost parts of the way to the middle without which figures must not rise; those of the first are reported."""
 
 
 @frozen

@@ -9,9 +9,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 RESIDUAL_TOLERANCE = 1e-12  # of the largest coordinate: the iteration ends as near to the points
-
 MAX_POINTS = 100  # with more, weights that are ordinary floats concentrate too little to converge in time
-
 PLAIN_ROUNDS = 1000  # then the equations are solved directly: neighbours whose basis is nearly the same need ten times
 MAX_ROUNDS = PLAIN_ROUNDS + 10
 

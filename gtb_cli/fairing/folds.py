@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray
+from gtb_cli.arrays import EPS, FloatArray, dot
 from gtb_cli.fairing.energy import samples
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.moment.torus import block_length, exponents, shares
@@ -51,9 +51,6 @@ def folds(patch: Patch) -> FloatArray:
         lengths = np.linalg.norm(normals, axis=0)
         return np.asarray((normals * (lengths > rounding * length) / np.where(lengths > 0, lengths, 1.0)).T)
 
-    def turns(one: FloatArray, other: FloatArray) -> FloatArray:
-        return np.asarray((one * other).sum(axis=1))
-
     rings = np.moveaxis(np.arange(s[0].size).reshape(s.shape[1:]), 0, 1).reshape(s.shape[2], -1)
     s = s.reshape(2, -1)
     blocks = np.array_split(s, 1 + s.shape[1] // block_length(len(knots)), axis=1)
@@ -61,19 +58,19 @@ def folds(patch: Patch) -> FloatArray:
     pairs = np.concatenate(
         [np.stack(pair, axis=-1).reshape(-1, 2) for pair in ((rings, np.roll(rings, -1, 1)), (rings[:-1], rings[1:]))]
     )
-    pairs = pairs[turns(*np.moveaxis(normals[pairs], 1, 0)) < 0]
+    pairs = pairs[dot(*np.moveaxis(normals[pairs], 1, 0)) < 0]
     start, end, before, after = s[:, pairs[:, 0]], s[:, pairs[:, 1]], normals[pairs[:, 0]], normals[pairs[:, 1]]
     most = np.zeros(len(pairs))  # of cosines at a fold
     for _ in range(halvings):
         middle = start + part * (end - start)
         between = directions(middle)
-        turns_first = turns(before, between) <= turns(between, after)  # more than after the middle
+        turns_first = dot(before, between) <= dot(between, after)  # more than after the middle
         known = between.any(axis=1)
         most[~known] = turned_over
         late, early = known & ~turns_first, known & turns_first
         start, before = np.where(late, middle, start), np.where(late[:, None], between, before)
         end, after = np.where(early, middle, end), np.where(early[:, None], between, after)
-    found = turns(before, after) < most
+    found = dot(before, after) < most
     return np.asarray((patch.control_points.T @ shares(exponents(knots, weights, end[:, found]))).T)
 
 

@@ -81,8 +81,8 @@ def linearisation(
     return values, slopes, squares, matrices
 
 
+# (m,) components of a tensor, and (10, 3, m) factors of powers in the rates at which they change with coordinates
 Rates: TypeAlias = list[tuple[FloatArray, FloatArray]]
-"""(m,) components of a tensor, and (10, 3, m) factors of powers in the rates at which they change with coordinates."""
 
 
 def _rates(

@@ -17,8 +17,7 @@ from gtb_cli.theory.corners import CornerLimits
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-SPIKE = 30.0
-"""Largest curvature, relative to that of a sphere with the same area, of a patch that does not turn sharply."""
+SPIKE = 30.0  # largest curvature, relative to a sphere's with the same area, of a patch that does not turn sharply
 
 DISAGREEING = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
 

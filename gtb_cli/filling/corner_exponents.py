@@ -12,11 +12,8 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 
-SUMS = ((1, 2), (2, 2), (2, 3), (3, 3), (3, 4))
-"""Columns of `corner_places` for which there are sums, in the columns from 5 on."""
-
-FREE = slice(6, 9)
-"""The columns of sums that are in no first row, and so are free where no second row gives them."""
+SUMS = ((1, 2), (2, 2), (2, 3), (3, 3), (3, 4))  # columns of `corner_places` whose sums are the columns from 5 on
+FREE = slice(6, 9)  # the columns of sums that are in no first row, and so are free where no second row gives them
 
 
 def frames(vertices: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

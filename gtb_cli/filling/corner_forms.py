@@ -11,8 +11,7 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, unit
 from gtb_cli.values import frozen
 
-POINT = 1e-9
-"""Size of a first way of an edge, relative to the longest at its corner, that is 0: such corners have other forms."""
+POINT = 1e-9  # size of a first way of an edge, of the longest at its corner, that is 0: such corners have other forms
 
 
 @frozen

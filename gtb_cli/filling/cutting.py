@@ -8,6 +8,7 @@ other's. So the parts have the same curve and planes there.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, TypeAlias
 
@@ -23,10 +24,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.values import frozen
 
 MAX_CUTS = 6
-Fill = Callable[[Sequence[HoleSide]], Filling]
-
-Parts: TypeAlias = tuple[list[Filling], list[str]]
-"""Fillings of the parts of a hole, and remarks that say where it is cut."""
+Parts: TypeAlias = tuple[list[Filling], list[str]]  # fillings of the parts of a hole, and where it is cut
 
 
 @frozen
@@ -39,41 +37,9 @@ class _Cut:
     remark: str
 
 
-class _Search:
-    """A search for cuts that leave only parts that are filled without a fault."""
-
-    def __init__(self, fill: Fill, cut_sides: bool) -> None:
-        self.fill, self.cut_sides = fill, cut_sides
-        self.trials = 12  # of fillings, in all
-
-    def parts(self, sides: Sequence[HoleSide], cuts: int) -> Parts | None:
-        """Fill a loop, or the parts into which at most `cuts` cuts divide it; None if all that is tried has a fault."""
-        straight, hopeless = 185.0, 200.0  # degrees at a corner: with more, one patch is not fair, or not tried
-        concave = [corner.angle for corner in corners(sides) if corner.concave]
-        widest = max(concave, default=0)
-        if widest < straight and (one := self._one(sides)):
-            return one
-        candidates = sorted(_cuts(sides, self.cut_sides, cuts), key=lambda cut: cut.cost) if concave and cuts else []
-        for cut in candidates[:3]:
-            left = self.parts(cut.left, cuts - 1)
-            right = left and self.parts(cut.right, cuts - len(left[0]))
-            if left and right:
-                return left[0] + right[0], [cut.remark, *left[1], *right[1]]
-        return self._one(sides) if straight <= widest < hopeless else None
-
-    def _one(self, sides: Sequence[HoleSide]) -> Parts | None:
-        """Fill a loop with one patch, unless that has a fault or a spike, or too much has been tried."""
-        self.trials -= 1
-        if self.trials < 0:
-            return None
-        try:
-            filling = self.fill(sides)
-        except DomainError:  # too many sides, or planes that no field follows
-            return None
-        return None if filling.fault or filling.sharpness > SPIKE else ([filling], [])
-
-
-def fill_parts(sides: Sequence[HoleSide], fill: Fill, cut_sides: bool) -> Filling | None:
+def fill_parts(
+    sides: Sequence[HoleSide], fill: Callable[[Sequence[HoleSide]], Filling], cut_sides: bool
+) -> Filling | None:
     """Fill a closed loop with one patch or, if it has concave corners, cut it into parts; None if that has faults.
 
     The filling of several parts has the sides, and the measurements, of all.
@@ -82,7 +48,31 @@ def fill_parts(sides: Sequence[HoleSide], fill: Fill, cut_sides: bool) -> Fillin
     extent = float(np.ptp([side.ends[0] for side in sides], axis=0).max())
     if not 1e-100 < extent < 1e100:  # squares of lengths would not be numbers
         return None
-    found = _Search(fill, cut_sides).parts(sides, MAX_CUTS)
+    straight, hopeless = 185.0, 200.0  # degrees at a corner: with more, one patch is not fair, or not tried
+    trials = iter(range(12))  # of fillings, in all
+
+    def one_part(sides: Sequence[HoleSide]) -> Parts | None:
+        """Fill a loop with one patch, unless that has a fault or a spike, or too much has been tried."""
+        with suppress(DomainError):  # too many sides, or planes that no field follows
+            if next(trials, None) is not None and not ((one := fill(sides)).fault or one.sharpness > SPIKE):
+                return [one], []
+        return None
+
+    def divided(sides: Sequence[HoleSide], cuts: int) -> Parts | None:
+        """Fill a loop, or the parts into which at most `cuts` cuts divide it; None if all that is tried has a fault."""
+        concave = [corner.angle for corner in corners(sides) if corner.concave]
+        widest = max(concave, default=0)
+        if widest < straight and (one := one_part(sides)):
+            return one
+        candidates = sorted(_cuts(sides, cut_sides, cuts), key=lambda cut: cut.cost) if concave and cuts else []
+        for cut in candidates[:3]:
+            left = divided(cut.left, cuts - 1)
+            right = left and divided(cut.right, cuts - len(left[0]))
+            if left and right:
+                return left[0] + right[0], [cut.remark, *left[1], *right[1]]
+        return one_part(sides) if straight <= widest < hopeless else None
+
+    found = divided(sides, MAX_CUTS)
     if found is None or len(found[0]) == 1:
         return found and found[0][0]
     parts, remarks = found

@@ -1,7 +1,7 @@
 """The fairest surface over a net: the best by a score that sees corners, or one led to a surface that is known."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import compress
 from operator import itemgetter
@@ -15,89 +15,87 @@ from gtb_cli.fairing.energy import Samples
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import bendings
-from gtb_cli.filling.algebraic import AlgebraicSurface
+from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import edge_of, hundredth_inside
-from gtb_cli.filling.osculation import SecondRow
 from gtb_cli.filling.rows import CROSSING
+from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.corners import CornerLayer, corner_layer
 from gtb_cli.theory.patch import Patch
 
-VISIBLE, NEARER = LEFT_OUT
-"""Of the way to the middle: what is nearer to the boundary is not seen; and down to where the energy has a weight."""
-
-MOST_CURVED = 150.0
-"""Largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores."""
-
-UNEVEN = 0.08
-"""Difference of curvature at an edge where it is given and a hundredth inside, of the largest, that counts as none."""
+VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary nothing is seen, or has a weight
+MOST_CURVED = 150.0  # largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores
 
 _Scored: TypeAlias = tuple[float, FloatArray]
+_Pulls: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class FairSearch:
     """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
 
     def __init__(
-        self, domain: Domain, at: Samples, depths: FloatArray, least: Callable[..., Any], given: Mapping[int, SecondRow]
+        self, domain: Domain, at: Samples, depths: FloatArray, least: Any, edges: Sequence[EdgeRows], is_led: bool
     ) -> None:
-        self._domain, self._places, self._least, self._given = domain, at, least, given
+        self._domain, self._places, self._least = domain, at, least
+        self._known = algebraic_surface(edges) if is_led else None
+        self._given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
-        self._power = 0 if given else BENDING_POWER
+        self._power = 0 if self._given else BENDING_POWER
         # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
         self._zones = at.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
         self._inside, self._outside = (list(blocks(*at[:3], part)) for part in parts)
 
-    def scores(self, surfaces: Sequence[FloatArray]) -> list[float]:
-        """Return products of powers of bending and of its variation in both zones."""
-        return [score for _, score in self._judged(surfaces)]
-
-    def _judged(self, surfaces: Sequence[FloatArray]) -> list[tuple[float, float]]:
-        """Return the bending of what is seen, and the score, of each surface."""
+    def scores(self, surfaces: Sequence[FloatArray]) -> list[tuple[float, float]]:
+        """Return products of powers of bending and of its variation in both zones, and the bending of what is seen."""
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
         zones = np.stack([self._zones[0], self._places.areas])
         both = zip(*bendings(self._inside + self._outside, zones, surfaces), strict=True)
         return [
-            (b.energy, b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat))
+            (b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat), b.energy)
             for b, d in both
         ]
 
-    def fairest(self, surface: AlgebraicSurface | None) -> list[_Scored]:
+    def fairest(self) -> list[_Scored]:
         """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
         plane = np.column_stack([self._places.knots, np.zeros(len(self._places.knots))])
         second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
         energies = [third + 30 / self._places.areas.sum() * second]
         found = [self._least(energies[0])]
-        energies += self._energies(found[0])
+        # In the metric of a surface, and with what is not seen, too: it varies less at the boundary, and more inside.
+        # The less weight bending has, the less curvature varies, and the more some patches bend.
+        areas = self._places.areas  # where places are seen, both zones have them
+        ((first,),) = bendings(self._inside + self._outside, self._zones[0], found)
+        pairs = forms(self._inside, areas, found[0], (2, 3)) + forms(self._outside, self._zones, found[0], (2, 3))
+        self._stiff = pairs[1, 1]
+        energies += [third + factor / first.area * second for second, third in pairs for factor in (0, 100, 400)]
         found += [self._least(energy) for energy in energies[1:]]
-        scored = self.scores(found)
+        scored = [score for score, _ in self.scores(found)]
         best = int(np.argmin(scored))
-        pairs = [(scored[best], found[best])]
+        surfaces = [(scored[best], found[best])]
         unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
         if not np.array_equal(unbound, found[best]):
-            pairs = sorted([*pairs, (self.scores([unbound])[0], unbound)], key=itemgetter(0))
-        calmed = partial(self._calmed, energies[best], 0.0 if pairs[0][1] is unbound else CROSSING)
-        pairs[0] = calmed(*pairs[0])
-        pairs += [(scored[0], found[0])] * (best > 0)
-        surfaces = self._evened(surface, calmed, pairs[0]) if self._given else self._led_to(surface, *pairs[0])
-        return surfaces + pairs
+            surfaces = sorted([*surfaces, (self.scores([unbound])[0][0], unbound)], key=itemgetter(0))
+        least = energies[best], 0.0 if surfaces[0][1] is unbound else CROSSING
+        surfaces[0] = self._calmed(*least, *surfaces[0])
+        surfaces += [(scored[0], found[0])] * (best > 0)
+        return (self._evened(*least, surfaces[0]) if self._given else self._led(*surfaces[0])) + surfaces
 
-    def _evened(self, surface: AlgebraicSurface | None, calmed: partial[_Scored], one: _Scored) -> list[_Scored]:
+    def _evened(self, energy: FloatArray, bound: float, one: _Scored) -> list[_Scored]:
         """Return a surface and where it is led; curvature inside edges is pulled to theirs as little as is enough."""
         rounds, most_bent, of_led = 5, 1.125, 0.2  # times the bending without a pull; share of the pull where it is led
         self._strips = self._strips_of(one[1])
         found, strength = list[tuple[float, float, list[_Scored]]](), 0.0
         for _ in range(rounds):
             if strength:
-                even, (energy, bound) = partial(self._even, strength * calmed.args[0]), calmed.args
+                even = partial(self._even, strength * energy)
                 points = self._least(energy, share=bound, pull=even)
-                one = calmed(*self.scores([points]), points, even)
-            surfaces = [*self._led_to(surface, *one, of_led * strength), one]
+                one = self._calmed(energy, bound, self.scores([points])[0][0], points, even)
+            surfaces = [*self._led(*one, of_led * strength), one]
             points = surfaces[0][1]
-            ((bent, score),) = self._judged([points])
+            ((score, bent),) = self.scores([points])
             rows, ways, wanted = self._even(None, points)
             uneven = float(np.abs(wanted - ((rows @ points) * ways).sum(axis=1)).max())
             if found and bent > most_bent * found[0][1]:
@@ -114,12 +112,13 @@ class FairSearch:
         pairs = [hundredth_inside(patch, edge_of(patch, k), row.curve, 24) for k, row in self._given.items()]
         places = np.concatenate(pairs, axis=1)
         inside, on_edges = -2 * patch.curvature(places, "linear").mean
+        none = 0.08  # difference of curvature, of the largest
         largest = [np.abs(row.bend).max() for row in self._given.values()]
         largest += [np.abs(on_edges).max() / 2, np.abs(inside).max() / 10]  # of planes and cylinders
         s = MomentMap(*self._places[:2]).inverse(places[0], 1e-10)
-        return list(blocks(*self._places[:2], s)), on_edges, UNEVEN * float(max(largest)) or 1.0
+        return list(blocks(*self._places[:2], s)), on_edges, none * float(max(largest)) or 1.0
 
-    def _even(self, energy: FloatArray | None, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _even(self, energy: FloatArray | None, points: FloatArray) -> _Pulls:
         """Return rows, ways and what they should be, for κ₁ + κ₂ inside edges to be as at these; squares as energy."""
         places, wanted, much = self._strips
         rows, ways = np.zeros((len(wanted), len(points))), np.zeros((len(wanted), 3))
@@ -143,16 +142,14 @@ class FairSearch:
                 break
             share = np.where(beyond, np.maximum(step[0] * bound, (step[0] - 1) * CROSSING), bound)
             points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy, also))
-            (score,) = self.scores([points])
+            score = self.scores([points])[0][0]
         return min(calmer, key=itemgetter(0))
 
     def _layers(self, points: FloatArray) -> list[CornerLayer]:
         corners = range(len(self._domain.vertices))
         return [corner_layer(self._domain, self._places.log_weights, points, corner) for corner in corners]
 
-    def _pull(
-        self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> _Pulls:
         """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
         quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # squares have the energy's value; half of the places
         value, parts = np.vdot(points, energy @ points), [also(points)] if also else []
@@ -164,24 +161,10 @@ class FairSearch:
         rows, ways, wanted = (np.concatenate(part) for part in zip(*parts, strict=True))
         return rows, ways, wanted
 
-    def _energies(self, points: FloatArray) -> list[FloatArray]:
-        """Return energies in the metric of a surface, those of what is seen first.
-
-        The less weight bending has, the less curvature varies, and the more some patches bend. With what is not seen,
-        it varies less at the boundary, and more inside.
-        """
-        areas = self._places.areas  # where places are seen, both zones have them
-        ((found,),) = bendings(self._inside + self._outside, self._zones[0], [points])
-        pairs = forms(self._inside, areas, points, (2, 3)) + forms(self._outside, self._zones, points, (2, 3))
-        self._stiff = pairs[1, 1]
-        return [third + factor / found.area * second for second, third in pairs for factor in (0, 100, 400)]
-
-    def _led_to(
-        self, surface: AlgebraicSurface | None, score: float, fairest: FloatArray, strength: float = 0.0
-    ) -> list[_Scored]:
+    def _led(self, score: float, fairest: FloatArray, strength: float = 0.0) -> list[_Scored]:
         """Return the fairest, moved smoothly onto a surface that is known and bends more; none if it ends elsewhere."""
         rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
-        if surface is None:
+        if (surface := self._known) is None:
             return []
         t, led = shares(exponents(*self._places[:3])), fairest
         form = (t * self._zones[1]) @ t.T + stiffness * self._stiff
@@ -190,5 +173,5 @@ class FairSearch:
             origin = led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led))
             led = self._least(form, origin=origin, pull=even)
         farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
-        is_nearer = farther[0] < farther[1] and self.scores([led])[0] <= worst * score
+        is_nearer = farther[0] < farther[1] and self.scores([led])[0][0] <= worst * score
         return [(score, led)] if is_nearer else []

@@ -215,11 +215,8 @@ def _beside(neighbours: Sequence[Patch], filling: Filling) -> Filling:
     """Measure the differences of curvature across the edges that a filling shares with neighbours, and its cuts."""
     model = Model((*neighbours, *filling.patches))
     seams = {ref: seam for seam in model.seams for ref in (seam.first, seam.second)}
-    edges = [
-        seams.get((len(neighbours) + p, edge_of(part.patch, k)))
-        for p, part in enumerate(filling.parts or (filling,))
-        for k in range(len(part.sides))
-    ]
+    parts = enumerate(filling.parts or (filling,), len(neighbours))
+    edges = [seams.get((p, edge_of(part.patch, k))) for p, part in parts for k in range(len(part.sides))]
     contacts = tuple(
         contact if seam is None else replace(contact, bend=seam.bend, bend_place=seam.bend_place)
         for contact, seam in zip(filling.contacts, edges, strict=True)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, angles_between, point_text, unit
+from gtb_cli.arrays import FloatArray, point_text, unit
 from gtb_cli.filling.sides import HoleSide, points_and_tangents, stations
 from gtb_cli.values import frozen
 
@@ -42,9 +42,8 @@ def corners(sides: Sequence[HoleSide]) -> list[Corner]:
     ends = np.array([0.0, 1.0])
     found = []
     for before, side in zip([sides[-1], *sides[:-1]], sides, strict=True):
-        ahead = points_and_tangents(side.curve, ends)[1][0]
-        back = -points_and_tangents(before.curve, ends)[1][1]
-        ahead, back = unit(np.stack([ahead, back]))
+        tangents = [points_and_tangents(each.curve, ends)[1] for each in (side, before)]
+        ahead, back = unit(np.stack([tangents[0][0], -tangents[1][1]]))
         plane = np.cross(ahead, back)
         plane = math.copysign(1, plane @ area) * plane if np.linalg.norm(plane) > parallel_sine else area
         planes = [
@@ -90,9 +89,3 @@ def at_corners(values: FloatArray | None) -> FloatArray:
     t = stations()[:6]
     shares = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])
     return np.stack([shares @ values[:6], shares @ values[:-7:-1]])
-
-
-def plane_angles(normals: Sequence[FloatArray | None]) -> FloatArray:
-    """Return the angles in degrees between the planes of sides k − 1 and k at corner k, NaN without planes."""
-    starts, ends = np.stack([at_corners(each) for each in normals], axis=1)
-    return angles_between(np.roll(ends, 1, axis=0), starts)

@@ -16,16 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, planar_cross
+from gtb_cli.arrays import EPS, FloatArray, angles_between, planar_cross
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
-from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.certificate import DISAGREEING, Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
-from gtb_cli.filling.hole_corners import corners, plane_angles
+from gtb_cli.filling.hole_corners import at_corners, corners
 from gtb_cli.filling.net import net
 from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, loop, side_normals
@@ -36,8 +35,7 @@ from gtb_cli.theory.corners import corner_layer, corner_limits, limits_of_normal
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
-FLAT_BEND = 1e-9
-"""Curvature of a flat neighbour, by rounding, of 1 / size."""
+FLAT_BEND = 1e-9  # curvature of a flat neighbour, by rounding, of 1 / size
 
 
 class _Attempt(NamedTuple):
@@ -68,7 +66,16 @@ def fill_loop(
     tangent planes or curvatures.
     """
     sides = met_with(continuity, sides)
-    _check_options(sides, inner, fullness, raises, g2_tolerance)
+    if inner not in ("fair", "flat"):
+        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
+    if not 0 < fullness <= 1000:
+        raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
+    if fullness != 1 and all(side.across is None for side in sides):
+        raise DomainError("fullness: continues along tangent planes, and no side has any")
+    if not g2_tolerance > 0:
+        raise DomainError(f"g2_tolerance: must be positive, got {g2_tolerance!r}")
+    if raises is not None and (isinstance(raises, bool) or raises < 0):
+        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
     quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
     ordered, remarks = closed(sides)
@@ -78,7 +85,8 @@ def fill_loop(
     middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, float(np.ptp(points, axis=0).max())
     unit = [side.in_units(middle, size) for side in ordered]
     normals = [None if side.across is None else side_normals(side) for side in unit]
-    corner_angles = plane_angles(normals)
+    starts, ends = np.stack([at_corners(each) for each in normals], axis=1)
+    corner_angles = angles_between(np.roll(ends, 1, axis=0), starts)
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > DISAGREEING)
@@ -134,19 +142,6 @@ def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], ro
     return bool(turned.max() <= rounding and np.abs((points - points[0]) @ n).max() <= rounding)
 
 
-def _check_options(sides: Sequence[HoleSide], inner: str, fullness: float, raises: int | None, most_off: float) -> None:
-    if inner not in ("fair", "flat"):
-        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
-    if not 0 < fullness <= 1000:
-        raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
-    if fullness != 1 and all(side.across is None for side in sides):
-        raise DomainError("fullness: continues along tangent planes, and no side has any")
-    if not most_off > 0:
-        raise DomainError(f"g2_tolerance: must be positive, got {most_off!r}")
-    if raises is not None and (isinstance(raises, bool) or raises < 0):
-        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
-
-
 def _remarks(
     sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], size: float, largest: float, best: _Attempt
 ) -> list[str]:
@@ -163,10 +158,8 @@ def _remarks(
     for side, n in zip(sides, normals, strict=True):
         turn = 0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min()))
         if best.sharp_turns and turn > 90:  # a patch that follows such planes faces the other way, and then back
-            remarks.append(
-                f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply "
-                "there"
-            )
+            planes = f"its tangent planes turn by {turn:.0f} degrees along it"
+            remarks.append(f"{side.name}: {planes}, so that the patch turns sharply there")
     return remarks
 
 
@@ -276,9 +269,8 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     first = energy_samples(region, resolution, NEARER)[0][: resolution**2] - start  # all sectors have their depths
     depths = planar_cross(end - start, first) / planar_cross(end - start, middle - start)
     depths = np.minimum(np.tile(depths, len(edges)) / VISIBLE, 1)
-    given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
-    search = FairSearch(region, places, depths, least, given)
-    for score, points in search.fairest(algebraic_surface(edges) if fullness == 1 else None):
+    search = FairSearch(region, places, depths, least, edges, fullness == 1)
+    for score, points in search.fairest():
         yield patch(points), score
     points = least(energy_at(*places, "thin-plate"))  # it overshoots least
-    yield patch(points), search.scores([points])[0]
+    yield patch(points), search.scores([points])[0][0]

@@ -29,11 +29,6 @@ def polar(points: FloatArray) -> FloatArray:
     return np.asarray((points[:-1] + points[1:]) / 2)
 
 
-def weight_ratio(degree: int) -> float:
-    """Return w₂ / w₁² for an edge of a degree: that of Bézier triangles, for which polynomial rows exist."""
-    return (degree - 1) / (2 * degree)
-
-
 def crosses(across: FloatArray) -> bool:
     """Tell whether a sum of fields crosses an edge everywhere: (f, 96) are components across it of fields about 1 long.
 
@@ -122,10 +117,11 @@ class SecondRow:
         mixed = [((rates @ np.diff(field, axis=0)) * rim.normals).sum(axis=1) for field in fields]
         self._along, self._mixed = along, np.stack([along[0] * rim.bend, *mixed])
         polars = polar(polar(curve))
-        self.weights = weight_ratio(rim.degree) * binomials(rim.degree - 2) * polars[:, 3]
+        ratio = (rim.degree - 1) / (2 * rim.degree)  # w₂ / w₁²: that of Bézier triangles, so that polynomial rows exist
+        self.weights = ratio * binomials(rim.degree - 2) * polars[:, 3]
         values = bernstein(rim.degree - 2, t)
         self._own = heights(values @ polars, rim)
-        self._factor = 1 / (2 * weight_ratio(rim.degree) * rim.weights)
+        self._factor = 1 / (2 * ratio * rim.weights)
         self._matrix = (values[:, :, None] * rim.normals[:, None]).reshape(len(values), -1)
         left, singular, right = np.linalg.svd(self._matrix)
         rank = int((singular > near_null * singular[0]).sum())

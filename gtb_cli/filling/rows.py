@@ -83,12 +83,16 @@ class Rows:
         turning, soft = set[int](), None
         for _ in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
-            turning |= self._turning(points)
+            # At these, ways to first control points do not turn one way, as without a fold
+            legs = [self._legs(points, corner) for corner in range(len(self._net.corners))]
+            turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
+            turning |= {corner for corner, turn in enumerate(turns) if turn.min() <= 0}
             table, least = self._bounds(turning, share)
             if not len(table):
                 break
             if soft is None or self._seconds:  # moves depend on factors where there are second rows
-                soft = final.soft(moves[: self._count])
+                # The inverse of the form of factors, without those that it does not see
+                soft = np.linalg.pinv(final.seen(moves[: self._count])[1], rcond=1e-9, hermitian=True)
             factors = factors + soft @ table.T @ _multipliers(table @ soft @ table.T, least - table @ factors)
         points, moves = self._at(fullness * factors)
         points = final.least(points - origin, moves[self._count :])[0] + origin
@@ -105,12 +109,6 @@ class Rows:
         sides = self._normals[corner], self._normals[corner - 1]
         own = np.cross(legs[0], legs[3])
         return legs, np.array([own if n is None else n[end] for n, end in zip(sides, (0, -1), strict=True)])
-
-    def _turning(self, points: FloatArray) -> set[int]:
-        """Return the corners at which the ways to first control points do not turn one way, as without a fold."""
-        legs = [self._legs(points, corner) for corner in range(len(self._net.corners))]
-        turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
-        return {corner for corner, turn in enumerate(turns) if turn.min() <= 0}
 
     def _bounds(self, turning: set[int], share: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows cross their edges, and do not meet."""
@@ -187,19 +185,15 @@ class _Form:
 
     def least(self, points: FloatArray, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the points with the least value, to which multiples of (f, n, 3) moves are added, and the factors."""
-        points, own = points.copy(), moves[:, self._outer]
-        images, form = self._seen(own)
+        points, (images, form) = points.copy(), self.seen(moves)
         factors = np.linalg.lstsq(form, -images @ points[self._outer].ravel(), rcond=RIDGE_FRACTION)[0]
-        points[self._outer] += np.einsum("f,fik->ik", factors, own)
+        points[self._outer] += np.einsum("f,fik->ik", factors, moves[:, self._outer])
         points[self._free] = -self._weights @ points[self._outer]
         return points, np.asarray(factors)
 
-    def soft(self, moves: FloatArray) -> FloatArray:
-        """Return the (f, f) inverse of the form of factors of moves, without those that it does not see."""
-        return np.asarray(np.linalg.pinv(self._seen(moves[:, self._outer])[1], rcond=1e-9, hermitian=True))
-
-    def _seen(self, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the images of (f, m, 3) moves under the form of determining points, (f, 3 m), and the (f, f) form."""
+    def seen(self, moves: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return images of (f, n, 3) moves under the form of determining points, (f, 3 m), and the form of factors."""
+        moves = moves[:, self._outer]
         images = np.tensordot(moves, self._form, (1, 0)).swapaxes(1, 2).reshape(-1, 3 * len(self._outer))
         return images, images @ moves.reshape(images.shape).T
 

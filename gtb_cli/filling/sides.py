@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, compress
 
 import numpy as np
 
@@ -76,8 +76,8 @@ class HoleSide:
         """
         if continuity == "g2":
             if self.bend is None:
-                needed = "a ribbon2 (.gbp: degree 5; parts: all sides, to a CAD file)"
-                needed = needed if self.across is not None else "a ribbon and a ribbon2"
+                one = "a ribbon2 (.gbp: degree 5; parts: all sides, to a CAD file)"
+                needed = "a ribbon and a ribbon2" if self.across is None else one
                 raise DomainError(f"{self.name}: its neighbour's curvature is not known: continuity g2 needs {needed}")
             if not np.isfinite(self.bend).all():
                 place = stations()[int(np.flatnonzero(~np.isfinite(self.bend))[0])]
@@ -244,12 +244,9 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     if not size > 0:
         raise DomainError("loop: has no extent")
     most = max(MAX_GAP * size, *(side.weld for side in sides))
-    remarks, left = [], []
-    for side in sides:
-        if np.ptp(side.points, axis=0).max() <= POINT_SIZE * size:
-            remarks.append(f"{side.name} is a point and is left out")
-        else:
-            left.append(side)
+    long = [bool(np.ptp(side.points, axis=0).max() > POINT_SIZE * size) for side in sides]
+    remarks = [f"{side.name} is a point and is left out" for side, kept in zip(sides, long, strict=True) if not kept]
+    left = list(compress(sides, long))
     if len(left) < 3:
         count = f"{len(left)} sides that are not points" if remarks else f"{len(left)} sides"
         raise DomainError(f"loop: has {count}, at least 3 are needed (a side may be cut in two)")

@@ -50,11 +50,7 @@ from gtb_cli.theory.corner_powers import (
 from gtb_cli.theory.rational_basis import Blend
 from gtb_cli.values import frozen
 
-PLANE_DEGREES = 1e-4
-"""Angle up to which limits of normals are one, as of control points with six decimals."""
-
-DISTANCES = np.logspace(-1, -6, 6)
-"""From a corner, of its shorter edge, at which curvature is sampled."""
+PLANE_DEGREES = 1e-4  # angle up to which limits of normals are one, as of control points with six decimals
 
 
 @frozen
@@ -298,7 +294,7 @@ def _forms(knots: CornerKnots, sectors: Sequence[_Sector], unsure: FloatArray) -
     number = alike(orders.T, 4 * knots.gaps)
     orders = orders[np.unique(number, return_index=True)[1]]
     for sector in sectors:
-        xi, eta = _coordinates(knots, sector)
+        xi, eta = _coordinates(knots.x, knots.gaps, sector[:2])
         found = []
         for square in (xi * (xi - 1), xi * eta, eta * (eta - 1)):
             terms = square[sets] * minors
@@ -309,12 +305,12 @@ def _forms(knots: CornerKnots, sectors: Sequence[_Sector], unsure: FloatArray) -
         yield found
 
 
-def _coordinates(knots: CornerKnots, sector: _Sector) -> FloatArray:
-    """Return (2, n) coordinates of exponents that are 1 and 0, or 0 and 1, for the knots that lead."""
-    inverse = np.linalg.inv(knots.x[[sector.first, sector.second]])
-    found = knots.x @ inverse
+def _coordinates(x: FloatArray, gaps: FloatArray, leading: IntArray | tuple[int, ...]) -> FloatArray:
+    """Return (2, n) coordinates of exponents that are 1 and 0, or 0 and 1, for the two knots that lead."""
+    inverse = np.linalg.inv(x[list(leading)])
+    found = x @ inverse
     whole = np.clip(np.rint(found), 0, 1)
-    return np.where(np.abs(found - whole) <= 2 * knots.gaps @ np.abs(inverse), whole, found).T
+    return np.where(np.abs(found - whole) <= 2 * gaps @ np.abs(inverse), whole, found).T
 
 
 def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequence[Powers]) -> FloatArray:
@@ -323,7 +319,7 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
     ray, gaps = start + end if end.min() == AXIS else end, 4 * knots.gaps
     live = np.flatnonzero(knots.points.any(axis=1))
     leading = []
-    for k, rates in zip((sector.first, sector.second), _coordinates(knots, sector), strict=True):
+    for k, rates in zip((sector.first, sector.second), _coordinates(knots.x, knots.gaps, sector[:2]), strict=True):
         every = Powers(knots.x[live], knots.logs[live], rates[live, None] * knots.points[live])
         along = np.abs(orders_on(every.x - knots.x[k], ray, knots.gaps)) == 0
         leading.append(rows_of(every, along))
@@ -355,7 +351,7 @@ class CornerLayer(NamedTuple):
 def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> CornerLayer:
     """Sample a surface with (n, 3) control points near a corner of Δ; NaN where these have fewer than two directions.
 
-    At `DISTANCES` there are layers that limits do not show. With v and w dual to the two knots that lead, sums of
+    There are layers that limits do not show. With v and w dual to the two knots that lead, sums of
     ``ξ (ξ − 1)``, ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances.
     """
     ways, reach = 21, 3.0  # fan of rates (1 / (1 + e^-q), 1 / (1 + e^q)): the last ones run along the edges
@@ -371,16 +367,14 @@ def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, co
         return CornerLayer(edge, np.array([math.nan]), b[:1], np.zeros((1, 3, len(b))))
     rates = 1 / (1 + np.exp(np.linspace(-reach, reach, ways)[:, None] * [-1, 1]))
     leads = log_weights[chain] - log_weights[own] + np.log(sizes)
-    far = np.log(DISTANCES * edge)[:, None, None]
+    far = np.log(np.logspace(-1, -6, 6) * edge)[:, None, None]
     s = (-((leads - far) / (rates @ x[chain].T)).max(axis=2)[:, :, None] * rates).reshape(-1, 2)
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
     terms = np.exp(s @ x.T + log_weights - log_weights[own])
     parts = []
     for first, second in np.unique(order, axis=0).tolist():
         t = terms[(order == (first, second)).all(axis=1)]
-        dual = x @ np.linalg.inv(x[chain[[first, second]]])
-        whole = np.clip(np.rint(dual), 0, 1)
-        xi, eta = np.where(np.abs(dual - whole) <= 1e-10, whole, dual).T
+        xi, eta = _coordinates(x, gaps, chain[[first, second]])
         total = t.sum(axis=1, keepdims=True)
         factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)])[:, None] * t
         v, w, vv, vw, ww = factors - factors.sum(axis=2, keepdims=True) * (t / total)

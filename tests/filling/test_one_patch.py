@@ -278,7 +278,7 @@ def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
     search, made = object.__new__(FairSearch), iter(range(1, 9))
     search._domain, search._least = SimpleNamespace(vertices=[0]), lambda *_, **__: next(made)
     search._layers = lambda points: [SimpleNamespace(edge=1.0, curvatures=np.array([curved[points]]))]
-    search.scores = lambda found: [scores[found[0]]]
+    search.scores = lambda found: [(scores[found[0]], 0)]
     assert search._calmed(1.0, 0.9, scores[0], 0)[1] == taken
 
 
