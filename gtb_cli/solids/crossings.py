@@ -22,10 +22,7 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     neighbour across the edge is on the other side of the surface that the edge touches. Other triangles that only touch
     do not cross, and neighbours do not cross in what they share. Vertices at exactly the same place are one, and
     triangles with two corners at one place are left out. The second value is false if more than `MAX_COMPARED_PAIRS`
-    are near each other, so that not all were compared.
-
-    Boxes around the triangles are compared in a tree, level by level: about k log k, unless most of them overlap. A
-    million triangles take about ten seconds.
+    are near each other, so that not all were compared. A million triangles take about ten seconds.
     """
     found = [np.empty((0, 2), dtype=np.int64)]
     places = numbered_places(vertices)[1]
