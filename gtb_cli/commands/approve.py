@@ -65,7 +65,13 @@ def approve(
     for line in _take_over(golden, taken, comparing, stamps):
         console.note(line)
     for verdict in gone if prune else ():
-        _remove(golden, verdict.paths[0])
+        path = verdict.paths[0]
+        try:
+            os.unlink(path)
+            while not os.path.samefile(path := os.path.dirname(path), golden) and not os.listdir(path):
+                os.rmdir(path)
+        except OSError as error:
+            raise GtbError(f"cannot remove {error.filename}: {error.strerror}") from None
         console.note(f"{verdict.paths[0]}: removed")
     left = sum(os.path.lexists(each.paths[0]) for each in rest) - len(taken)
     console.note(f"{golden}: {len(taken)} taken over, {left} left as they are")
@@ -197,13 +203,3 @@ def _what_has_to_stay(golden: str, gone: Sequence[Verdict], rest: Iterable[Verdi
         elif other := kept.get(os.lstat(path).st_ino):  # also where A.obj and a.obj are one file
             faults.append(Fault(f"is what {other} leads to, which stays", path))
     return faults
-
-
-def _remove(golden: str, path: str) -> None:
-    """Remove a file, and the folders in `golden` that then are empty."""
-    try:
-        os.unlink(path)
-        while not os.path.samefile(path := os.path.dirname(path), golden) and not os.listdir(path):
-            os.rmdir(path)
-    except OSError as error:
-        raise GtbError(f"cannot remove {error.filename}: {error.strerror}") from None

@@ -97,17 +97,14 @@ def _text(found: RegularDecomposition) -> str:
 
 
 def _write_all(cones: list[LiftingCone], as_json: bool, streams: Streams) -> None:
-    records: list[dict[str, Any]] = []
-    for cone in cones:
+    records, lines = list[dict[str, Any]](), list[str]()
+    for number, cone in enumerate(cones):
         record = {"cells": cone.cells, "absent": cone.absent, "lifting": cone.lifting.tolist()}
         records.append(record | {"dimension": cone.dimension, "used": cone.used})
+        rest = f"; absent {' '.join(map(str, cone.absent))}" if cone.absent else ""
+        lines.append(f"{number}: {', '.join(' '.join(map(str, cell)) for cell in cone.cells)}{rest}\n")
     if as_json:
         write_json(streams.output, {"decompositions": records}, by_row=True)
     else:
-        streams.write("".join(f"{number}: {_line(record)}\n" for number, record in enumerate(records)))
+        streams.write("".join(lines))
     streams.console.report(streams.output, f"{len(cones)} regular decompositions")
-
-
-def _line(record: dict[str, Any]) -> str:
-    cells = ", ".join(" ".join(map(str, cell)) for cell in record["cells"])
-    return "; ".join([cells, *([f"absent {' '.join(map(str, record['absent']))}"] if record["absent"] else [])])

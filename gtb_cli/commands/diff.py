@@ -111,10 +111,11 @@ def diff(
             takes = f": gtb approve {a} {b} makes it from {b}" if is_new else ""
             raise GtbError(f"{shown_input(path)}: No such file or directory{takes}")
     of_folders = os.path.isdir(a) and os.path.isdir(b)
-    if of_folders:
-        inputs = [path for pair in pairs(a, b)[0].values() for path in pair if path]
-    else:
-        inputs = [a, b] = _two_files(a, b)
+    if not of_folders and os.path.isdir(a) and b != STANDARD:  # its file with the name of the other one
+        a = os.path.join(a, os.path.basename(b))
+    elif not of_folders and os.path.isdir(b) and a != STANDARD:
+        b = os.path.join(b, os.path.basename(a))
+    inputs = [path for pair in pairs(a, b)[0].values() for path in pair if path] if of_folders else [a, b]
     refuse_overwriting(inputs, [streams.output, *reports])
     refuse_reports(reports, (a, b) if of_folders else ())
     comparing = Comparing(recipe, tolerance, kind, ignore, streams.reading)
@@ -147,12 +148,3 @@ def _told(verdicts: Iterable[Verdict], kept: list[Verdict], console: Console) ->
                 say(f"{', '.join(verdict.paths)}: {message}")
         kept.append(replace(verdict, meshes=(None, None)))
         yield verdict
-
-
-def _two_files(a: str, b: str) -> list[str]:
-    """Return two files; in place of a folder, its file with the name of the other one."""
-    if os.path.isdir(a) and b != STANDARD:
-        return [os.path.join(a, os.path.basename(b)), b]
-    if os.path.isdir(b) and a != STANDARD:
-        return [a, os.path.join(b, os.path.basename(a))]
-    return [a, b]

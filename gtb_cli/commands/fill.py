@@ -15,7 +15,6 @@ from gtb_cli.shell.surface_files import surface_format
 from gtb_cli.vocabulary import CONTINUITIES, percentage
 
 if TYPE_CHECKING:
-    from gtb_cli.arrays import FloatArray
     from gtb_cli.fairing.variation import Bending
     from gtb_cli.filling.certificate import Filling
 
@@ -215,15 +214,9 @@ def _bending(bending: Bending, error: float) -> dict[str, float]:
 
 
 def _report(filling: Filling, console: Console) -> None:
-    import numpy as np
-
-    from gtb_cli.arrays import point_text
     from gtb_cli.fairing.fair import agreed_text
-    from gtb_cli.fairing.folds import sharp_turns
-    from gtb_cli.filling.certificate import SPIKE
 
-    # Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so
-    corner_angle = 0.1
+    corner_angle = 0.1  # degrees between the tangent planes of two sides at their corner, above which a warning says so
     for remark in filling.remarks:
         console.note(remark)
     for part in filling.parts or (filling,):
@@ -231,27 +224,17 @@ def _report(filling: Filling, console: Console) -> None:
             if angle > corner_angle:
                 names = f"{part.sides[corner - 1].name} and {part.sides[corner].name}"
                 console.warn(f"the tangent planes of {names} differ by {angle:.2g} degrees at their corner")
-    if filling.sharp_turns:
-        place = np.concatenate([sharp_turns(patch) for patch in filling.patches])[0]
-        corner = int(np.linalg.norm([side.ends[0] - place for side in filling.sides], axis=1).argmin())
-        where = f"{filling.sharp_turns} of some thousand places, the first nearest to corner {corner}"
-        console.warn(f"the patch turns sharply at {where}: coarse meshes fold there")
-    if filling.sharpness > SPIKE:
-        console.warn(f"in places it is curved {filling.sharpness:.2g} times as much as a sphere of its area")
-    points = np.concatenate([patch.control_points for patch in filling.patches])
-
-    def near(place: FloatArray) -> str:
-        return f"near {point_text(place, points)}"
-
+    for sentence in filling.sharp:
+        console.warn(sentence)
     for side, contact in zip(filling.sides, filling.contacts, strict=True):
         if math.isnan(contact.angle):
             continue  # of a side without tangent planes nothing is measured
-        bent = ""
+        text = f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees near {filling.at(contact.place)}"
         if not math.isnan(contact.bend):
-            bent = f", curvatures across differ by up to {contact.bend:.2g} {near(contact.bend_place)}"
+            text += f", curvatures across differ by up to {contact.bend:.2g} near {filling.at(contact.bend_place)}"
         if not math.isnan(contact.bend_inside):
-            bent += f", at 1% of its length inside by {contact.bend_inside:.2g}"
-        console.note(f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees {near(contact.place)}{bent}")
+            text += f", at 1% of its length inside by {contact.bend_inside:.2g}"
+        console.note(text)
     _report_corners(filling, console)
     knots = sum(len(patch.knots) for patch in filling.patches)
     sides = " + ".join(str(len(part.sides)) for part in filling.parts or (filling,))

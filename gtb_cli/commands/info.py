@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ import click
 from gtb_cli.errors import GtbError, ToleranceError
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.options import solid_option
 from gtb_cli.shell.several import ReportRequest, report_options
 from gtb_cli.shell.streams import Spec, about, shown_input, spec_of
 from gtb_cli.tessellation.recipe import Recipe
@@ -32,7 +34,8 @@ MAX_PATCHES_SHOWN = 4  # largest number of patches of a model that are all descr
 @click.option(
     "--up", type=click.Choice(UP), default=UP[0], help="Axis that points up where it is printed; z by default."
 )
-def info(request: ReportRequest, up: Up) -> None:
+@solid_option
+def info(request: ReportRequest, up: Up, solid: Recipe | None) -> None:
     """\b
     Example: gtb info specs/pentagon.toml
 
@@ -48,10 +51,11 @@ def info(request: ReportRequest, up: Up) -> None:
     solids, holes, sizes.
 
     Of what is closed, also what a printer asks, in the units of the model: size, footprint, overhangs by more than 45
-    degrees, and the least wall (of up to 50 000 faces, with --long or --json 200 000) with its place.
+    degrees, and the least wall (of up to 50 000 faces, with --long or --json 200 000) with its place. With --thickness
+    or --radius they are those of the solid that gtb mesh makes with the same options, and so is the printed volume.
     """
     in_full = request.in_full
-    report = partial(_found, in_full=request.as_json or in_full, up=None if request.in_lines else up)
+    report = partial(_found, in_full=request.as_json or in_full, up=None if request.in_lines else up, solid=solid)
     rows, errors = request.found(report, meshes=True)
     request.write(rows, dict, _line, partial(_text, in_full=in_full), gap="\n")
     if errors:
@@ -73,12 +77,15 @@ def _kind(found: dict[str, Any]) -> str:
     return str(found["kind"]) + (" of degree " + " × ".join(map(str, degree)) if degree else "")
 
 
-def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool, up: Up | None) -> dict[str, Any]:
+def _found(
+    spec: str, reading: Reading, weld: float | str | None, in_full: bool, up: Up | None, solid: Recipe | None
+) -> dict[str, Any]:
     """Return all that is reported about a spec, or a mesh; unless in full, only the joints that are listed.
 
-    Sizes are measured if an axis is `up`.
+    Sizes are measured if an axis is `up`; what a printer asks, of the solid.
     """
     from gtb_cli.checks.areas_and_volumes import extents
+    from gtb_cli.meshes.measures import measure
     from gtb_cli.models.model import with_weld
 
     if reading != AS_SEEN or suffix_of(spec) in SPEC_FORMATS:
@@ -87,18 +94,22 @@ def _found(spec: str, reading: Reading, weld: float | str | None, in_full: bool,
     else:
         found = spec_or_report(spec, partial(_printing, up=up, in_full=in_full))
     if isinstance(found, dict):
-        if weld is not None:
-            raise GtbError(f"{shown_input(spec)}: --weld is for specs, and this is a {found['kind']}")
+        name = "weld" if solid is None else "radius" if solid.thickness is None else "thickness"
+        if weld is not None or solid is not None:
+            raise GtbError(f"{shown_input(spec)}: --{name} is for specs, and this is a {found['kind']}")
         return found
     with about(shown_input(spec)):
         shape = with_weld(found, weld)
         report = _report_of(shape, in_full)
         for name, extent in extents(shape).items() if up is not None else ():
             report |= {name: extent.value, f"{name}_error": extent.error}
-        if report.get("closed") and "volume" in report:
+        if up is not None and (solid is not None or (report.get("closed") and "volume" in report)):
             report["printing"] = None
             with suppress(ToleranceError):
-                report["printing"] = _printing(Recipe(tolerance="0.1%", max_faces=50_000).mesh(shape)[0], up, in_full)
+                mesh, remarks = replace(solid or Recipe(), tolerance="0.1%", max_faces=50_000).mesh(shape)
+                report["printing"] = _printing(mesh, up, in_full)
+                if solid is not None:
+                    report["printing"] |= {"volume": measure(mesh).volume, "remarks": [*map(in_options, remarks)]}
     return report
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.shell.faults import in_options
-from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import (
@@ -21,12 +20,12 @@ from gtb_cli.shell.options import (
     reading_streams,
     reads,
     resolution_up_to,
-    solid_options,
+    solid_option,
     spec_argument,
 )
 from gtb_cli.shell.streams import Spec, Streams, output_format, refuse_terminal, write_blocks
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, RESOLUTION, SIZE_LIMITS, STRETCH_LIMITS, Rim
+from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, PLOT_KINDS, RESOLUTION, SIZE_LIMITS, STRETCH_LIMITS
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
@@ -54,11 +53,6 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
     if match is None:
         raise ValueError(f"{text!r}: expected KEY[I]=V,…, such as weights[2]=1,5,25")
     return match[1], int(match[2]), numbers_of(match[3]), tuple(part.strip() for part in match[3].split(","))
-
-
-def _solid(radius: float | None, thickness: float | None, rim: Rim) -> Recipe | None:
-    recipe = Recipe(radius=radius, thickness=thickness, rim=rim)
-    return None if recipe == Recipe() else recipe
 
 
 @click.command
@@ -120,7 +114,7 @@ def _solid(radius: float | None, thickness: float | None, rim: Rim) -> Recipe | 
 @resolution_up_to(
     type=WholeNumber(1, 1000), help="Segments along each edge of the domain; by default as fine as the figure can show."
 )
-@gathered("solid", _solid, *solid_options)
+@solid_option
 @limit_options
 @reading_streams
 def plot(

@@ -13,9 +13,7 @@ from gtb_cli.shell.sequence_folder import SequenceOutput, sequence_options
 from gtb_cli.shell.streams import single
 
 if TYPE_CHECKING:
-    from gtb_cli.arrays import FloatArray
     from gtb_cli.limits.knot_limit import KnotLimit
-    from gtb_cli.theory.patch import Patch
 
 
 @click.command
@@ -40,26 +38,21 @@ def degenerate(
     """
     if out.emits_spec and len(set(values)) != 1:
         raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(values))}")
-    from gtb_cli.limits.degeneration import heights_of
+    from gtb_cli.language.writer import dump
+    from gtb_cli.limits.degeneration import degenerate as weighted, heights_of, regular_control_surface
     from gtb_cli.sequences.sequence import degeneration
 
     with out.streams.spec_of(spec) as loaded:
         patch = single(loaded)
         heights = heights_of(patch, lifting)
         sequence = out.made(degeneration, patch, values, heights)
-        text = _spec(patch, values[0], heights) if out.emits_spec else ""
+        text = ""
+        if out.emits_spec and 0 < values[0] < math.inf:
+            text = dump(weighted(patch, values[0], heights))
+        elif out.emits_spec:
+            text = dump(regular_control_surface(patch, heights if values[0] else -heights))
     # A file that cannot be written is not the spec's fault.
     out.write(sequence, spec, text)
-
-
-def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
-    """Return the spec of the patch with the weights x^λ ω, or of its limit."""
-    from gtb_cli.language.writer import dump
-    from gtb_cli.limits.degeneration import degenerate, regular_control_surface
-
-    if 0 < x < math.inf:
-        return dump(degenerate(patch, x, heights))
-    return dump(regular_control_surface(patch, heights if x else -heights))
 
 
 @click.command("knot-limit")

@@ -121,7 +121,15 @@ def view(
         return console.report(output, f"{len(page) / 1000:.0f} kB", content.remarks)
     for remark in content.remarks:
         console.warn(remark)
-    _show(page, console, opens=not no_open)
+    import tempfile
+    import webbrowser
+    from pathlib import Path
+
+    place = os.path.join(tempfile.mkdtemp(prefix="gtb-"), "page.html")
+    write_text(place, page)
+    console.note(f"the page is {place}")
+    if not no_open and not webbrowser.open(Path(place).as_uri()):
+        console.warn("no browser could be opened")
 
 
 def content_of_paths(
@@ -189,16 +197,3 @@ def _refuse_too_many(faces: int) -> None:
 
     if faces > MAX_PAGE_FACES:
         raise ToleranceError(f"{faces} faces, and a page has room for {MAX_PAGE_FACES}: make a coarser mesh")
-
-
-def _show(page: str, console: Console, *, opens: bool) -> None:
-    import tempfile
-    import webbrowser
-    from pathlib import Path
-
-    folder = tempfile.mkdtemp(prefix="gtb-")
-    place = os.path.join(folder, "page.html")
-    write_text(place, page)
-    console.note(f"the page is {place}")
-    if opens and not webbrowser.open(Path(place).as_uri()):
-        console.warn("no browser could be opened")

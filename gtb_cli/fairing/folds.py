@@ -11,13 +11,22 @@ from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.solids.solidity import folded_pairs
 from gtb_cli.theory.patch import Patch
 
+RINGS = 16  # of a mesh in which sharp turns are looked for
+
 
 def sharp_turns(patch: Patch) -> FloatArray:
     """(k, 3) places of a mesh of some thousand sides at which the image turns by more than a right angle."""
-    rings = 16
-    part = central_triangulation(patch.domain, rings)
+    part = central_triangulation(patch.domain, RINGS)
     points = patch.evaluate(part.parameters, "linear")
     return np.asarray(points[part.cells[folded_pairs(points, part.cells)[:, 0]]].mean(axis=1))
+
+
+def most_curved(patch: Patch) -> FloatArray:
+    """(3,) place of such a mesh, a hundredth of the way from edges to the middle or farther, that is curved most."""
+    u = patch.domain.center + 0.99 * (central_triangulation(patch.domain, RINGS).parameters - patch.domain.center)
+    bent = patch.curvature(u, "linear")
+    largest = np.abs(bent.mean) + np.sqrt(np.maximum(bent.mean**2 - bent.gaussian, 0))
+    return patch.evaluate(u[np.nan_to_num(largest).argmax()], "linear")
 
 
 def folds(patch: Patch) -> FloatArray:

@@ -6,7 +6,8 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, angles_between
+from gtb_cli.arrays import FloatArray, angles_between, point_text
+from gtb_cli.fairing.folds import most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.hole_corners import at_corners, concave_corners
 from gtb_cli.filling.osculation import Rim, patch_bend
@@ -17,6 +18,8 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 SPIKE = 30.0  # largest curvature, relative to a sphere's with the same area, of a patch that does not turn sharply
+
+DISAGREEING = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
 
 
 @frozen
@@ -118,15 +121,43 @@ class Filling:
         return self.bending.curvature * math.sqrt(self.bending.area / (4 * math.pi))
 
     @property
+    def sharp(self) -> list[str]:
+        """Sentences that say where the patch turns sharply, and where it is curved most; none if it is smooth."""
+        said, ends = [], np.array([side.ends[0] for side in self.sides])
+        if self.sharp_turns:
+            corner = int(np.linalg.norm(ends - np.concatenate([*map(turns, self.patches)])[0], axis=1).argmin())
+            where = f"{self.sharp_turns} of some thousand places, the first nearest to corner {corner}"
+            said = [f"the patch turns sharply at {where}, {self.at(ends[corner])}: coarse meshes fold there"]
+        if self.sharpness > SPIKE:
+            part = max(self.parts or (self,), key=lambda part: part.bending.curvature)
+            much = f"{self.sharpness:.2g} times as much as a sphere of its area"
+            said.append(f"the patch is curved {much} near {self.at(most_curved(part.patch))}")
+        return said
+
+    @property
+    def doubts(self) -> list[str]:
+        """What is to be seen: a hole in parts, the corner where planes differ most, and what is `sharp`."""
+        angles, said = np.nan_to_num(self.corner_angles), [f"filled in {len(self.parts)} parts"] * bool(self.parts)
+        if (most := float(angles.max())) > DISAGREEING:
+            at = self.at(self.sides[int(angles.argmax())].ends[0])
+            said.append(f"neighbours' planes differ by up to {most:.3g} degrees at their corner {at}")
+        return said + self.sharp
+
+    def at(self, place: FloatArray) -> str:
+        """Return a place for messages, with digits that suit the size of the patch."""
+        return point_text(place, np.concatenate([patch.control_points for patch in self.patches]))
+
+    @property
     def fault(self) -> str | None:
         """The sentence that says why the patch does not fill the hole, and what to try; None if it is one."""
-        others, corners = "other ribbons, or curves that cut the hole into smaller ones", concave_corners(self.sides)
+        corners, planes = concave_corners(self.sides), any(side.across is not None for side in self.sides)
+        others = "other ribbons, or " * planes + "curves that cut the hole into smaller ones"
         if self.angle > 45:  # where fields follow the planes at all, it is below a degree
             far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
             what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
-            way_out = f"try a fullness of 0.8 or 0.5, {others}"
+            way_out = f"{'try a fullness of 0.8 or 0.5,' if planes else 'raise degrees more, or try'} {others}"
         elif self.sharpness > 2000 or (corners and (self.sharp_turns or self.sharpness > SPIKE)):
             what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
             way_out = f"raise degrees more, or try {others}"
@@ -134,7 +165,7 @@ class Filling:
             return None
         if self.tried:
             way_out = f"{', '.join(self.tried)} were tried, too: try {others}"
-        if 0 < len(corners) < len(self.sides) - 2:  # with fewer others, the ribbons point out of the hole
+        if corners and (not planes or len(corners) < len(self.sides) - 2):  # else the ribbons point out of the hole
             places = "; ".join(corners)
             way_out = f"cut the hole with curves from its concave corners (gtb fill tries at most six): {places}"
         return f"the patch {what}: {way_out}"

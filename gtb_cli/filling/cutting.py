@@ -95,8 +95,7 @@ def fill_parts(
 
 def _cuts(sides: Sequence[HoleSide], cut_sides: bool, number: int) -> Iterator[_Cut]:
     """Make the curves from concave corners to all other corners and, if sides may be cut, to points of sides."""
-    found = corners(sides)
-    count = len(sides)
+    found, count = corners(sides), len(sides)
     name = f"cut {MAX_CUTS - number}"
     places = np.array([corner.place for corner in found])
     for i, start in enumerate(found):

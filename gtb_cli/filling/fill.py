@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, finite
 from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.files import read_file
-from gtb_cli.filling.certificate import SPIKE, Filling, edge_of
+from gtb_cli.filling.certificate import Filling, edge_of
 from gtb_cli.filling.cutting import fill_parts
 from gtb_cli.filling.hole_corners import corners
 from gtb_cli.filling.holes import Ring, model_rings, one_ring, ring_sides
@@ -166,11 +166,12 @@ def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Call
         if filling.fault:
             without = f'`fills` "{hole}=g0"'
             fault = filling.fault.replace('`continuity="g0"`', without)
-            raise RequirementError(f"`fills` {hole}: {fault}" + f", or {without}" * (without not in fault))
+            other = f", or {without}" * (kind != "g0" and without not in fault)
+            raise RequirementError(f"`fills` {hole}: {fault}{other}")
         if filling.tried:
             warn(f"`fills` {hole}: {filling.remarks[0]}")
-        if filling.sharp_turns or filling.sharpness > SPIKE:
-            warn(f"`fills` {hole}: the patch turns sharply; `fill` says where")
+        if doubts := "; ".join(filling.doubts):
+            warn(f"`fills` {hole}: {doubts}; `fill` says all")
         spec = filling.model or spec
     return spec
 
@@ -192,9 +193,8 @@ def _in_parts(sides: Sequence[HoleSide], name: str | None, taken: Sequence[str |
         kinds = {side.name: "g1" if side.bend is None else "g2" for side in part}
         return fill_loop(part, name, **{**options, "continuity": kinds})
 
-    found = None
-    if any(corner.concave for corner in corners(ordered)):
-        found = fill_parts(ordered, fill_part, cut_sides=not taken)
+    concave = any(corner.concave for corner in corners(ordered))
+    found = fill_parts(ordered, fill_part, cut_sides=not taken) if concave else None
     if found is None:
         return fill_loop(sides, name, **options)
     if not found.parts:

@@ -36,8 +36,7 @@ def closed_rings(rows: Sequence[FloatArray], names: Sequence[str], gap: float) -
             chain.append(min(following, key=lambda edge: bool(chain) and owners[edge] == last))
             end = left.pop(chain[-1])[-1]
             least = 1 if len(rows[chain[-1]]) > 2 else 2
-            back = [k for k in range(len(chain) - least + 1) if np.linalg.norm(rows[chain[k]][0] - end) <= gap]
-            if back:
+            if back := [k for k in range(len(chain) - least + 1) if np.linalg.norm(rows[chain[k]][0] - end) <= gap]:
                 edges = tuple(chain[back[-1] :])
                 corners = np.concatenate([rows[edge][:-1] for edge in edges])
                 found.append(Ring(edges, tuple(names[edge] for edge in edges), corners))
@@ -82,9 +81,8 @@ def model_rings(model: Model) -> list[Ring]:
     points = np.concatenate([patch.control_points for patch in model.patches])
     ends = []
     for index, edge in joints.open:
-        patch = model.patches[index]
-        knots = patch.domain.edge_knots(edge)[[0, -1]]
-        ends.append(patch.control_points[knots if joints.flipped[index] else knots[::-1]])
+        knots = model.patches[index].domain.edge_knots(edge)[[0, -1]]
+        ends.append(model.patches[index].control_points[knots if joints.flipped[index] else knots[::-1]])
     names = [edge_name(model.patches, ref) for ref in joints.open]
     return closed_rings(ends, names, max(MAX_GAP * float(np.ptp(points, axis=0).max()), model.weld or 0.0))
 

@@ -86,11 +86,10 @@ def _gbp(words: Words) -> list[HoleSide]:
         layers.append(words.rows(n * count, 3, what).reshape(n, count, 3))
     sides = []
     for k in range(n):
-        following = (k + 1) % n
         rows = []
         for number, own in enumerate(layers[:3]):
             before = [layers[i][k - 1, i - number] for i in range(number)]
-            after = [layers[i][following, number - i] for i in range(number, -1, -1)]
+            after = [layers[i][(k + 1) % n, number - i] for i in range(number, -1, -1)]
             rows.append(np.column_stack([np.array([*before, *own[k], *after]), np.ones(degree + 1)]))
         sides.append(strip_side(f"side {k}", rows, degree))
     return sides

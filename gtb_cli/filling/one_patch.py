@@ -21,7 +21,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
-from gtb_cli.filling.certificate import Filling, angles_to, contact, corner_bends, edge_of
+from gtb_cli.filling.certificate import DISAGREEING, Filling, angles_to, contact, corner_bends, edge_of
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
 from gtb_cli.filling.hole_corners import at_corners, corners
@@ -78,7 +78,6 @@ def fill_loop(
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
     quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
-    disagreeing = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
     ordered, remarks = closed(sides)
     if len(ordered) > max_sides:
         raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
@@ -90,7 +89,7 @@ def fill_loop(
     corner_angles = angles_between(np.roll(ends, 1, axis=0), starts)
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
-    sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > disagreeing)
+    sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > DISAGREEING)
     far = 30 * EPS * float(np.abs(points).max() / size)  # what points are off there
     ways = [[None] * len(unit)] * (fullness == 1 and _is_flat(unit, normals, far)) + [normals]
     for met in ways:

@@ -160,7 +160,6 @@ class StripRow(SecondRow):
         assert side.strip is not None
         assert side.bend is not None
         t, d, m = stations(), side.degree, rim.degree
-        points = side.curve[:, :3]
         along, across = bernstein(degree - d + 1, t).T, bernstein(degree - d, t).T
         none = np.zeros_like
         parts = np.concatenate([along, none(across)]), np.concatenate([none(along), across])
@@ -170,7 +169,7 @@ class StripRow(SecondRow):
         super().__init__(rim, curve, list(inverse @ fields), side.bend)
         self._parts = np.vstack([self._along[:1], parts[0]]), np.vstack([none(t)[None], parts[1]])
         self._rates = (
-            d * (d - 1) * bernstein(d - 2, t) @ np.diff(points, n=2, axis=0),
+            d * (d - 1) * bernstein(d - 2, t) @ np.diff(side.curve[:, :3], n=2, axis=0),
             d * bernstein(d - 1, t) @ np.diff(side.strip[0], axis=0),
             bernstein(d, t) @ side.strip[1],
         )

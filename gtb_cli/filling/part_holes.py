@@ -89,8 +89,7 @@ def _curves(edge: Any, size: float, least: int) -> list[tuple[FloatArray, float]
             if len(pieces) == 1:
                 found.append((pieces[0], 0.0))
                 continue
-            nearest = nearest_curve([(piece[:, :3] - start) / size for piece in pieces], within, degrees)
-            if nearest is None:
+            if (nearest := nearest_curve([(piece[:, :3] - start) / size for piece in pieces], within, degrees)) is None:
                 break
             points, distance = nearest
             found.append((np.column_stack([points * size + start, np.ones(len(points))]), distance * size))

@@ -285,8 +285,7 @@ def _moved(side: HoleSide, start: FloatArray, end: FloatArray, evenly: bool) -> 
     """Return a side with other ends; all its points go with them, less and less, if they are moved `evenly`."""
     curve, fade = side.curve.copy(), np.linspace(1, 0, len(side.curve))[:, None]
     if evenly:
-        moves = fade * (start - side.ends[0]) + fade[::-1] * (end - side.ends[1])
-        curve[:, :3] += curve[:, 3:] * moves
+        curve[:, :3] += curve[:, 3:] * (fade * (start - side.ends[0]) + fade[::-1] * (end - side.ends[1]))
     curve[0, :3], curve[-1, :3] = start, end
     return replace(side, curve=curve)
 

@@ -121,13 +121,8 @@ def error_about(files: list[Faults]) -> SpecError:
 
 def place(path: Path) -> str:
     """Write a path as ``patches[1].weights[3]``."""
-    text = ""
-    for part in path:
-        if isinstance(part, int):
-            text += f"[{part}]"
-        else:
-            text += ("." if text else "") + (part if re.fullmatch(r"[\w-]{1,60}", part) else shown(part))
-    return text
+    names = (part if isinstance(part, int) or re.fullmatch(r"[\w-]{1,60}", part) else shown(part) for part in path)
+    return "".join(f"[{name}]" if isinstance(name, int) else f".{name}" for name in names).removeprefix(".")
 
 
 def shown(value: object) -> str:

@@ -65,45 +65,15 @@ def parse(
     format: Format | None = None,
     let: Let = NO_LET,
     warn: Callable[[str], object] = warnings.warn,
+    row: int | None = None,
 ) -> Patch | Model:
     """Read the text of a spec, at most 10 MB of UTF-8; the format by its first character unless given.
 
     The stem of `source` names a nameless patch; included files are in its folder. ``-`` and text in angle brackets are
     not files: they give no name and include nothing. `warn` is told what is probably meant otherwise, such as a sine of
-    60. Raises what `load` raises. Any text takes at most about five seconds and 300 MB; 300 bicubic patches take a
-    third of a second.
+    60; `row` is that of `Reader`. Raises what `load` raises. Any text takes at most about five seconds and 300 MB; 300
+    bicubic patches take a third of a second.
     """
-    return _parse(text, source, format, let, None, warn)
-
-
-def parse_loop(
-    text: bytes | str, source: str, reading: Reading
-) -> tuple[Patch | Model, tuple[tuple[FloatArray, ...], ...]]:
-    """Read the text of a spec whose curves may have the keys ``ribbon`` and ``ribbon2``; otherwise like `parse`.
-
-    Also return up to two (n, 3) further rows of control points of each patch, moved with the copies.
-    """
-    format, let = reading.spec_format or spec_format_of(source), dict(reading.let)
-    spec = _parse(text, source, format, let, 0)
-    if spec.dimension == 2:
-        return spec, ((),) * len(spec.patches)
-    rows = [[patch.control_points] for patch in spec.patches]
-    for number in (1, 2):
-        for found, patch in zip(rows, _parse(text, source, format, let, number).patches, strict=True):
-            if not np.array_equal(found[-1], patch.control_points):
-                found.append(patch.control_points)
-    return spec, tuple(tuple(found[1:]) for found in rows)
-
-
-def _parse(
-    text: bytes | str,
-    source: str,
-    format: Format | None,
-    let: Let,
-    row: int | None,
-    warn: Callable[[str], object] = str,
-) -> Patch | Model:
-    """Read a spec, with `let` as of `load`, and the files that it includes, with `row` as of `Reader`."""
     library, budget = Library(), Budget()
     files: list[Faults] = []
 
@@ -133,6 +103,25 @@ def _parse(
     if doubt := next(filter(None, (faults.doubted() for faults in files)), None):
         warn(str(doubt))
     return result
+
+
+def parse_loop(
+    text: bytes | str, source: str, reading: Reading
+) -> tuple[Patch | Model, tuple[tuple[FloatArray, ...], ...]]:
+    """Read the text of a spec whose curves may have the keys ``ribbon`` and ``ribbon2``; otherwise like `parse`.
+
+    Also return up to two (n, 3) further rows of control points of each patch, moved with the copies.
+    """
+    format, let = reading.spec_format or spec_format_of(source), dict(reading.let)
+    spec = parse(text, source, format, let, str, 0)
+    if spec.dimension == 2:
+        return spec, ((),) * len(spec.patches)
+    rows = [[patch.control_points] for patch in spec.patches]
+    for number in (1, 2):
+        for found, patch in zip(rows, parse(text, source, format, let, str, number).patches, strict=True):
+            if not np.array_equal(found[-1], patch.control_points):
+                found.append(patch.control_points)
+    return spec, tuple(tuple(found[1:]) for found in rows)
 
 
 def from_dict(data: Mapping[str, Any]) -> Patch | Model:

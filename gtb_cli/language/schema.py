@@ -26,8 +26,6 @@ def page() -> str:
 def schema() -> Schema:
     """Return the JSON Schema (draft 2020-12) of a spec, TOML or JSON, as plain data, ready for ``json.dumps``.
 
-    Notes
-    -----
     A schema cannot express every rule. `gtb_cli.language.loading.parse` alone checks syntax, repeated keys and sizes;
     that lists have an entry for each knot; the values of expressions and the names in them; that copied patches and
     included files exist; that ribbons are for curves and for gtb fill alone; that names do not clash; that numbers are

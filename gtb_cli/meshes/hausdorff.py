@@ -116,7 +116,9 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     pieces = joined(kept)
     effort = min(cut_batch, effort) if by_sample else effort
     while True:
-        search.try_corners(pieces)
+        worst = np.argsort(-pieces.bounds, kind="stable")[:64]  # the pieces of which corners are measured in each round
+        if len(worst):
+            search.look_at(pieces.corners[worst, pieces.worst[worst]])
         pieces = search.needed(pieces)
         if not len(pieces.bounds) or effort <= 0:
             break
@@ -216,10 +218,3 @@ class _FarthestPoint:
         farthest = int(distances.argmax())
         if distances[farthest] > self.found:
             self.found, self.place = float(distances[farthest]), points[farthest]
-
-    def try_corners(self, pieces: CellParts) -> None:
-        """Measure the worst corners of the pieces with the largest bounds."""
-        number = 64  # in each round
-        if len(pieces.bounds):
-            worst = np.argsort(-pieces.bounds, kind="stable")[:number]
-            self.look_at(pieces.corners[worst, pieces.worst[worst]])

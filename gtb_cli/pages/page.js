@@ -153,8 +153,8 @@ const overhang = () => once("overhang", state.angle, () => {
 
 // ---- camera
 
-// Let all that there is fill the window, beside the panel where that leaves room enough.
-function fit() {
+// The camera for which all that there is fills the window, beside the panel where that leaves room enough; and its extents.
+function filling() {
   const clouds = scene.frames.flatMap(f => [f.positions, ...(state.net && f.net ? [scene.far ? f.net.filter((_, k) => isNear(f.net, k - k % 3)) : f.net] : [])]);
   if (state.axes) clouds.push(corners().flat());
   if (state.explode) for (const f of ["border", "open"]) clouds.push(gather(f, 0, scene.frames[0].positions, scene.lines[f]));
@@ -164,8 +164,18 @@ function fit() {
   const unit = 1.75 / 2 * least, margin = Math.min(60, 0.12 * least);
   const beside = state.axes ? Math.min(75, 0.2 * w) : margin;   // where the axes' numbers are
   const zoom = Math.min((w - left - right - 2 * beside) / Math.max(ends[1] - ends[0], 1e-6), (h - below - 2 * margin) / Math.max(ends[3] - ends[2], 1e-6)) / unit;
-  set({ zoom, panX: ((left - right) / 2 - (ends[0] + ends[1]) / 2 * unit * zoom) / least, panY: (below / 2 - (ends[2] + ends[3]) / 2 * unit * zoom) / least });
+  return { ends, zoom, panX: ((left - right) / 2 - (ends[0] + ends[1]) / 2 * unit * zoom) / least, panY: (below / 2 - (ends[2] + ends[3]) / 2 * unit * zoom) / least };
+}
+
+function fit() {
+  const { zoom, panX, panY } = filling();
+  set({ zoom, panX, panY });
   fitted = fitting();
+}
+
+function strays() {   // out of the window, or below a third of what would fill it
+  const { ends, zoom } = filling(), { grow, move } = view();
+  return 3 * state.zoom < zoom || ends.some((x, k) => Math.abs(x * grow[k >> 1] + move[k >> 1]) > 1);
 }
 
 function look(key, behind) {
@@ -312,7 +322,12 @@ function present(data) {
     if (data.curve) state.net = true;
     defaults = { ...state };
     recall(location.hash.slice(1)) ? set({ zoom: state.zoom }) : (show(), fit());
-  } else set(placed(before));
+  } else {
+    const own = !fitted;   // where the user has put it, it stays
+    set(placed(before));
+    if (!own && strays()) fit();
+    else if (!own) fitted ||= "before";
+  }
 }
 
 function placed(before) {   // as large as before, and in the same place, unless it is much larger or smaller

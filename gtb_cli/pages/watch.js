@@ -1,13 +1,14 @@
 // A page of `gtb view --watch`: it follows a spec, with sliders for its numbers. It asks for pictures with others, and never writes the file.
 
 const chosen = {};   // numbers that differ from those of the file, as for --set
-let onOffer = [], turnedAt = -Infinity, wake = () => {}, running = null;
+let onOffer = [], turnedAt = -Infinity, wake = () => {}, running = null, doubted = 0;   // a version with an error that is not shown yet
 
 const isTurning = () => performance.now() - turnedAt < 400;
-const asked = () => (isTurning() ? "&quick=1" : "") + Object.entries(chosen).map(([name, value]) => `&set=${encodeURIComponent(`${name}=${value}`)}`).join("");
+const isQuick = () => isTurning() || doubted || !$("error").hidden;   // an error goes as soon as the file can be read
+const asked = () => (isQuick() ? "&quick=1" : "") + Object.entries(chosen).map(([name, value]) => `&set=${encodeURIComponent(`${name}=${value}`)}`).join("");
 
 function asking() {   // a signal that ends a slow answer when a slider moves
-  running = { control: new AbortController(), quick: isTurning() };
+  running = { control: new AbortController(), quick: isQuick() };
   return running.control.signal;
 }
 
@@ -83,7 +84,8 @@ $("options").onclick = () => { say(options); navigator.clipboard?.writeText(opti
 $("edits").onclick = () => say(edits);
 
 // While `gtb view --watch` runs, it is asked four times a second whether there is something new, and while a slider
-// moves, at once and for a quick picture.
+// moves, at once and for a quick picture. An error is shown if it is still there the next time: a file that is being
+// written is empty, or cut, for a moment.
 async function watch(have) {
   for (;;) {
     await pause(250);
@@ -91,6 +93,8 @@ async function watch(have) {
     try { news = await (await fetch(`state?have=${have}${asked()}`, { signal: asking() })).json(); }
     catch (error) { if (error.name !== "AbortError") complain("gtb view has ended: the page shows what it had last."); continue; }
     if (news.version === have) { if ($("error").textContent.startsWith("gtb view has ended")) complain(news.error); continue; }
+    if (news.error && !isTurning() && news.version !== doubted) { doubted = news.version; continue; }
+    doubted = 0;
     have = news.version;
     complain(news.error);
     if (news.data) present(news.data);

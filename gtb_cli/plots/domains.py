@@ -38,7 +38,11 @@ def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
         ax.set(yticks=[], xlabel="t", ylim=(-1, 1))
         ax.spines["left"].set_visible(False)
         _draw_knots(View(ax), np.column_stack([knots, np.zeros(len(knots))]))
-        _label_line(ax, knots[:, 0], texts)
+        near, last = 0.13 * float(np.ptp(knots)), [-np.inf, -np.inf]
+        for (place,), text in sorted(_gathered(knots, texts)):  # nearer to the last than a label is wide: one row up
+            row = 0 if place - last[0] >= near or last[0] < last[1] else 1
+            last[row] = place
+            note(ax, text, (place, 0), (0, 7 + 24 * row), va="bottom")
         return
     ax.fill(*corners.T, facecolor="#EAF2F8", edgecolor=LINE_COLOURS[0], lw=1.6, zorder=1)
     _draw_plane(ax, patch.domain, texts)
@@ -84,16 +88,6 @@ def _inward(place: FloatArray, shape: Domain) -> FloatArray:
         return np.asarray((shape.center - place) / (shape.size / 2))
     direction = normals[here].sum(axis=0)
     return np.asarray(direction / np.hypot(*direction))
-
-
-def _label_line(ax: Axes, knots: FloatArray, texts: Sequence[str]) -> None:
-    """Write texts above knots of a curve, in two rows: what is nearer to the last than a label is wide goes up."""
-    near = 0.13 * float(np.ptp(knots))
-    last = [-np.inf, -np.inf]
-    for (place,), text in sorted(_gathered(knots[:, None], texts)):
-        row = 0 if place - last[0] >= near or last[0] < last[1] else 1
-        last[row] = place
-        note(ax, text, (place, 0), (0, 7 + 24 * row), va="bottom")
 
 
 def _gathered(knots: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float, ...], str]]:

@@ -108,8 +108,7 @@ class Look:
 
 def look_of(options: Mapping[str, Any]) -> Look:
     """Return the look with these options, of which `stretch` belongs to the camera."""
-    others = {name: value for name, value in options.items() if name != "stretch"}
-    look = Look(**others)
+    look = Look(**{name: value for name, value in options.items() if name != "stretch"})
     return replace(look, camera=replace(look.camera, stretch=options.get("stretch", look.camera.stretch)))
 
 

@@ -101,7 +101,7 @@ def _drawn(ax: Axes, projection: Projection, surface: ShadedTriangles) -> Raster
     low, high = _window(ax)
     points[:, :2] = (points[:, :2] - low) * (np.array([width, height]) / (high - low))
     raster = rasterised(points, surface.faces, width, height)
-    image = _smoothed(_shaded(surface, projection.camera, raster))
+    image = _image(raster, _shaded(surface, projection.camera, raster))
     extent = (*ax.get_xlim(), *ax.get_ylim())
     ax.imshow(image, extent=extent, origin="lower", interpolation="antialiased", zorder=1, aspect="equal")
     return raster
@@ -230,25 +230,24 @@ class View:
 
 
 def _shaded(surface: ShadedTriangles, camera: Camera, raster: Raster) -> FloatArray:
-    """Return the image of a surface, (height, width, 4): colours times opacity, and opacity."""
+    """Return the colours, (p, 3), of a surface at the pixels that it covers."""
     # Unit vector towards the light: to the right, upwards, towards the eye
     light = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
     map_brightness = 0.68  # least brightness, from 0 to 1, where colours mean numbers and must be recognised
     back_brightness = 0.78  # brightness of the side away from the normals, relative to the other
-    covered = raster.triangle >= 0
     if surface.scalars is not None:
         from matplotlib import colormaps
 
         base = colormaps[surface.colour_map](raster.values(surface.faces, surface.scalars))[:, :3]
     else:
-        base = surface.colours[raster.triangle[covered]]
+        base = surface.colours[raster.triangle[raster.triangle >= 0]]
     if surface.normals is not None:
         normals = (raster.values(surface.faces, surface.normals) / camera.stretch) @ camera.axes.T
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         away = normals[:, 2] < 0
         normals = np.where(away[:, None], -normals, normals)
         if surface.stripes:
-            return _on(raster, np.repeat(_striped(normals)[:, None], 3, axis=1))
+            return np.repeat(_striped(normals)[:, None], 3, axis=1)
         halfway = light + np.array([0.0, 0.0, 1.0])
         halfway /= np.linalg.norm(halfway)
         ambient = 0.5 if surface.scalars is None else map_brightness
@@ -256,7 +255,7 @@ def _shaded(surface: ShadedTriangles, camera: Camera, raster: Raster) -> FloatAr
         bright *= np.where(away, back_brightness, 1.0)
         shine = 0.2 * np.clip(normals @ halfway, 0, None) ** 28 * np.where(away, 0.3, 1.0)
         base = base * bright[:, None] + shine[:, None]
-    return _on(raster, base)
+    return base
 
 
 def _striped(normals: FloatArray) -> FloatArray:
@@ -267,17 +266,11 @@ def _striped(normals: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.abs(place % 1 - 0.5) > 0.25, 0.92, 0.16) * (0.75 + 0.25 * normals[:, 2]))
 
 
-def _on(raster: Raster, colours: FloatArray) -> FloatArray:
-    """(height, width, 4) image, opaque where (p, 3) colours are."""
-    covered = raster.triangle >= 0
-    image = np.zeros((*raster.triangle.shape, 4))
+def _image(raster: Raster, colours: FloatArray) -> FloatArray:
+    """(height, width, 4) image, opaque where (p, 3) colours are, of the means of blocks of computed pixels."""
+    covered, image = raster.triangle >= 0, np.zeros((*raster.triangle.shape, 4))
     image[covered, :3] = colours.clip(0, 1)
     image[covered, 3] = 1
-    return image
-
-
-def _smoothed(image: FloatArray) -> FloatArray:
-    """Return the means of blocks of pixels, with colours no longer times opacity."""
     height, width = image.shape[0] // SUPERSAMPLING, image.shape[1] // SUPERSAMPLING
     mean = image.reshape(height, SUPERSAMPLING, width, SUPERSAMPLING, 4).mean(axis=(1, 3))
     mean[..., :3] /= np.where(mean[..., 3:] > 0, mean[..., 3:], 1)

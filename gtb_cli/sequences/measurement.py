@@ -89,8 +89,9 @@ class Measurement:
         assert film is not None
         start, doubt = self.start
         mosaic, other_doubt = self.refined(start, sampler)
-        ends = self.sampled(mosaic, limit)
-        surface = ends if sampler is limit else self.sampled(mosaic, sampler)
+        where = mosaic.patch, mosaic.parameters, mosaic.face
+        ends = Mesh(limit.points(*where), mosaic.cells)
+        surface = ends if sampler is limit else Mesh(sampler.points(*where), mosaic.cells)
         cells = np.concatenate([ends.cells, shifted(film.cells, len(ends.vertices))])
         both = Mesh(np.concatenate([ends.vertices, film.vertices]), cells)
         found = mesh_distance(surface, both, film_error * self.tolerance)
@@ -102,21 +103,20 @@ class Measurement:
     @cached_property
     def start(self) -> tuple[Complex, str]:
         """The complex on which the limit is within the chord error; a coarse one, and why, if it has too many faces."""
-        return self.refined(self.family.uniform(self.resolution), self.family.limit)
+        return self.refined(self.coarse, self.family.limit)
 
     @cached_property
     def tolerance(self) -> float:
         """The chord error in model units."""
-        start = self.family.uniform(self.resolution)
-        points = self.family.limit.points(start.patch, start.parameters, start.face)
+        points = self.family.limit.points(self.coarse.patch, self.coarse.parameters, self.coarse.face)
         if self.family.film is not None:
             points = np.concatenate([points, self.family.film.vertices])
         return self.accuracy.chord_error * float(np.linalg.norm(np.ptp(points, axis=0)))
 
     @cached_property
-    def resolution(self) -> int:
-        """Segments along each edge of the complex from which meshes are refined."""
-        return cells_along_edges(self.family.limit.patches, self.accuracy.cells, LEAST_RESOLUTION)
+    def coarse(self) -> Complex:
+        """The complex from which meshes are refined."""
+        return self.family.uniform(cells_along_edges(self.family.limit.patches, self.accuracy.cells, LEAST_RESOLUTION))
 
     def refined(self, mosaic: Complex, sampler: Sampler) -> tuple[Complex, str]:
         """Refine a complex for a surface; if that takes too many faces, return it as it is, and why."""
@@ -125,8 +125,3 @@ class Measurement:
             return refine(mosaic, sampler, self.tolerance, most_faces, self.accuracy.points_in_all)[0], ""
         except ToleranceError as error:
             return mosaic, str(error)
-
-    @staticmethod
-    def sampled(mosaic: Complex, sampler: Sampler) -> Mesh:
-        """Mesh a surface on a complex."""
-        return Mesh(sampler.points(mosaic.patch, mosaic.parameters, mosaic.face), mosaic.cells)

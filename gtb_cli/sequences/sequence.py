@@ -196,7 +196,12 @@ def degeneration(
         There are too many faces.
     """
     values = sorted({float(value) for value in xs})
-    upward = _is_upward(values)
+    if wrong := [value for value in values if not value >= 0]:
+        raise DomainError(f"x: must be positive, got {wrong[0]!r}")
+    if values and values[0] < 1 < values[-1]:
+        both = f"{values[0]:g} goes towards 0 and {values[-1]:g} towards infinity, where the limits differ"
+        raise DomainError(f"x: {both}: expected all at least 1, or all at most 1")
+    upward = not values or values[0] >= 1
     values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, math.inf)]
     exponents = lifting_of(patch, lifting)
     decomposition = regular_decomposition(patch.knots, exponents if upward else -exponents)
@@ -247,13 +252,3 @@ def _refuse_too_many(cells: int, meshes: int, max_faces: int) -> None:
     if cells * meshes > max_faces:
         size = f"{meshes} meshes of {cells} faces have more than {max_faces}"
         raise ToleranceError(f"{size}: lower `resolution` or raise `max_faces`")
-
-
-def _is_upward(values: Sequence[float]) -> bool:
-    for value in values:
-        if not value >= 0:
-            raise DomainError(f"x: must be positive, got {value!r}")
-    if values and values[0] < 1 < values[-1]:
-        both = f"{values[0]:g} goes towards 0 and {values[-1]:g} towards infinity, where the limits differ"
-        raise DomainError(f"x: {both}: expected all at least 1, or all at most 1")
-    return not values or values[0] >= 1

@@ -28,6 +28,7 @@ from gtb_cli.vocabulary import (
     RIMS,
     SPEC_FORMATS,
     UP,
+    Rim,
     percentage,
     requirements,
     suffix_of,
@@ -246,6 +247,14 @@ solid_options = (
         "surface's rim where the surface leaves that plane.",
     ),
 )
+
+
+def _solid(radius: float | None, thickness: float | None, rim: Rim) -> Recipe | None:
+    recipe = Recipe(radius=radius, thickness=thickness, rim=rim)
+    return None if recipe == Recipe() else recipe
+
+
+solid_option = gathered("solid", _solid, *solid_options)  # None without them
 
 max_faces_option = click.option(
     "--max-faces",

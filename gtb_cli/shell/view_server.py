@@ -69,12 +69,13 @@ class Pages:
             return found
 
     def _known(self, key: tuple[Numbers, bool]) -> Seen | None:
-        """Return a state that was made of the files as they are now."""
+        """Return a state that was made of the files as they are now: a quick one has the error of a whole one."""
         with self._lock:
             if self._files.changed():
                 self._seen.clear()
                 self._edits += 1
-            return self._seen.get(key)
+            whole = self._seen.get((key[0], False))
+            return whole if whole and whole.error else self._seen.get(key)
 
     def _made(self, numbers: Numbers, quick: bool) -> tuple[dict[str, Any] | None, str]:
         from gtb_cli.language.document import spec_format_of

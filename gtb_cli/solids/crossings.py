@@ -22,10 +22,7 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     neighbour across the edge is on the other side of the surface that the edge touches. Other triangles that only touch
     do not cross, and neighbours do not cross in what they share. Vertices at exactly the same place are one, and
     triangles with two corners at one place are left out. The second value is false if more than `MAX_COMPARED_PAIRS`
-    are near each other, so that not all were compared.
-
-    Boxes around the triangles are compared in a tree, level by level: about k log k, unless most of them overlap. A
-    million triangles take about ten seconds.
+    are near each other, so that not all were compared. A million triangles take about ten seconds.
     """
     found = [np.empty((0, 2), dtype=np.int64)]
     places = numbered_places(vertices)[1]
@@ -114,9 +111,9 @@ def _cross(corners: FloatArray, normals: FloatArray, across: IntArray, pairs: In
     places = np.stack([np.einsum("pij,pj->pi", segment - origin, direction) for segment in segments])
     result[rows[near]] = places.max(axis=2).min(axis=0) - places.min(axis=2).max(axis=0) > depth
     result[rows[flat]] = _overlap(corners[one[flat]], corners[other[flat]], normals[one[flat]], depth)
-    for base, upon, over, is_upon in ((one, other, heights, standing), (other, one, back, back_standing)):
+    for order, over, is_upon in (([one, other], heights, standing), ([other, one], back, back_standing)):
         k = np.flatnonzero(is_upon)
-        result[rows[k]] |= _passes(corners, normals, across, base[k], upon[k], over[k], depth)
+        result[rows[k]] |= _passes(corners, normals, across, np.stack(order, axis=1)[k], over[k], depth)
     return result
 
 
@@ -133,20 +130,14 @@ def _heights(
 
 
 def _passes(
-    corners: FloatArray,
-    normals: FloatArray,
-    across: IntArray,
-    one: IntArray,
-    other: IntArray,
-    heights: FloatArray,
-    depth: float,
+    corners: FloatArray, normals: FloatArray, across: IntArray, pairs: IntArray, heights: FloatArray, depth: float
 ) -> BoolArray:
-    """(p,) true where an edge of `other` lies on `one`, and the surfaces to which they belong pass through there.
+    """(p,) true where an edge of the second lies on the first, and the surfaces of which they are pass through there.
 
-    The edge is inside `one`, and the triangles beside it are on two sides of its plane; or it runs along an edge of
-    `one`, and of the triangles around the line every second belongs to the same surface.
+    The edge is inside the first, and the triangles beside it are on two sides of its plane; or it runs along an edge of
+    the first, and of the triangles around the line every second belongs to the same surface.
     """
-    result = np.zeros(len(one), dtype=bool)
+    result, (one, other) = np.zeros(len(pairs), dtype=bool), pairs.T
     apex = np.abs(heights).argmax(axis=1)
     beyond = across[other, (apex + 1) % 3]
     rows = np.flatnonzero((beyond >= 0) & (beyond // 3 != one))

@@ -54,7 +54,9 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         short = rim & (height < 0)
         offset[rim] += (share * np.minimum(height[rim], 0.0))[:, None] * way
         height[rim] = np.where(height[rim] < 0, (1 - share) * height[rim], height[rim])
-        beyond = _reached(rim, height > nearly, edges)
+        beyond = height > nearly  # and, of these, what such vertices connect to those of the rim
+        reached = merged(count, edges[beyond[edges].all(axis=1)])
+        beyond &= are_used(reached[rim & beyond, None], count)[reached]
         if (beyond & ((surface - centre) @ normal > nearly)).any():
             raise DomainError(f"rim: the surface goes to both sides of the plane of its rim {near}")
         if (beyond & is_rim & ~rim).any():
@@ -125,12 +127,6 @@ def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray) -> tuple[Floa
     right = np.add.reduceat(flat * along[:, None], first)
     inverse = np.linalg.pinv(squares, rcond=alike, hermitian=True)
     return share, np.einsum("kij,kj->ki", inverse, right) - normal
-
-
-def _reached(rim: BoolArray, beyond: BoolArray, edges: IntArray) -> BoolArray:
-    """(m,) vertices beyond the plane that such vertices connect to those of the rim."""
-    label = merged(len(rim), edges[beyond[edges].all(axis=1)])
-    return np.asarray(beyond & are_used(label[rim & beyond, None], len(rim))[label])
 
 
 def _landings(

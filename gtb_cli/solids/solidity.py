@@ -105,15 +105,9 @@ def inward_faces(mesh: Mesh) -> IntArray:
         winding = 0
         for other, (others, (below, above)) in enumerate(zip(members, boxes, strict=True)):
             if other != index and ((below <= point) & (point <= above)).all():
-                winding += round(_winding(corners[others] - point))
+                a, b, c = (corners[others] - point).transpose(1, 0, 2)
+                one, two, three = (np.sqrt(dot(x, x)) for x in (a, b, c))
+                cosine = one * two * three + dot(a, b) * three + dot(b, c) * one + dot(c, a) * two
+                winding += round(float(np.arctan2(dot(a, cross(b, c)), cosine).sum()) / (2 * np.pi))
         found[rows] = winding != (volume < 0)
     return np.flatnonzero(found)
-
-
-def _winding(corners: FloatArray) -> float:
-    """The winding number of (k, 3, 3) triangles around the origin."""
-    a, b, c = corners.transpose(1, 0, 2)
-    one, two, three = (np.sqrt(dot(x, x)) for x in (a, b, c))
-    numerator = dot(a, cross(b, c))
-    denominator = one * two * three + dot(a, b) * three + dot(b, c) * one + dot(c, a) * two
-    return float(np.arctan2(numerator, denominator).sum()) / (2 * np.pi)

@@ -46,13 +46,10 @@ def tube(
     Raises `DomainError` if the mesh is not a polyline, a polyline is a single point, or the radius is below rounding,
     and `ToleranceError` if the tube would have more than `max_faces` triangles.
 
-    A turn at a vertex is mitred, and a turn of more than 90° is mitred in two steps, so that no vertex is farther than
-    √2 radii from the curve. With a tolerance, as many steps are taken as it needs, outside the bend; and the direction
-    of a segment replaces a tangent at an angle φ to it if the tube, ``radius (1 − cos φ)`` thin there, would not hold
-    it. The frame comes from double reflection; its error is of fourth order in the length of segments (W. Wang et al.,
-    Computation of rotation minimizing frames, ACM Trans. Graph. 27, 2008). The frame of a closed tube misses itself by
-    an angle; this angle, less whole sides, is spread over the length. If the curve bends more sharply than the radius,
-    the tube meets itself: see `folded_segments`.
+    A turn at a vertex is mitred, one of more than 90° in two steps, so that no vertex is farther than √2 radii from the
+    curve. With a tolerance, as many steps are taken as it needs, outside the bend; and the direction of a segment
+    replaces a tangent at an angle φ to it if the tube, ``radius (1 − cos φ)`` thin there, would not hold it. `_frame`
+    turns no more than the curve; `folded_segments` tells where this bends so sharply that the tube meets itself.
     """
     count = ring_size(radius, tolerance) if sides is None else sides
     planned = _planned(mesh, radius, tolerance, tangents)
@@ -245,8 +242,9 @@ def _mitred(
 def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
     """The angle from `_perpendicular` at which each ring begins, and by how many vertices the last ring is ahead.
 
-    All rings of a tube begin at the same angle in a frame that does not rotate about the curve. A closed tube's frame
-    misses itself by some angle: its whole sides are a shift, the rest is spread over the length.
+    All rings of a tube begin at the same angle in a frame that does not rotate about the curve, to fourth order in the
+    length of segments (W. Wang et al., Computation of rotation minimizing frames, ACM Trans. Graph. 27, 2008). A closed
+    tube's frame misses itself by some angle: its whole sides are a shift, the rest is spread over the length.
     """
     before, after, centers = sections.before, sections.after, sections.centers
     start = _perpendicular(before)

@@ -134,7 +134,7 @@ class Recipe:
         from gtb_cli.tessellation.tessellate import tessellate
 
         tolerance, around = self.tolerance_for(spec), 1
-        if tolerance is not None and self.radius is not None:
+        if tolerance is not None and self.radius is not None and spec.dimension == 1:  # others are refused later
             from gtb_cli.solids.tube import ring_size
 
             # Of the middle line, and of the polygon of its rings: on the outside of a bend as sharp as the tube allows,

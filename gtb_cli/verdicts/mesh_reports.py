@@ -64,12 +64,9 @@ def _report(known: KnownMesh, printed: Callable[[Mesh], dict[str, Any]]) -> dict
 
 def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
     """Write what a printer asks, in the units of the model, in labelled lines; None stands for what took too many."""
-    if found is None:
-        return [
-            ("least wall", "not measured: within 0.1% there are too many faces; gtb info of a coarser mesh says it")
-        ]
     if not found:
-        return []
+        why = "not measured: within 0.1% there are too many faces; gtb info of a coarser mesh says it"
+        return [("least wall", why)] if found is None else []
     import numpy as np
 
     from gtb_cli.arrays import point_text
@@ -87,6 +84,8 @@ def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
         ("footprint", f"{sides}, area {found['bed_area']:.4g} on the bed"),
         ("overhangs", f"{share}, by more than 45 degrees from upright"),
         ("least wall", wall),
+        *([("printed volume", f"{found['volume']:.6g}")] if found.get("volume") else []),
+        *(("remark", remark) for remark in found.get("remarks", [])),
     ]
 
 

@@ -354,9 +354,6 @@ def test_a_patch_without_points_fails(name, kind):
         assert failing["corners"] == "could not be measured: parameters: none will do"
 
 
-# --- known numbers
-
-
 def test_progressive_iteration_of_the_bernstein_basis():
     """The Bernstein operator of degree n has the eigenvalues n!/((n − k)! nᵏ)."""
     for n in (2, 3, 5):

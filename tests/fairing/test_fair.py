@@ -284,9 +284,6 @@ def test_what_cannot_be_fair():
         fair(load(PENTAGON), "x")  # type: ignore[call-overload]
 
 
-# --- the command
-
-
 def test_fair_prints_a_spec():
     result = gtb("fair", BICUBIC, "--energy", "dirichlet", status=0)
     expected = fair(load(BICUBIC), "dirichlet").patch.control_points

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -180,6 +181,11 @@ def test_a_spike_is_a_fault_where_corners_are_concave_or_beyond_measure():
     assert sharp.fault.startswith("the patch turns sharply: its curvature is up to 2.4e+03 times")
     concave = replace(filling, sides=tuple(graph_sides(0.5 * L[:, :2])), sharp_turns=1)
     assert "cut the hole with curves from its concave corners" in concave.fault
+    ends = np.column_stack([np.vstack([np.eye(2), -np.eye(2)])[[0, 1, 2, 3, 0]], np.zeros(5), np.ones(5)])
+    lobes = [
+        HoleSide(f"{k}", np.array([a, 1.5 * (a + b) * [1, 1, 1, 1 / 3], b])) for k, (a, b) in enumerate(pairwise(ends))
+    ]
+    assert "from its concave corners" in replace(filling, sides=tuple(lobes), folds=1).fault
 
 
 @long

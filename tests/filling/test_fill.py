@@ -10,6 +10,7 @@ import pytest
 import gtb_cli
 from gtb_cli.errors import DomainError, GtbError, RequirementError, SpecError
 from gtb_cli.filling import fill as room
+from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.sides import loop
 from gtb_cli.models.model import Model
@@ -29,10 +30,14 @@ def triangle() -> Model:
     return Model(tuple(Patch([0, 1], corners[[k, (k + 1) % 3]], name=f"side-{k}") for k in range(3)))
 
 
-def test_fill_takes_curves_and_ribbons():
+def with_ribbons() -> Filling:
     inwards = [1 / 3 - curve.control_points.mean(axis=0) + 0.1 for curve in triangle()]
     ribbons = [curve.control_points + step for curve, step in zip(triangle(), inwards, strict=True)]
-    filling = gtb_cli.fill(triangle(), ribbons, name="lid", raises=1)
+    return gtb_cli.fill(triangle(), ribbons, name="lid", raises=1)
+
+
+def test_fill_takes_curves_and_ribbons():
+    filling = with_ribbons()
     assert filling.patch.name == "lid"
     assert filling.angle < 1e-9
     assert filling.model is None
@@ -147,6 +152,7 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
     good, path, said = replace(gtb_cli.fill(triangle(), raises=0), raises=(0, 0, 0)), tmp_path / "loop.toml", []
     words, model = ["fullness 0.8", "fullness 0.5", "degrees raised by 1"], gtb_cli.load(SPECS / "box-corner.toml")
     gtb_cli.save(triangle(), path)
+    beside_planes = cure or with_ribbons()
 
     def stand_in(*_: object, **options: object) -> object:
         return good if cure and cure.items() <= options.items() else replace(good, folds=3)
@@ -159,7 +165,21 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
         assert said == [f"`fills` x: {text}"]
         assert f"gtb: {text}\n" in gtb("fill", path, status=0).err
         return
-    for option in ("--fullness=1", "--elevate=0"):
-        assert "try a fullness of 0.8 or 0.5, other ribbons" in gtb("fill", path, option, status=1).err
-    with pytest.raises(RequirementError, match=f"{', '.join(words)} were tried, too: try other ribbons"):
+    assert "places: raise degrees more, or try curves that" in gtb("fill", path, "--fullness=1", status=1).err
+    for kind, end in (("g1", 'smaller ones, or `fills` "x=g0"'), ("g0", "too: try curves that cut .* smaller ones")):
+        with pytest.raises(RequirementError, match=f"{', '.join(words)} were tried, .*{end}$"):
+            room.with_fills(model, [("x", kind)], said.append)
+    good = beside_planes
+    assert "try a fullness of 0.8 or 0.5, other ribbons" in gtb("fill", path, "--elevate=0", status=1).err
+    with pytest.raises(RequirementError, match="too: try other ribbons, or curves"):
         room.with_fills(model, [("x", "g1")], said.append)
+
+
+def test_a_fill_says_in_one_line_in_how_many_parts_it_is_and_where_planes_differ_most(monkeypatch):
+    good, model, said = gtb_cli.fill(triangle(), raises=0), gtb_cli.load(SPECS / "box-corner.toml"), []
+    for parts, angle in (((), 0.9), ((good, good), 0.9), ((), 26.66)):
+        found = replace(good, parts=parts, corner_angles=np.array([np.nan, angle / 2, angle]))
+        monkeypatch.setattr(room, "filled", lambda *_, found=found, **__: found)
+        room.with_fills(model, [("x", "g1")], said.append)
+    planes = "neighbours' planes differ by up to 26.7 degrees at their corner (0, 0, 1)"
+    assert said == [f"`fills` x: {text}; `fill` says all" for text in ("filled in 2 parts", planes)]

@@ -579,9 +579,6 @@ def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
         bezier_form(Patch([0, math.sqrt(0.2), 1], [[0, 0, 0], [1, 2, 0], [2, 2, 1]]))
 
 
-# --- files
-
-
 @long
 def test_the_cup_is_filled():
     sides = loop_from_text(CUP.read_bytes(), str(CUP))

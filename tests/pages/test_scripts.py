@@ -30,8 +30,11 @@ const window = {}, innerWidth = 800, innerHeight = 600, Option = any(), URLSearc
 def answer(script: str, *data: dict[str, Any]) -> Any:
     """What a script, the body of a function of data, returns where the page's own have run."""
     folder = Path(gtb_cli.__file__).parent / "pages"
-    own = "".join((folder / f"{name}.js").read_text("utf-8") for name in ("common", "page", "drawing", "measuring"))
-    code = f"{DOCUMENT}{own}console.log(JSON.stringify((data => {{ {script} }})({json.dumps(data)}))); process.exit();"
+    own = "".join(
+        (folder / f"{name}.js").read_text("utf-8") for name in ("common", "page", "drawing", "measuring", "watch")
+    )
+    found = f"(async data => {{ {script} }})({json.dumps(data)})"
+    code = f"{DOCUMENT}{own}{found}.then(found => {{ console.log(JSON.stringify(found)); process.exit(); }});"
     return json.loads(subprocess.run(["node", "-"], input=code.encode(), stdout=subprocess.PIPE, check=True).stdout)
 
 
@@ -46,16 +49,43 @@ def test_patches_are_taken_apart_and_the_section_is_flipped():
     np.testing.assert_allclose([row[3:] for row in found[2:]], [[1, 1], [-1, -1]], atol=1e-6)
 
 
-def test_a_page_is_working_while_its_picture_is_quick_and_until_there_is_an_error():
+def test_an_error_is_shown_that_stays_and_a_page_is_working_as_soon_as_the_file_can_be_read():
     data = page_data(content_of(gtb_cli.load(SPECS / "bicubic.toml")))
-    show = "present(each); return [$('working').hidden, $('facts').textContent.split(':')[0]];"
-    quick, whole, wrong = answer(
-        f"const see = each => {{ {show} }}; const seen = data.map(see); see(data[0]); complain('x');"
-        "return [...seen, [$('working').hidden, $('error').textContent]];",
-        *(data | {"quick": quick} for quick in (True, False)),
+    quick, whole = ({"error": "", "data": data | {"quick": quick}} for quick in (True, False))
+    news = [{"error": "is empty"}, quick, whole, *[{"error": "line 2", "version": 5}] * 3, quick, *[{"error": "x"}] * 2]
+    news = [{"version": 2 + min(k, 7)} | each for k, each in enumerate(news)]
+    script = (
+        "const asked = []; pause = async () => {}; complain(''); present(data.pop());"
+        "return new Promise(done => { fetch = async address => { const facts = $('facts').textContent.split(':')[0];"
+        "asked.push([address.includes('quick'), $('error').textContent, !$('working').hidden, facts]);"
+        "if (asked.length > data.length) done(asked);"
+        "return { json: async () => data[asked.length - 1] }; }; watch(1); })"
     )
-    assert quick == [False, "a quick picture, without thickness and fills"]
-    assert (whole[0], wrong) == (True, [True, "x"])
+    found, text = answer(script, *news, data), "a quick picture, without thickness and fills"
+    assert [row[:3] for row in found] == [
+        *([False, "", False], [True, "", False], [False, "", True]),  # nothing is said of an empty file
+        *([False, "", False], [True, "", False], [True, "line 2", False], [True, "line 2", False]),
+        *([False, "", True], [True, "", True], [True, "x", False]),
+    ]
+    assert [row[3] == text for row in found] == [k in (2, 7, 8, 9) for k in range(10)]
+
+
+def test_a_model_that_leaves_the_window_or_becomes_small_is_fitted_again_unless_the_user_has_zoomed():
+    def tower(height: float, scale: float = 1.0) -> dict[str, Any]:
+        points = scale * np.array([[0, 0, 0], [1, 0, 0], [0, 1, height]])
+        return page_data(content_of(Patch([[0, 0], [1, 0], [0, 1]], points, [1, 1, 1])))
+
+    low, others = tower(1), [tower(1.05), tower(2.4), tower(1, 0.32)]
+    script = (
+        "Object.assign(canvas, { clientWidth: 800, clientHeight: 600 });"
+        "return [false, true].map(own => data.slice(1).map(each => { present(data[0]); fit(); set({ azimuth: -50 });"
+        "present(data[1]);"
+        "if (own) zoomAt(400, 300, 1.03); const { zoom } = state, old = scene.size; present(each);"
+        "return [state.zoom / (zoom * scene.size / old), strays(), state.azimuth]; }))"
+    )
+    fitted, kept = answer(script, low, *others)
+    assert [(round(row[0], 9) == 1, *row[1:]) for row in fitted] == [(k == 0, False, -50) for k in range(3)]
+    assert [(round(row[0], 9), *row[1:]) for row in kept] == [(1, False, -50), (1, True, -50), (1, True, -50)]
 
 
 def test_lines_of_a_net_to_far_points_are_left_out():

@@ -12,6 +12,7 @@ from http.server import ThreadingHTTPServer
 import pytest
 
 from gtb_cli.commands.view import content_of_paths
+from gtb_cli.errors import GtbError
 from gtb_cli.language.reading import AS_SEEN, Numbers, Reading
 from gtb_cli.pages.page_scene import Content
 from gtb_cli.plots.panels import Approach
@@ -157,6 +158,18 @@ def test_errors_that_are_not_ours_are_not_hidden(spec):
 
     with pytest.raises(ZeroDivisionError):
         Pages([str(spec)], AS_SEEN, see)
+
+
+def test_a_whole_picture_with_an_error_has_no_quick_one_until_the_next_edit(spec):
+    def see(numbers: Numbers, quick: bool) -> Content:
+        if not quick:
+            raise GtbError("no solid")
+        return content_of_paths((str(spec),), Recipe(3), AS_SEEN, Approach(), quick)
+
+    pages = Pages([str(spec)], AS_SEEN, see)
+    assert news(pages, 0, quick="1") == {"version": 1, "error": "no solid"}
+    spec.write_text(GOOD.format(25), encoding="utf-8")
+    assert news(pages, 1, quick="1")["error"] == ""
 
 
 @pytest.fixture
