@@ -190,8 +190,7 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
 
 def _zones(patch: Patch, resolution: int) -> list[Zone]:
     """Return a quadrature of the inside and of a strip around it, to be used once."""
-    inside, outside = LEFT_OUT
-    bounds = (inside, 1.0), (outside, inside)
+    bounds = (LEFT_OUT[0], 1.0), LEFT_OUT[::-1]
     found = (samples(patch.domain, patch.log_products, resolution, *each) for each in bounds)
     return [(blocks(*places[:3]), places.areas) for places in found]
 

@@ -201,10 +201,7 @@ def angles_to(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
 
 
 def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:
-    """Return twice the largest difference of mean curvatures at an edge and a hundredth of its length inside.
-
-    This is that of the curvatures across, if nothing else changes.
-    """
+    """Return twice the largest difference of mean curvatures, as of those across, at an edge and a hundredth inside."""
     inside, there = (patch.curvature(places, "linear").mean for places in hundredth_inside(patch, edge, curve))
     return float(2 * np.abs(inside - there).max())
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.filling import one_patch
+from gtb_cli.filling import fairest
 from gtb_cli.filling.algebraic import algebraic_surface
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, points_and_tangents, side_normals, stations
@@ -70,5 +70,5 @@ def test_the_end_of_a_pipe_is_closed():
 
 def test_a_surface_that_a_patch_comes_no_nearer_to_is_not_followed(monkeypatch):
     plain = fill_loop(random_sides(5, 0)).patch
-    monkeypatch.setattr(one_patch, "algebraic_surface", lambda _: SimpleNamespace(ways=np.zeros_like))
+    monkeypatch.setattr(fairest, "algebraic_surface", lambda _: SimpleNamespace(ways=np.zeros_like))
     assert fill_loop(random_sides(5, 0)).patch == plain
