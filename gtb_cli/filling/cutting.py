@@ -72,7 +72,7 @@ def fill_parts(
                 return left[0] + right[0], [cut.remark, *left[1], *right[1]]
         return one_part(sides) if straight <= widest < hopeless else None
 
-    found = divided(sides, MAX_CUTS)
+    found = divided(sides, MAX_CUTS) or _star(sides, fill)
     if found is None or len(found[0]) == 1:
         return found and found[0][0]
     parts, remarks = found
@@ -91,6 +91,21 @@ def fill_parts(
         parts=tuple(parts),
         **lists,
     )
+
+
+def _star(sides: Sequence[HoleSide], fill: Callable[[Sequence[HoleSide]], Filling]) -> Parts | None:
+    """Fill a hole in a plane, beside no planes, by triangles round its middle; None if one of them has a fault."""
+    rim = np.concatenate([points_and_tangents(side.curve, np.linspace(0, 1, 32, endpoint=False))[0] for side in sides])
+    middle, flat = rim.mean(axis=0), 1e-9  # of the size
+    extents = np.linalg.svd(rim - middle, compute_uv=False)
+    if extents[2] > flat * extents[0] or any(side.across is not None for side in sides):
+        return None
+    rays = [HoleSide("cut", np.column_stack([[middle, side.ends[0]], [1, 1]]), None) for side in sides]
+    parts = [
+        fill([ray, side, after.reversed()]) for ray, side, after in zip(rays, sides, [*rays[1:], rays[0]], strict=True)
+    ]
+    text = f"the hole is cut from its corners to its middle {point_text(middle, rim)}"
+    return None if any(part.fault for part in parts) else (parts, [text])
 
 
 def _cuts(sides: Sequence[HoleSide], cut_sides: bool, number: int) -> Iterator[_Cut]:
