@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from functools import partial
-from itertools import compress
 from operator import itemgetter
 from typing import Any, TypeAlias
 
@@ -27,6 +26,7 @@ from gtb_cli.theory.patch import Patch
 
 VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary nothing is seen, or has a weight
 MOST_CURVED = 150.0  # largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores
+BROKEN = 1e9  # of those, that no pull mends: rows of pulls would have no digits left
 
 _Scored: TypeAlias = tuple[float, FloatArray]
 _Pulls: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
@@ -138,22 +138,24 @@ class FairSearch:
             curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
             beyond |= curved > MOST_CURVED
             calmer.append((score * max(1.0, curved.max() / MOST_CURVED) ** 4, points))
-            if step is None or not beyond.any() or (len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]):
+            if step is None or not beyond.any() or curved.max() > BROKEN:
+                break
+            if len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]:
                 break
             share = np.where(beyond, np.maximum(step[0] * bound, (step[0] - 1) * CROSSING), bound)
             points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy, also))
             score = self.scores([points])[0][0]
         return min(calmer, key=itemgetter(0))
 
-    def _layers(self, points: FloatArray) -> list[CornerLayer]:
-        corners = range(len(self._domain.vertices))
+    def _layers(self, points: FloatArray, among: Any = slice(None)) -> list[CornerLayer]:
+        corners = np.arange(len(self._domain.vertices))[among].tolist()
         return [corner_layer(self._domain, self._places.log_weights, points, corner) for corner in corners]
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> _Pulls:
         """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
         quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # squares have the energy's value; half of the places
         value, parts = np.vdot(points, energy @ points), [also(points)] if also else []
-        for near in compress(self._layers(points), beyond):
+        for near in self._layers(points, beyond):
             curved = near.curvatures[each] * near.edge / quiet
             stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
             rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))

@@ -202,19 +202,29 @@ class _Form:
 
         These are (p, n) rows, (p, 3) ways, and (p,) what rows of points should be along them.
         """
-        table, normals, missing = equations.matrix(len(points)), equations.normals, -equations.residuals(points)
-        if pulled:
-            table, normals = np.concatenate([table, pulled[0]]), np.concatenate([normals, pulled[1]])
-            missing = np.append(missing, pulled[2] - ((pulled[0] @ points) * pulled[1]).sum(axis=1))
-        shifts = np.linalg.solve(self._own, table[:, self._free].T)
-        softness = (table[:, self._free] @ shifts) * (normals @ normals.T)
-        softness += np.diag(np.arange(len(missing)) >= len(equations.normals))
-        size = np.sqrt(np.where(np.diag(softness) > 0, np.diag(softness), 1.0))
-        softness, missing = softness / size / size[:, None], missing / size
-        if pulled:  # many: a tenth of the time
-            forces = np.linalg.solve(softness + RANK * np.eye(len(size)), missing) / size
-        else:
-            forces = np.linalg.lstsq(softness, missing, rcond=RANK)[0] / size
+        held, missing = equations.matrix(len(points))[:, self._free], -equations.residuals(points)
         points = points.copy()
-        points[self._free] += shifts @ (forces[:, None] * normals)
+        if pulled:  # many: in all coordinates of the free points, as there are fewer of these
+            rows, ways, wanted = pulled
+            soft, hard = _in_coordinates(rows[:, self._free], ways), _in_coordinates(held, equations.normals)
+            lacking = soft.T @ (wanted - ((rows @ points) * ways).sum(axis=1))
+            form = np.kron(self._own, np.eye(3)) + soft.T @ soft
+            shifts = np.linalg.solve(form, np.column_stack([lacking, hard.T]))
+            moves = shifts[:, 0] + shifts[:, 1:] @ _forces(hard @ shifts[:, 1:], missing - hard @ shifts[:, 0])
+            points[self._free] += moves.reshape(-1, 3)
+            return points
+        shifts = np.linalg.solve(self._own, held.T)
+        forces = _forces((held @ shifts) * (equations.normals @ equations.normals.T), missing)
+        points[self._free] += shifts @ (forces[:, None] * equations.normals)
         return points
+
+
+def _forces(softness: FloatArray, missing: FloatArray) -> FloatArray:
+    """Return the least forces that do what is missing, in equations of any size."""
+    size = np.sqrt(np.where(np.diag(softness) > 0, np.diag(softness), 1.0))
+    return np.asarray(np.linalg.lstsq(softness / size / size[:, None], missing / size, rcond=RANK)[0] / size)
+
+
+def _in_coordinates(rows: FloatArray, ways: FloatArray) -> FloatArray:
+    """Return (p, 3 n) factors of coordinates, of (p, n) rows of points along (p, 3) ways."""
+    return (rows[:, :, None] * ways[:, None]).reshape(len(rows), -1)

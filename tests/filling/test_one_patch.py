@@ -271,7 +271,12 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
 
 @pytest.mark.parametrize(
     ("curved", "scores", "taken"),
-    [([100], [5], 0), ([300, 100, 100], [1, 10, 100], 1), ([300, 300, 100, 100, 50, 0], [1, 2, 3, 2, 9, 0], 3)],
+    [
+        ([100], [5], 0),
+        ([1e12, 1], [5, 1], 0),
+        ([300, 100, 100], [1, 10, 100], 1),
+        ([300, 300, 100, 100, 50, 0], [1, 2, 3, 2, 9, 0], 3),
+    ],
 )
 def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
     """Twice the curvature that counts as none costs 16 times the score; the first step may make it worse."""
@@ -283,19 +288,21 @@ def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
 
 
 def test_pulls_move_free_points_as_energies_do():
-    """Without equations, the points have the least energy with the squares of a pull added."""
+    """Of the points with which an equation holds, they have the least energy with the squares of a pull added."""
     rng = np.random.default_rng(0)
     root, points, rows, ways, wanted = (rng.normal(size=shape) for shape in ((6, 6), (6, 3), (4, 6), (4, 3), 4))
-    free, none = np.array([1, 2, 4]), np.empty((0, 3))
-    equations = CornerForms(none.astype(int), np.empty(0, dtype=int), none, none, np.empty(0))
+    free, one, far = np.array([1, 2, 4]), rng.normal(size=(1, 3)), np.array([7.0])
+    equations = CornerForms(free[None], np.array([0]), one, one / np.linalg.norm(one), far)
     moved = _Form(root @ root.T, free).moved(points, equations, rows, ways, wanted)
+    assert equations.residuals(moved) == pytest.approx(0, abs=1e-9)
     square = np.kron((root @ root.T)[np.ix_(free, free)], np.eye(3))
-    table = (rows[:, free, None] * ways[:, None]).reshape(4, 9)
-    shift = np.linalg.solve(square + table.T @ table, table.T @ (wanted - ((rows @ points) * ways).sum(axis=1)))
-    np.testing.assert_allclose((moved - points)[free].ravel(), shift, atol=1e-9)
+    table, left = (rows[:, free, None] * ways[:, None]).reshape(4, 9), wanted - ((rows @ moved) * ways).sum(axis=1)
+    force = square @ (moved - points)[free].ravel() - table.T @ left
+    held = np.kron(one, equations.normals)[0]
+    np.testing.assert_allclose(force, held * (held @ force) / (held @ held), atol=1e-9)
     assert np.array_equal(np.delete(moved, free, axis=0), np.delete(points, free, axis=0))
     search = object.__new__(FairSearch)
-    search._layers = lambda points: []  # where no corner is curved, only what is pulled beside it counts
+    search._layers = lambda *_: []  # where no corner is curved, only what is pulled beside it counts
     assert search._pull([], np.eye(6), lambda _: (rows, ways, wanted), points)[2] == pytest.approx(wanted)
 
 
