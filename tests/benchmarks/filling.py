@@ -1,7 +1,8 @@
 """Holes filled by `gtb fill`, as generalized Bézier patches and by Open CASCADE: what is missed, and how they bend.
 
-`python -m tests.benchmarks.filling FILE.gbp …` prints how the fillings of sets of ribbons bend: E = ∫ κ₁² + κ₂² and
-MV = area · ∫ |∇H|², without the outermost hundredth of the way to the middle; a `.gbp` file is a whole GB patch.
+`python -m tests.benchmarks.filling FILE.gbp …` prints the figures of fillings of sets of ribbons: E = ∫ κ₁² + κ₂² and
+MV = area · ∫ |∇H|², without the outermost hundredth, and thousandth, of the way to the middle; and those at corners.
+A `.gbp` file is a whole GB patch.
 Without files, or for numbers of sides, the hole is cut into the graph of a cubic: a regular polygon around which the
 graph is known, with its tangent planes and curvatures. The distance from the graph inside is of the size of the hole.
 """
@@ -10,21 +11,22 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.certificate import Filling
-from gtb_cli.filling.fairest import VISIBLE
+from gtb_cli.filling.fairest import NEARER, VISIBLE
+from gtb_cli.filling.hole_corners import at_corners
 from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bernstein, side_normals, stations
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.models.model import Model
 from gtb_cli.solids.solidity import folded_pairs
+from gtb_cli.tessellation.tessellate import tessellate
 from tests.benchmarks.gb import GeneralizedBezier, polygon
 from tests.benchmarks.jets import bending, normals
 from tests.benchmarks.open_cascade import Filled
@@ -65,7 +67,31 @@ def sides(n: int, value: Graph, gradient: Graph) -> list[HoleSide]:
     return found
 
 
-MISSING = "not installed"
+MISSING, FINE = "not installed", 200  # segments along an edge, with which folds are looked for
+
+
+HEAD = "E and MV at .01, at .001, degrees from planes, at corners at 1e-3, 1e-5, κ · edge there, folds, seconds"
+
+
+def line(name: str, figures: Sequence[float], seconds: float) -> str:
+    return f"  {name:13}" + " ".join(f"{figure:8.3g}" for figure in (*figures, seconds))
+
+
+def about_corners(corners: np.ndarray, found: Sequence[HoleSide], at: Callable[..., tuple[np.ndarray, float]]) -> Any:
+    """Largest degrees of normals from the planes of corners, and curvatures times the shorter edge: at two distances.
+
+    `at` returns normals and the largest curvature at places that are these shares of edges of the domain away.
+    """
+    share, figures = np.linspace(0.05, 0.95, 19)[:, None], []
+    ends = [at_corners(side_normals(side)) for side in found]
+    for far in (1e-3, 1e-5):
+        for k, corner in enumerate(corners):
+            ways = np.roll(corners, -1, axis=0)[k] - corner, corners[k - 1] - corner
+            n, curved = at(corner + far * (share * ways[0] + (1 - share) * ways[1]))
+            sine = np.linalg.norm(np.cross(n, ends[k][0] + ends[k - 1][1]), axis=1).max() / 2
+            edges = [np.linalg.norm(np.ptp(found[j].ends, axis=0)) for j in (k - 1, k)]
+            figures.append((np.degrees(np.arcsin(min(sine, 1))), curved * min(edges)))
+    return np.reshape(figures, (2, len(corners), 2)).max(axis=1).T.ravel()
 
 
 def measured(
@@ -73,23 +99,46 @@ def measured(
     areas: Callable[[np.ndarray], np.ndarray],
     edge: Callable[[int, np.ndarray], np.ndarray],
     found: Sequence[HoleSide],
-) -> tuple[Bending, float, int]:
-    """How a surface over a regular polygon bends, its largest angle in degrees from given planes, and its folds.
+) -> list[float]:
+    """The figures of a surface over a regular polygon.
 
     `jets` and `areas` are those of its own parameters at places in the polygon, `edge` the jets along a side.
     """
-    region = domain(polygon(len(found)), "unit")
-    places, sizes = energy_samples(region, 40, VISIBLE)
-    bent = bending(jets(places), sizes * areas(places))
+    region, bends = domain(polygon(len(found)), "unit"), []
+    for cut in (VISIBLE, NEARER):
+        places, sizes = energy_samples(region, 40, cut)
+        bent = bending(jets(places), sizes * areas(places))
+        bends += [bent.energy, bent.variation]
     t = stations()
     away = (t > 0.02) & (t < 0.98)  # as `Filling.contacts`
     angles = []
     for k, side in enumerate(found):
         sine = np.linalg.norm(np.cross(normals(edge(k, t[away])), side_normals(side)[away]), axis=1)
         angles.append(np.degrees(np.arcsin(np.minimum(sine, 1))).max())
-    mesh = central_triangulation(region, 16)
+
+    def at(places: np.ndarray) -> tuple[np.ndarray, float]:
+        there = jets(places)
+        return normals(there), bending(there, np.ones(len(places))).curvature
+
+    mesh = central_triangulation(region, FINE)
     vertices = jets(mesh.parameters * (1 - 1e-9))[0]  # corners are limits
-    return bent, float(max(angles)), len(folded_pairs(vertices, mesh.cells))
+    folds = len(folded_pairs(vertices, mesh.cells))
+    return [*bends, max(angles), *about_corners(polygon(len(found)), found, at), folds]
+
+
+def of_filling(filling: Filling) -> list[float]:
+    """The same figures of a filling."""
+    patch, sides = filling.patch, filling.sides
+
+    def at(places: np.ndarray) -> tuple[np.ndarray, float]:
+        seen = patch.curvature(places, "linear")
+        largest = np.abs(seen.mean) + np.sqrt(np.maximum(seen.mean**2 - seen.gaussian, 0))
+        return patch.normals(places, "linear"), float(largest.max())
+
+    bends = [each for b in (filling.bending, filling.bending_nearer) for each in (b.energy, b.variation)]
+    mesh = tessellate(patch, FINE, normals=False)
+    folds = len(folded_pairs(mesh.vertices, mesh.faces))
+    return [*bends, filling.angle, *about_corners(patch.knots[: len(sides)], sides, at), folds]
 
 
 def fillings(found: Sequence[HoleSide]) -> Iterator[tuple[str, Filling, float, str]]:
@@ -109,18 +158,13 @@ def fillings(found: Sequence[HoleSide]) -> Iterator[tuple[str, Filling, float, s
         yield f"gtb fill {continuity}", filling, seconds, text
 
 
-def line(name: str, bent: Bending, angle: float, folds: int, seconds: float) -> str:
-    return f"  {name:13} {bent.energy:8.4g} {bent.variation:8.4g} {angle:8.1e} {folds:5} {seconds:8.2f}"
-
-
 def ribbons(path: str) -> None:
-    """Print how three fillings of a `.gbp` file bend: E, MV, degrees from the planes, folds, processor seconds."""
+    """Print the figures of three fillings of a `.gbp` file."""
     found, _ = read_loop(Path(path).read_bytes(), path)
-    assert not isinstance(found, Model)
-    print(f"{Path(path).name}, {len(found)} sides, E, MV, degrees, folds, seconds", flush=True)
+    assert isinstance(found, list)
+    print(f"{Path(path).name}, {len(found)} sides: {HEAD}", flush=True)
     for name, filling, seconds, text in fillings(found):
-        folds = filling.folds + filling.sharp_turns
-        print(line(name, filling.bending, filling.angle, folds, seconds) + text, flush=True)
+        print(line(name, of_filling(filling), seconds) + text, flush=True)
     gb, corner = GeneralizedBezier.read(path), polygon(len(found))
 
     def gb_edge(k: int, t: np.ndarray) -> np.ndarray:
@@ -129,7 +173,11 @@ def ribbons(path: str) -> None:
 
     begin = time.process_time()
     figures = measured(gb.jets, lambda places: np.ones(len(places)), gb_edge, found)
-    print(line("GB", *figures, time.process_time() - begin), flush=True)
+    print(line("GB", figures, time.process_time() - begin), flush=True)
+    of_open_cascade(found)
+
+
+def of_open_cascade(found: Sequence[HoleSide]) -> None:
     try:
         Filled(found)  # the first takes in the libraries
         begin = time.process_time()
@@ -144,7 +192,7 @@ def ribbons(path: str) -> None:
         lambda k, t: other.at(other.on_edge(k, t)[0]),
         found,
     )
-    print(line("Open CASCADE", *figures, seconds), flush=True)
+    print(line("Open CASCADE", figures, seconds), flush=True)
 
 
 def cubics(counts: Sequence[int]) -> None:
@@ -156,14 +204,15 @@ def cubics(counts: Sequence[int]) -> None:
         def missed(points: np.ndarray, value: Graph = value, size: float = size) -> str:
             return f"{np.abs(points[:, 2] - value(points[:, :2])).max() / size:.1e}"
 
-        print(f"{n} sides, distance from the graph, E, MV, degrees, folds, seconds", flush=True)
+        print(f"{n} sides, distance from the graph, and {HEAD}", flush=True)
         for name, filling, seconds, text in fillings(found):
             far = missed(filling.patch.evaluate(energy_samples(filling.patch.domain, 20)[0], "linear"))
-            print(f"  {far}" + line(name, filling.bending, filling.angle, filling.folds, seconds) + text, flush=True)
+            print(f"  {far}" + line(name, of_filling(filling), seconds) + text, flush=True)
         try:
             other = Filled(found)
             places = energy_samples(domain(polygon(n), "unit"), 20)[0]
             print(f"  {missed(other.at(other.parameters(places)[0])[0])}  Open CASCADE", flush=True)
+            of_open_cascade(found)
         except ImportError:
             print(f"  Open CASCADE: {MISSING}", flush=True)
 
