@@ -9,8 +9,6 @@ from gtb_cli.arrays import FloatArray, IntArray, cross, dot, paired, unit
 from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.topology import adjacent
 
-SHARPEST = 35.0  # largest angle in degrees between facets of a mesh of a file that look like a smooth surface
-
 
 class Normals(NamedTuple):
     """Unit normals of a mesh."""
@@ -34,11 +32,9 @@ def normals_of_corners(cells: IntArray, count: int, vectors: FloatArray, rows: I
     return Normals(result, number[place].reshape(cells.shape))
 
 
-def facet_normals(vertices: FloatArray, cells: IntArray, sharpest: float = SHARPEST) -> Normals:
-    """Return the means of the normals of facets around each vertex, weighted by area.
-
-    Facets that meet at an edge sharper than this angle, in degrees, have different means.
-    """
+def facet_normals(vertices: FloatArray, cells: IntArray) -> Normals:
+    """Return the means of the normals of facets around each vertex, weighted by area, on each side of sharp edges."""
+    sharpest = 35.0  # degrees between facets of a mesh of a file that look like a smooth surface
     size = float(np.abs(vertices).max(initial=0.0)) or 1.0
     a, b, c = (vertices[corner] / size for corner in cells.T)
     areas = cross(b - a, c - a)
