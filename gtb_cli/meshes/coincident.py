@@ -10,8 +10,7 @@ _FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9]
 def numbered_places(points: FloatArray) -> tuple[IntArray, IntArray]:
     """Number (m, 3) finite points so that those with equal coordinates have the same number; −0 and 0 are equal.
 
-    Returns the first point (k,) of each number, ascending, and (m,) numbers. It takes about 0.1 µs per point: rows are
-    distinguished by 64-bit keys, and equal keys are then confirmed by the full rows.
+    Returns the first point (k,) of each number, ascending, and (m,) numbers.
     """
     rows = np.ascontiguousarray(points, dtype=np.float64) + 0.0
     bits = rows.view(np.uint64)

@@ -175,10 +175,7 @@ class _FarthestPoint:
         return pieces
 
     def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:
-        """Distances of (m, 3) points, exact if they may be the largest, otherwise upper bounds; and the nearest cells.
-
-        Cells that are likely to be nearest save work.
-        """
+        """Distances of (m, 3) points, exact if they may be the largest, else upper bounds; and the nearest cells."""
         if likely is None:
             distances, cells = self.tree.start(points)
         else:

@@ -19,10 +19,7 @@ class Normals(NamedTuple):
 
 
 def normals_of_corners(cells: IntArray, count: int, vectors: FloatArray, rows: IntArray) -> Normals:
-    """Return the normals of a mesh with `count` vertices from the (f, 3) rows of vectors that the corners have.
-
-    The first one of those that a vertex has is the vertex's.
-    """
+    """Return normals of `count` vertices from the (f, 3) rows of vectors at corners; a vertex's own is its first."""
     keys, place = np.unique(paired(cells, rows, len(vectors)).ravel(), return_inverse=True)
     vertex, row = np.divmod(keys, len(vectors))
     further = np.diff(vertex, prepend=-1) == 0
@@ -50,10 +47,7 @@ def facet_normals(vertices: FloatArray, cells: IntArray) -> Normals:
 
 
 def filled_normals(normals: FloatArray, places: FloatArray, corners: IntArray) -> FloatArray:
-    """Replace (k, 3) normals that a surface does not have (NaN) by means of the facets around, weighted by area.
-
-    The normals are at (k, 3) places, and those of (f, 3) corners of faces.
-    """
+    """Replace NaN among (k, 3) normals at places by means, by area, of the faces around, given by (f, 3) corners."""
     missing = np.isnan(normals[:, 0])
     if not missing.any():
         return normals

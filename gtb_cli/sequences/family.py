@@ -80,10 +80,7 @@ def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
 
 
 def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
-    """Patches with the weights e^{l λ} ω for some l ≥ 0, and the regular control surface of the decomposition by λ.
-
-    Raises `DomainError` if the decomposition has a corner that is straight to rounding.
-    """
+    """Patches with the weights e^{l λ} ω for some l ≥ 0, and the regular control surface of the decomposition by λ."""
     least_exponent = 40.0  # by which knots outside a cell are below it on a member that is the limit to rounding
     order = list(range(len(decomposition.cells)))
     if decomposition.dimension == 1:  # along the curve

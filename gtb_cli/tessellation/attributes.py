@@ -27,10 +27,8 @@ def with_attributes(
     Names are some of `ATTRIBUTES` (a curve has u only), or ``basis:I`` for the basis function T_I of a single patch,
     which the mesh has as ``basis_I``. The first one is there again as `QUALITY_NAME`. The mesh was made of the shape by
     `tessellate` in the given parametrisation; vertices that patches share get the scalars of the first patch. A vertex
-    without a finite curvature gets the mean of its neighbours' values, and 0 if no vertex has one.
-
-    Raises `DomainError` for an unknown name, a curvature of a curve, a basis function of a model, or a mesh without
-    parameters.
+    without a finite curvature gets the mean of its neighbours' values, and 0 if no vertex has one. `DomainError`
+    refuses unknown names, a curvature of a curve, a basis function of a model, and a mesh without parameters.
     """
     functions = {name: _basis_index(shape, name) for name in names if name.startswith(BASIS)}
     for name in names:

@@ -207,10 +207,7 @@ class _Refinement:
         return steps_for(width, self.points_in_all)
 
     def sample_on_lattices(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
-        """Sample cells at peaks, and on lattices of the given steps; return cells that fail, and cells in doubt.
-
-        Cells in doubt hold, but the surface over them is not quadratic: they are sampled more finely in the end.
-        """
+        """Sample cells at peaks and on lattices; return cells that fail, and others with a surface not quadratic."""
         fails, doubts = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
         for steps in np.unique(steps_at).tolist():
             at = steps_at == steps

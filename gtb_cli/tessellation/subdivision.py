@@ -135,10 +135,7 @@ class Subdivision:
             marked[sides[thin, side[thin]]] = True
 
     def split(self, chosen: IntArray, rows: IntArray) -> IntArray:
-        """Split edges at the middles of their curves, and the given cells beside them; return all cells that changed.
-
-        New edges come after all others: first the halves of split edges, then edges inside cells.
-        """
+        """Split edges at the middles of their curves, and the given cells beside them; return all changed cells."""
         count, before = len(self.edges.ends), len(self)
         old = rows_of(self.edges, chosen)
         vertex = np.full(count, -1)  # in the middle of each split edge
