@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
@@ -71,8 +71,7 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
     found = Curvature(np.empty(len(u)), np.empty(len(u)))
     sampler = Sampler(shape.patches, torically_inside) if parametrization == "toric" else Sampler(shape.patches)
     face = sampler.faces_at(mesh.origin.patch, u)
-    for index in np.unique(mesh.origin.patch).tolist():
-        rows = np.flatnonzero(mesh.origin.patch == index)
+    for index, rows in groups(mesh.origin.patch):
         where = sampler.locations(index, u[rows], face[rows])
         (gaussian,), (mean,) = curvatures_at([shape.patches[index]], where, len(rows))
         found.gaussian[rows], found.mean[rows] = gaussian, -mean if mesh.origin.turned[index] else mean

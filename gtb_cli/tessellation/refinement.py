@@ -209,8 +209,7 @@ class _Refinement:
     def sample_on_lattices(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
         """Sample cells at peaks and on lattices; return cells that fail, and others with a surface not quadratic."""
         fails, doubts = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
-        for steps in np.unique(steps_at).tolist():
-            at = steps_at == steps
+        for steps, at in groups(steps_at):
             fails[at], doubts[at] = self.sample(rows[at], steps)
             doubts[at] &= steps < 2 * FINE_LATTICE_STEPS
         if doubts.any() and not fails.any() and not self.far().any():
