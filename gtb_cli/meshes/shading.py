@@ -47,7 +47,7 @@ def facet_normals(vertices: FloatArray, cells: IntArray) -> Normals:
 
 
 def filled_normals(normals: FloatArray, places: FloatArray, corners: IntArray) -> FloatArray:
-    """Replace NaN among (k, 3) normals at places by means, by area, of the faces around, given by (f, 3) corners."""
+    """Replace NaN among (k, 3) normals at places by means of the faces around, weighted by area: (f, 3) corners."""
     missing = np.isnan(normals[:, 0])
     if not missing.any():
         return normals

@@ -207,7 +207,7 @@ class _Refinement:
         return steps_for(width, self.points_in_all)
 
     def sample_on_lattices(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
-        """Sample cells at peaks and on lattices; return cells that fail, and others with a surface not quadratic."""
+        """Sample cells at peaks and lattices; return cells that fail, and cells in doubt, where no quadratic fits."""
         fails, doubts = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
         for steps, at in groups(steps_at):
             fails[at], doubts[at] = self.sample(rows[at], steps)
