@@ -2,7 +2,7 @@
 
 import math
 from functools import lru_cache
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -36,21 +36,17 @@ class Description:
 
 def description(patch: Patch) -> Description:
     """Describe a patch (Sections 2 and 4 of the paper; Ex. 4.1)."""
-    kind, degree = _kind(patch)
     shape, normals = patch.domain, patch.edge_normals if patch.dimension == 2 else None
+    kind: Kind = "toric" if (patch.knots == np.rint(patch.knots)).all() else "GT"
+    lattice = lattice_of(shape) or ()
+    if lattice:
+        kind = get_args(Kind)[len(shape.vertices)]  # curves have two, triangles three and tensor products four
     if normals == "auto":
         normals = "primitive" if has_integer_corners(shape.vertices) else "unit"
     edges = tuple(tuple(shape.edge_knots(edge).tolist()) for edge in range(len(shape.vertices)))
     boxes, error = (bounds([patch]), bounds_of(patch.control_points)), _linear_precision_error(patch.rational_basis)
+    degree = tuple(direction.degree for direction in lattice)
     return Description(kind, degree, edges, normals, *boxes, error, repeated(patch.knots))
-
-
-def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:
-    kinds: tuple[Kind, ...] = "rational Bézier curve", "rational Bézier triangle", "rational Bézier tensor product"
-    lattice = lattice_of(patch.domain)
-    if lattice is None:
-        return ("toric" if (patch.knots == np.rint(patch.knots)).all() else "GT"), ()
-    return kinds[len(patch.domain.vertices) - 2], tuple(direction.degree for direction in lattice)
 
 
 @lru_cache(maxsize=64)  # the patches of a model often have one basis

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray
+from gtb_cli.arrays import EPS
 from gtb_cli.distances.search import FarthestSearch
-from gtb_cli.distances.strata import Surface, surface_of
+from gtb_cli.distances.strata import surface_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.triangulation import cell_count
-from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.hausdorff import Distance, Farthest
 from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import Complex, joined_complex
@@ -34,22 +33,12 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
         resolution = cells_along_edges(shape.patches, rough_cells, least)
         mosaic = joined_complex(shape.patches, joints_of(shape), resolution)
         surfaces.append(surface_of(shape.patches, layered(mosaic, shape.patches)))
-    found, at, errors = farthest(surfaces, [(0, 1), (1, 0)], 2)
+    found, at, errors = FarthestSearch(surfaces, [(0, 1), (1, 0)], 2).farthest()
     ways = [Farthest(float(distance), tuple(point.tolist())) for distance, point in zip(found, at, strict=True)]
     half = max(float(np.ptp(surface.points, axis=0).max()) for surface in surfaces) / 2
     scale = max(float(np.abs(surface.points).max()) for surface in surfaces)
     bound = float((found + errors).max()) + blur * half + rounding * scale
     return Distance(ways[0], ways[1], bound, is_proved=False)
-
-
-def farthest(
-    surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return distances, points and errors as `FarthestSearch` finds them, (k,), (k, 3) and (k,), in model units."""
-    frame = Frame.around(*(surface.points for surface in surfaces))
-    seen = [surface.seen_from(frame) for surface in surfaces]
-    found, at, errors = FarthestSearch(seen, ways, count).farthest()
-    return frame.length(found), frame.outside(at), frame.length(errors)
 
 
 def layered(mosaic: Complex, patches: Sequence[Patch]) -> Complex:

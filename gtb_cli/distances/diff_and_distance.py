@@ -115,11 +115,8 @@ def distance(a: Comparable, b: Comparable) -> Distance:
 
     Between meshes, the distance is proved up to its error. Between patches, models and curves it is found on themselves
     by a search to three digits, which is not proved: a nearest point may be missed. Beside a mesh, a patch is meshed
-    with an error of at most a thousandth of its size, seen at samples only.
-
-    Parameters
-    ----------
-    a, b : Mesh, Patch, Model, several patches, or path of a mesh file or of a spec
+    with an error of at most a thousandth of its size, seen at samples only. Either may be a mesh, a patch, a model,
+    several patches, or the path of a mesh file or of a spec.
     """
     fine = 1e-3  # of the size: the mesh of a patch that is compared with a mesh
     one, other = (operand(each, Recipe(tolerance=f"{100 * fine}%")) for each in (a, b))

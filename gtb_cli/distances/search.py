@@ -6,6 +6,7 @@ their own surface as long as their distances grow.
 """
 
 from collections.abc import Sequence
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, groups, joined, rows_of
 from gtb_cli.distances.projection import ROUNDING, projected
 from gtb_cli.distances.strata import Strata, StratumPlaces, Surface
+from gtb_cli.meshes.frame import Frame
 
 RELATIVE_ERROR = 5e-4  # relative error of a distance between surfaces: three digits are right
 CLOSE_SHARE = 0.9  # fraction of the largest distance from which on a point of the start may lead to a farther one
@@ -41,13 +43,14 @@ class LocalMaxima(NamedTuple):
 
 
 class FarthestSearch:
-    """The search among some surfaces of about size 1, for the points farthest on some ways (from, to), by numbers.
+    """The search among some surfaces, in a frame around them, for the points farthest on some ways (from, to).
 
     Ways w and w + `count` are both ways between two surfaces: only the larger distance is looked for.
     """
 
     def __init__(self, surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int) -> None:
-        self.surfaces, self.count = surfaces, count
+        self.frame, self.count = Frame.around(*(surface.points for surface in surfaces)), count
+        self.surfaces = surfaces = [surface.seen_from(self.frame) for surface in surfaces]
         self.source, self.target = np.array(ways).T
         self.first = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
         columns = np.cumsum([0, *(surface.strata.log_weights.shape[1] for surface in surfaces)])
@@ -58,7 +61,8 @@ class FarthestSearch:
             np.concatenate([surface.places.s for surface in surfaces]),
         )
         self.regions = [_regions(surface.region) for surface in surfaces]
-        beside = [_pairs(surface.cells + first) for surface, first in zip(surfaces, self.first, strict=False)]
+        cells = [surface.cells + first for surface, first in zip(surfaces, self.first, strict=False)]
+        beside = [part[:, pair] for part in cells for pair in map(list, permutations(range(part.shape[1]), 2))]
         self.neighbours = _table(np.concatenate(beside), np.arange(len(self.points)))
 
     def farthest(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -79,7 +83,8 @@ class FarthestSearch:
         lost = self.largest(peaks.way % self.count, peaks.distance) - found
         missed = lost > RELATIVE_ERROR * found + ROUNDING
         found = np.where(found > ROUNDING, found, 0.0)
-        return found, at, RELATIVE_ERROR * found + np.where(missed, np.maximum(lost, found), 0.0)
+        errors = RELATIVE_ERROR * found + np.where(missed, np.maximum(lost, found), 0.0)
+        return self.frame.length(found), self.frame.outside(at), self.frame.length(errors)
 
     def positions(self, places: StratumPlaces) -> FloatArray:
         """Return the points at places, (m, 3)."""
@@ -254,12 +259,6 @@ def _highest(way: IntArray, heights: FloatArray, number: int) -> IntArray:
     order = np.lexsort((-heights, way))
     ways = way[order]
     return order[np.arange(len(way)) - np.searchsorted(ways, ways) < number]
-
-
-def _pairs(cells: IntArray) -> IntArray:
-    """Return the pairs of points that share a cell, (q, 2), in both orders."""
-    corners = range(cells.shape[1])
-    return np.concatenate([cells[:, [i, j]] for i in corners for j in corners if i != j])
 
 
 def _regions(region: IntArray) -> IntArray:

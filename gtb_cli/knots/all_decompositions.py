@@ -63,24 +63,12 @@ def regular_decompositions(knots: ArrayLike, triangulations: bool = False) -> It
 
     Liftings that induce the same decomposition form a cone, and the cones form a complete fan. Its cones of full
     dimension belong to triangulations, which use some of the knots; all others are their faces (Gelfand, Kapranov and
-    Zelevinsky 1994, chapter 7).
+    Zelevinsky 1994, chapter 7). With `triangulations`, these alone are yielded.
 
-    Parameters
-    ----------
-    knots : (n, d) float, or (n,) for d = 1
-        Knots a_i, in any order, d = 1 or 2. Of repeated knots, a triangulation uses one at most.
-    triangulations : bool
-        Yield the triangulations only.
+    Knots are (n, d), d = 1 or 2, or (n,) for d = 1, in any order; of repeated ones, a triangulation uses one at most.
+    `DomainError` is raised as by `regular_decomposition`, and `ToleranceError` where a lifting does not induce its
+    decomposition, or some are missing: knots are too near to each other.
 
-    Raises
-    ------
-    DomainError
-        As for `regular_decomposition`.
-    ToleranceError
-        A lifting does not induce its decomposition, or some are missing: knots are too near to each other.
-
-    Notes
-    -----
     Knots that are multiples of 2^-32 of the largest (integers, say) are decided exactly, in integers. For others,
     knots are equal or collinear as for `regular_decomposition`, and a lifting within 100 times that tolerance of a
     facet lies on it.

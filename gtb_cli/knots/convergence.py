@@ -22,28 +22,12 @@ def convergence_rate(decomposition: RegularDecomposition) -> float:
     max_{i ∈ S} ℓ_i(g) of all g and all sets S of knots that have no cell in common; the least over g is the largest
     height of the upper hull above the simplex of the lifted knots of S. One, two or three knots suffice.
 
-    Parameters
-    ----------
-    decomposition : RegularDecomposition
-        That of the lifting λ; for x → 0, that of −λ.
+    The decomposition is that of λ; for x → 0, that of −λ. ρ > 0 is in the units of the lifting, and infinite for a
+    single cell of all knots, as the patch is its own limit. It is exact for control points in general position.
+    Distances fall faster if the limit is smooth at the place that decides, and a second exponent near ρ shows in all
+    but the largest x. The paper has the limit (Thm 3.2, Thm 4.2) without a rate.
 
-    Returns
-    -------
-    float
-        ρ > 0, in the units of the lifting; infinity for a single cell of all knots, as the patch is its own limit.
-
-    Raises
-    ------
-    DomainError
-        The argument is something else.
-    ToleranceError
-        There are too many knots and cells (``MAX_GAPS``).
-
-    Notes
-    -----
-    The exponent is exact for control points in general position. Distances fall faster if the limit is smooth at the
-    place that decides, and a second exponent near ρ shows in all but the largest x. The paper has the limit (Thm 3.2,
-    Thm 4.2) without a rate.
+    `DomainError` is raised for anything but a decomposition, and `ToleranceError` for too many knots and cells.
     """
     if not isinstance(decomposition, RegularDecomposition):
         raise DomainError(f"decomposition: expected a RegularDecomposition, got {type(decomposition).__name__}")

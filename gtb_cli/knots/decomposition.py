@@ -74,20 +74,10 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     below the upper hull do not belong to any cell. An affine lifting gives one cell. See Sections 3 and 4 of the paper,
     property (f), before Theorems 3.2 and 4.2; Ex. 3.4, Ex. 4.4.
 
-    Parameters
-    ----------
-    knots : (n, d) float, or (n,) for d = 1
-        Knots a_i, in any order, d = 1 or 2. Among repeated knots only the highest count, all of them if several are.
-    lifting : (n,) float
-        Values λ_i.
+    Knots a_i are (n, d), d = 1 or 2, or (n,) for d = 1, in any order, and the lifting λ is (n,). Among repeated knots
+    only the highest count, all of them if several are. `DomainError` is raised where shapes disagree, values are not
+    finite or beyond 1e100, or all knots lie on one line (at one place for d = 1).
 
-    Raises
-    ------
-    DomainError
-        Shapes disagree, values are not finite or beyond 1e100, or all knots lie on one line (at one place for d = 1).
-
-    Notes
-    -----
     The hull is computed exactly, in integers, since floats are binary fractions. Simplices split by rounding of the
     input are then joined, the largest first: a knot lies on a face within 1e-12 of the lifting's range plus the effect
     of rounding of the data. Gaps near this bound may be decided either way, but cells are joined only into convex

@@ -1,6 +1,5 @@
 """Upper faces of lifted knots: their exact hull, in integers, with simplices joined that rounding had split."""
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import combinations, pairwise
@@ -68,18 +67,14 @@ def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
     bits = max(denominator for row in ratios for _, denominator in row).bit_length() - 1
     design = np.column_stack([np.ones(n), (points - points[0]) / np.ptp(points, axis=0).max()])
     residual = heights - design @ np.linalg.lstsq(design, heights, rcond=None)[0]
-    inexact = [not _is_short(column) for column in rows.T]
-    sizes = np.abs(rows).max(axis=0).tolist()
+    sizes = np.abs(rows).max(axis=0)
+    # Numbers that are all multiples of 2^-32 of the largest are exact: rounded results are not such by chance.
+    scaled = np.ldexp(rows, 32 - np.frexp(sizes)[1])
+    inexact = (scaled != np.rint(scaled)).any(axis=0).tolist()
     exact = [tuple((numerator << bits) // denominator for numerator, denominator in row) for row in ratios]
     floor = gap_tolerance * float(np.ptp(residual)) if any(inexact) else 0.0
-    rounding = [rounding_ulps * EPS * size * off for size, off in zip(sizes, inexact, strict=True)]
+    rounding = [rounding_ulps * EPS * size * off for size, off in zip(sizes.tolist(), inexact, strict=True)]
     return Lifted(points, heights, exact, bits, _places(points, heights, tolerance), tolerance, floor, rounding)
-
-
-def _is_short(column: FloatArray) -> bool:
-    """Tell whether all numbers are multiples of 2^-32 of the largest, as rounded results are not by chance: exact."""
-    scaled = np.ldexp(column, 32 - math.frexp(float(np.abs(column).max()))[1])
-    return bool((scaled == np.rint(scaled)).all())
 
 
 def _places(points: FloatArray, heights: FloatArray, tolerance: float) -> list[int]:

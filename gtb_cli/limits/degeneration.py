@@ -19,24 +19,9 @@ MAX_WEIGHT_LOG = 700.0  # exp(±700), and its products with knots and points, ar
 def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patch:
     """Give a patch the weights ``ω_i(x) = x^{λ_i} ω_i`` of its toric degeneration (eq. 304, eq. 403).
 
-    Parameters
-    ----------
-    patch : Patch
-    x : float
-        Finite and positive. The patch tends to the `regular_control_surface` of λ for x → ∞, and to that of −λ for x →
-        0; x = 1 returns the patch itself.
-    lifting : (n,) float, optional
-        λ_i; default the patch's own.
-
-    Returns
-    -------
-    Patch
-        A copy with new weights, given as logarithms if some are beyond the range of floats.
-
-    Raises
-    ------
-    DomainError
-        x is not finite and positive, or there is no lifting.
+    The patch tends to the `regular_control_surface` of λ for x → ∞, and to that of −λ for x → 0; x = 1 returns the
+    patch itself. The lifting λ, (n,), is the patch's own by default. New weights are given as logarithms if some are
+    beyond the range of floats. `DomainError` is raised for an x that is not finite and positive, and without a lifting.
     """
     if not (math.isfinite(x) and x > 0):
         raise DomainError(f"x: must be finite and positive, got {x!r}")

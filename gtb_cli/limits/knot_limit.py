@@ -1,7 +1,4 @@
-"""Knots that move to other knots: the merged patch, which is the limit inside Δ, and films where they reach its edge.
-
-A film is the part of the limit set outside the merged patch.
-"""
+"""Knots that move to other knots: the merged patch, their limit inside Δ, and films where they reach its edge."""
 
 import math
 from collections.abc import Mapping
@@ -28,22 +25,9 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     merge into it (Thm 3.1, Cor. 3.1, Thm 4.1, there with all c_i = 1). On the boundary of Δ the convergence may fail:
     see `knot_limit`.
 
-    Parameters
-    ----------
-    patch : Patch
-    moves : mapping of int to int
-        {k: q} by index. Chains are followed: {1: 2, 2: 3} merges knots 1 and 2 into knot 3.
-
-    Returns
-    -------
-    Patch
-        The patch without the knots k. The other knots keep their order; q keeps its place, coefficient and lifting
-        value.
-
-    Raises
-    ------
-    DomainError
-        An index is out of range, moves form a cycle, or a move would change the hull.
+    Moves are {k: q} by index. Chains are followed: {1: 2, 2: 3} merges knots 1 and 2 into knot 3. The patch loses the
+    knots k. The other knots keep their order; q keeps its place, coefficient and lifting value. `DomainError` is raised
+    for an index out of range, moves that form a cycle, and a move that would change the hull.
     """
     targets = ends_of_moves(patch, moves)
     stays = targets == np.arange(len(targets))

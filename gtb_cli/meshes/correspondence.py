@@ -128,16 +128,13 @@ def by_nearness(
 
 @dataclass(frozen=True)
 class _Faces:
-    """Faces of two meshes in common numbers: (k,) numbers, and (f,) how often each occurs in either.
+    """Faces of two meshes in common numbers."""
 
-    Faces with the same number look to one side or the other, 1 or −1; 0 if they look nowhere.
-    """
-
-    face: IntArray
+    face: IntArray  # (k,) numbers
     other: IntArray
-    side: IntArray
+    side: IntArray  # (k,) to which they look, 1 or −1; 0 if nowhere
     other_side: IntArray
-    here: IntArray
+    here: IntArray  # (f,) how often each occurs
     there: IntArray
 
     def turned(self, usual: int = 1) -> int:

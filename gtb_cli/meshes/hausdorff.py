@@ -137,20 +137,13 @@ class _FarthestPoint:
     """The farthest point found so far, and a bound for everything left out so far."""
 
     def __init__(self, tree: NearestCells, accuracy: float, place: FloatArray) -> None:
-        self.tree = tree
-        self.accuracy = accuracy
-        self.place = place
+        self.tree, self.accuracy, self.place = tree, accuracy, place
         self.found = self.bound = 0.0
 
     @property
     def enough(self) -> float:
         """The value below which a bound need not be lowered."""
         return self.found + max(self.found * RELATIVE_ERROR, self.accuracy, DISTANCE_ROUNDING)
-
-    @property
-    def low(self) -> float:
-        """The distance up to which points need not be measured exactly."""
-        return self.found * (1 + RELATIVE_ERROR) + DISTANCE_ROUNDING
 
     def needed(self, pieces: CellParts) -> CellParts:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
@@ -182,10 +175,7 @@ class _FarthestPoint:
         return pieces
 
     def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:
-        """Distances of (m, 3) points, exact if they may be the largest, otherwise upper bounds; and the nearest cells.
-
-        Cells that are likely to be nearest save work.
-        """
+        """Distances of (m, 3) points, exact if they may be the largest, else upper bounds; and the nearest cells."""
         if likely is None:
             distances, cells = self.tree.start(points)
         else:
@@ -206,15 +196,12 @@ class _FarthestPoint:
             chosen = self._open(chosen, distances)
             if len(chosen):
                 distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
-                self.note(points[chosen], distances[chosen])
+                farthest = chosen[distances[chosen].argmax()]
+                if distances[farthest] > self.found:
+                    self.found, self.place = float(distances[farthest]), points[farthest]
             begin, length = begin + length, length * 4
         return distances, cells
 
     def _open(self, chosen: IntArray, distances: FloatArray) -> IntArray:
-        return chosen[distances[chosen] > self.low]
-
-    def note(self, points: FloatArray, distances: FloatArray) -> None:
-        """Keep the farthest of some points whose distances are exact."""
-        farthest = int(distances.argmax())
-        if distances[farthest] > self.found:
-            self.found, self.place = float(distances[farthest]), points[farthest]
+        """Return the chosen points whose distances must be exact."""
+        return chosen[distances[chosen] > self.found * (1 + RELATIVE_ERROR) + DISTANCE_ROUNDING]

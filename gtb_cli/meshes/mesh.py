@@ -176,10 +176,7 @@ class Mesh:
 
     @property
     def open_sides(self) -> IntArray:
-        """(k, 2) sides of triangles that do not meet exactly one other side, in the opposite direction.
-
-        A mesh without open sides is closed and consistently oriented.
-        """
+        """(k, 2) sides of triangles that do not meet exactly one other, in the opposite direction; none if closed."""
         sides = sides_of(self.faces)
         return sides.directed[sides.open]
 

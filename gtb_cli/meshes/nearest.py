@@ -111,10 +111,7 @@ class NearestCells:
 
 
 def cell_distances(points: FloatArray, *corners: FloatArray) -> FloatArray:
-    """(m,) distances of (m, 3) points, each from its own cell, given as the (m, 3) ends of segments or (m, 3) corners.
-
-    Segments and triangles may be flat or a point.
-    """
+    """(m,) distances of (m, 3) points, each from its own cell, which may be flat or a point, by (m, 3) corners."""
     result = np.empty(len(points))
     for start in range(0, len(points), BLOCK_POINTS):
         rows = slice(start, start + BLOCK_POINTS)

@@ -110,10 +110,7 @@ def _squares(corners: FloatArray) -> FloatArray:
 
 
 def _heights(corners: FloatArray, inside: FloatArray, cells: FloatArray) -> FloatArray:
-    """(m, c) heights of corners over one plane around the region of (m, 3) points `inside`: the plane exceeded most.
-
-    The region is that of all points to which the same feature of a cell is nearest.
-    """
+    """(m, c) heights of corners over the plane exceeded most around the region of a cell's feature nearest `inside`."""
     origins, normals = (_around_segment if cells.shape[1] == 2 else _around_triangle)(inside, cells)
     heights = np.einsum("ijk,ipk->ipj", corners, normals) - np.einsum("ipk,ipk->ip", origins, normals)[:, :, None]
     return np.asarray(heights[np.arange(len(cells)), heights.max(axis=2).argmax(axis=1)])

@@ -9,11 +9,8 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.values import frozen
 
-# Roundings of the largest coordinate: shorter segments have no direction of their own and are skipped
-MIN_SEGMENT_ROUNDINGS = 1024
-# Least cosine of the angle between a tangent and the adjacent segments, where no other is asked for: below it the mesh
-# is too coarse for the tangent, and the segments' directions are used
-MIN_TANGENT_COSINE = 0.5
+MIN_SEGMENT_ROUNDINGS = 1024  # of the largest coordinate: shorter segments have no direction, and are skipped
+MIN_TANGENT_COSINE = 0.5  # between a tangent and its segments, whose directions are used below it: the mesh is coarse
 
 
 @frozen

@@ -9,8 +9,6 @@ from gtb_cli.arrays import FloatArray, IntArray, cross, dot, paired, unit
 from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.topology import adjacent
 
-SHARPEST = 35.0  # largest angle in degrees between facets of a mesh of a file that look like a smooth surface
-
 
 class Normals(NamedTuple):
     """Unit normals of a mesh."""
@@ -21,10 +19,7 @@ class Normals(NamedTuple):
 
 
 def normals_of_corners(cells: IntArray, count: int, vectors: FloatArray, rows: IntArray) -> Normals:
-    """Return the normals of a mesh with `count` vertices from the (f, 3) rows of vectors that the corners have.
-
-    The first one of those that a vertex has is the vertex's.
-    """
+    """Return normals of `count` vertices from the (f, 3) rows of vectors at corners; a vertex's own is its first."""
     keys, place = np.unique(paired(cells, rows, len(vectors)).ravel(), return_inverse=True)
     vertex, row = np.divmod(keys, len(vectors))
     further = np.diff(vertex, prepend=-1) == 0
@@ -34,11 +29,9 @@ def normals_of_corners(cells: IntArray, count: int, vectors: FloatArray, rows: I
     return Normals(result, number[place].reshape(cells.shape))
 
 
-def facet_normals(vertices: FloatArray, cells: IntArray, sharpest: float = SHARPEST) -> Normals:
-    """Return the means of the normals of facets around each vertex, weighted by area.
-
-    Facets that meet at an edge sharper than this angle, in degrees, have different means.
-    """
+def facet_normals(vertices: FloatArray, cells: IntArray) -> Normals:
+    """Return the means of the normals of facets around each vertex, weighted by area, on each side of sharp edges."""
+    sharpest = 35.0  # degrees between facets of a mesh of a file that look like a smooth surface
     size = float(np.abs(vertices).max(initial=0.0)) or 1.0
     a, b, c = (vertices[corner] / size for corner in cells.T)
     areas = cross(b - a, c - a)
@@ -54,10 +47,7 @@ def facet_normals(vertices: FloatArray, cells: IntArray, sharpest: float = SHARP
 
 
 def filled_normals(normals: FloatArray, places: FloatArray, corners: IntArray) -> FloatArray:
-    """Replace (k, 3) normals that a surface does not have (NaN) by means of the facets around, weighted by area.
-
-    The normals are at (k, 3) places, and those of (f, 3) corners of faces.
-    """
+    """Replace NaN among (k, 3) normals at places by means of the faces around, weighted by area: (f, 3) corners."""
     missing = np.isnan(normals[:, 0])
     if not missing.any():
         return normals

@@ -1,7 +1,4 @@
-"""The moment map μ and its inverse, which the linear parametrisation p ↦ P(μ⁻¹(p)) needs.
-
-``μ(s) = Σ_i T_i(s) a_i`` maps the torus coordinates one-to-one onto the interior of the knots' hull (Birch's theorem).
-"""
+"""The moment map μ and its inverse, which the linear parametrisation p ↦ P(μ⁻¹(p)) needs."""
 
 from collections import OrderedDict
 from functools import cached_property, lru_cache
@@ -23,8 +20,9 @@ _latest: OrderedDict[tuple[object, ...], FloatArray] = OrderedDict()
 class MomentMap:
     """The moment map ``μ(s) = Σ_i T_i(s) a_i`` of (n, d) knots and (n,) log(c_i ω_i), or of w weightings, (w, n).
 
-    The inverse starts from the torus coordinates of p for the nearest layers of knots alone; where this fails,
-    from solutions for tamer weights, and at last from 0. See `gtb_cli.moment.solve`.
+    It is one-to-one onto the interior of the knots' hull (Birch's theorem). The inverse starts from the torus
+    coordinates of p for the nearest layers of knots alone; where this fails, from solutions for tamer weights, and at
+    last from 0. See `gtb_cli.moment.solve`.
     """
 
     knots: FloatArray

@@ -33,13 +33,10 @@ class Moments(NamedTuple):
 
 @frozen
 class LogSum:
-    """``log Σ_i c_i ω_i e^<a_i, s>`` for each column s.
+    """``log Σ_i c_i ω_i e^<a_i, s>`` for each column s."""
 
-    Knots are (n, d), in units of their extents; log(c_i ω_i) are (n,) for all columns, or (n, m), one for each.
-    """
-
-    knots: FloatArray
-    log_weights: FloatArray
+    knots: FloatArray  # (n, d) in units of their extents
+    log_weights: FloatArray  # (n,) log(c_i ω_i) for all columns, or (n, m), one for each
 
     def columns(self, rows: IntArray) -> LogSum:
         """Return the function for some columns."""

@@ -31,26 +31,20 @@ class Family:
     # One for each patch, the limit last. All take parameters with the patch of the limit in which they lie, and the
     # face of that patch's domain.
     samplers: tuple[Sampler, ...]
-    members: tuple[Patch, ...]  # without the limit
-    is_limit: tuple[bool, ...]  # for each of them whether it is the limit, to rounding
+    members: tuple[Patch | None, ...]  # without the limit; None for a member that is the limit to rounding
     joints: Joints  # of the patches of the limit
     faces: IntArray | None = None  # (c, f) faces of Δ that hold each face of each patch of the limit; None for one
-    knot_limit: KnotLimit | None = None  # None for a degeneration
+    filmed: KnotLimit | None = None  # the limit, if as a set it has films beside the merged patch
 
     @property
     def limit(self) -> Sampler:
         """The sampler of the limit."""
         return self.samplers[-1]
 
-    @property
-    def has_film(self) -> bool:
-        """Tell whether the limit as a set has films beside the merged patch."""
-        return self.knot_limit is not None and bool(self.knot_limit.films)
-
     @cached_property
     def film(self) -> Mesh | None:
         """A mesh of the films, if there are any."""
-        return film_mesh(self.knot_limit) if self.knot_limit is not None and self.has_film else None
+        return None if self.filmed is None else film_mesh(self.filmed)
 
     def uniform(self, resolution: int) -> Complex:
         """Return the complex with `resolution` cells along each edge of each patch of the limit."""
@@ -82,15 +76,11 @@ def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
     """Patches at some steps of a knot limit, and the merged one."""
     members = tuple(move_knots(limit.patch, limit.moves, step) for step in steps)
     samplers = tuple(Sampler((patch,)) for patch in (*members, limit.merged))
-    joints, is_limit = unjoined(limit.merged), (False,) * len(members)
-    return Family(samplers, members, is_limit, joints, knot_limit=limit)
+    return Family(samplers, members, unjoined(limit.merged), filmed=limit if limit.films else None)
 
 
 def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
-    """Patches with the weights e^{l λ} ω for some l ≥ 0, and the regular control surface of the decomposition by λ.
-
-    Raises `DomainError` if the decomposition has a corner that is straight to rounding.
-    """
+    """Patches with the weights e^{l λ} ω for some l ≥ 0, and the regular control surface of the decomposition by λ."""
     least_exponent = 40.0  # by which knots outside a cell are below it on a member that is the limit to rounding
     order = list(range(len(decomposition.cells)))
     if decomposition.dimension == 1:  # along the curve
@@ -101,15 +91,13 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     faces = _outer_faces(patch.domain, decomposition, order)
     gaps = [decomposition.gaps(k) for k in order]
     least_gap = min((float(gap.min(where=gap > 0, initial=np.inf)) for gap in gaps), default=np.inf)
-    samplers, members = [], []
+    samplers, members = list[Sampler](), list[Patch | None]()
     for logarithm in logarithms:
         # An affine lifting changes no point; the gaps, 0 on the cell itself, keep all digits there.
         wholes = [patch.replace(log_weights=patch.log_weights - logarithm * gap) for gap in gaps]
         samplers.append(Sampler(wholes, parts=[cell.domain for cell in cells], faces=faces))
-        members.append(wholes[0])
-    is_limit = tuple(not logarithm * least_gap < least_exponent for logarithm in logarithms)
-    samplers.append(Sampler(cells))
-    return Family(tuple(samplers), tuple(members), is_limit, joints, faces)
+        members.append(wholes[0] if logarithm * least_gap < least_exponent else None)
+    return Family((*samplers, Sampler(cells)), tuple(members), joints, faces)
 
 
 def _sides(polygon: tuple[int, ...]) -> list[tuple[int, ...]]:

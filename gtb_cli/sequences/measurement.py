@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import shifted
-from gtb_cli.distances.between_shapes import cells_along_edges, farthest, layered
+from gtb_cli.distances.between_shapes import cells_along_edges, layered
+from gtb_cli.distances.search import FarthestSearch
 from gtb_cli.distances.strata import Surface, surface_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.hausdorff import mesh_distance
@@ -37,9 +38,9 @@ ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}  # the accuracy for 
 class Measurement:
     """Distances of surfaces from a limit, whatever the resolution of the meshes that are written.
 
-    They are found on the surfaces themselves (`farthest`) or, from films, which have no torus coordinates, between
-    meshes. Surface and limit then have the same triangulation, refined until each mesh is within the chord error
-    of its surface. Their distance (`mesh_distance`) is off by at most twice the chord error.
+    They are found on the surfaces themselves or, from films, which have no torus coordinates, between meshes. Surface
+    and limit then have the same triangulation, refined until each mesh is within the chord error of its surface. Their
+    distance is off by at most twice the chord error.
     """
 
     def __init__(self, family: Family, accuracy: Accuracy) -> None:
@@ -47,16 +48,15 @@ class Measurement:
 
     def distances(self, members: range) -> Iterator[tuple[float, float, float | None, str]]:
         """Yield each member's distances from the limit and from the limit with its film, their error, and a doubt."""
-        if self.family.has_film:
+        if self.family.filmed:
             yield from map(self.between_meshes, members)
             return
-        count = len(self.family.members)
-        near = [member for member in members if member < count and not self.family.is_limit[member]]
-        surfaces = [self.limit, *self.surfaces([self.family.members[member] for member in near])]
+        near = {k: patch for k, patch in enumerate(self.family.members) if patch is not None and k in members}
+        surfaces = [self.limit, *self.surfaces([*near.values()])]
         ways = [(row, 0) for row in range(1, len(surfaces))] + [(0, row) for row in range(1, len(surfaces))]
         known: dict[int, tuple[float, float]] = {}
         if near:
-            found, _, errors = farthest(surfaces, ways, len(near))
+            found, _, errors = FarthestSearch(surfaces, ways, len(near)).farthest()
             known = dict(zip(near, zip(found.tolist(), errors.tolist(), strict=True), strict=True))
         for member in members:
             distance, error = known.get(member, (0.0, 0.0))

@@ -77,7 +77,7 @@ class MeshSequence:
             unknown = [(None, None, None, "")] * len(members)
             found = unknown if measurement is None else measurement.distances(members)
             for k, mesh, (plain, filmed, error, doubt) in zip(members, meshes, found, strict=True):
-                yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, error, doubt)
+                yield Member(self.values[k], mesh, plain, filmed if self._family.filmed else None, error, doubt)
 
     def _mesh(self, sampler: Sampler) -> Mesh:
         cells, where = self._mosaic.cells, (self._mosaic.patch, self._mosaic.parameters, self._mosaic.face)
@@ -118,7 +118,7 @@ class MeshSequence:
         point by O(1 − step).
         """
         if self._decomposition is None:
-            return None if self._family.has_film else 1.0
+            return None if self._family.filmed else 1.0
         try:
             found = convergence_rate(self._decomposition)
         except ToleranceError:
@@ -136,7 +136,7 @@ class MeshSequence:
             "distance_to_limit": member.distance,
             "distance_error": member.distance_error,
         }
-        if self._family.has_film:
+        if self._family.filmed:
             entry["distance_to_limit_with_film"] = member.film_distance
         return entry
 

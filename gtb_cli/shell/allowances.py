@@ -1,8 +1,4 @@
-"""``gtb --max-seconds S --max-memory M``: what a whole command may take; `process.memory` sets the latter limit.
-
-The command runs in a copy of this process. Whatever it is doing, the copy can be killed, and what it leaves unfinished
-removed.
-"""
+"""``gtb --max-seconds S --max-memory M``: what a whole command may take; `process.memory` sets the latter limit."""
 
 import math
 import os

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from gtb_cli.errors import Fault, GtbError, SpecError
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, SPEC_FORMATS, suffix_of
 
-# Largest number of subfolders that are read: twenty that link to each other have a million paths through them
-MAX_FOLDERS = 10_000
+MAX_FOLDERS = 10_000  # that are read: twenty that link to each other have a million paths through them
 
 
 def is_pattern(path: str) -> bool:

@@ -26,12 +26,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SequenceOutput:
-    """The output that the options of a sequence ask for: its meshes, a spec on standard output, or both.
+    """The output that the options of a sequence ask for: its meshes, a spec on standard output, or both."""
 
-    The output of `streams` is a folder, or standard output.
-    """
-
-    streams: Streams
+    streams: Streams  # with a folder, or standard output
     meshes: bool
     emits_spec: bool
     distances: bool

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
@@ -27,10 +27,8 @@ def with_attributes(
     Names are some of `ATTRIBUTES` (a curve has u only), or ``basis:I`` for the basis function T_I of a single patch,
     which the mesh has as ``basis_I``. The first one is there again as `QUALITY_NAME`. The mesh was made of the shape by
     `tessellate` in the given parametrisation; vertices that patches share get the scalars of the first patch. A vertex
-    without a finite curvature gets the mean of its neighbours' values, and 0 if no vertex has one.
-
-    Raises `DomainError` for an unknown name, a curvature of a curve, a basis function of a model, or a mesh without
-    parameters.
+    without a finite curvature gets the mean of its neighbours' values, and 0 if no vertex has one. `DomainError`
+    refuses unknown names, a curvature of a curve, a basis function of a model, and a mesh without parameters.
     """
     functions = {name: _basis_index(shape, name) for name in names if name.startswith(BASIS)}
     for name in names:
@@ -73,8 +71,7 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
     found = Curvature(np.empty(len(u)), np.empty(len(u)))
     sampler = Sampler(shape.patches, torically_inside) if parametrization == "toric" else Sampler(shape.patches)
     face = sampler.faces_at(mesh.origin.patch, u)
-    for index in np.unique(mesh.origin.patch).tolist():
-        rows = np.flatnonzero(mesh.origin.patch == index)
+    for index, rows in groups(mesh.origin.patch):
         where = sampler.locations(index, u[rows], face[rows])
         (gaussian,), (mean,) = curvatures_at([shape.patches[index]], where, len(rows))
         found.gaussian[rows], found.mean[rows] = gaussian, -mean if mesh.origin.turned[index] else mean

@@ -101,7 +101,9 @@ def joined_complex(patches: Sequence[Patch], joints: Joints, resolution: int) ->
     kinds = kinds_of([patch.domain for patch in patches]).tolist()
     made = {kind: triangulation(patches[kind].domain, resolution) for kind in dict.fromkeys(kinds)}
     parts = [made[kind] for kind in kinds]
-    moves = _moves(patches, joints, resolution)
+    even = np.arange(resolution + 1) / resolution
+    # The fractions of edges, ascending, at the vertices of edges with which they are joined unevenly
+    moves = {joint.second: np.sort(joint.across(patches, even)) for joint in joints.shared if joint.match}
     _move(parts, patches, moves)
     mosaic, confused = join(patches, joints, parts)
     tips = _tips(patches, joints)
@@ -124,12 +126,6 @@ def coarse_complexes(patches: Sequence[Patch], joints: Joints) -> Iterator[Compl
         mosaic = joined_complex(patches, joints, resolution)
         if mosaic.is_simplicial or resolution == resolutions[-1]:
             yield mosaic
-
-
-def _moves(patches: Sequence[Patch], joints: Joints, resolution: int) -> dict[EdgeRef, FloatArray]:
-    """Return the fractions of edges, ascending, at the vertices of edges with which they are joined unevenly."""
-    even = np.arange(resolution + 1) / resolution
-    return {joint.second: np.sort(joint.across(patches, even)) for joint in joints.shared if joint.match}
 
 
 def _move(parts: list[Triangulation], patches: Sequence[Patch], moves: Mapping[EdgeRef, FloatArray]) -> None:

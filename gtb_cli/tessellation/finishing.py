@@ -1,7 +1,5 @@
 """The mesh of a complex with points: without collapsed cells, turned to one side, with normals and named groups."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from gtb_cli.arrays import INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, distinct, dot, index_type, paired
@@ -70,22 +68,17 @@ def finished(
         return Normals(filled[chosen], outwards(rows), not np.isnan(found).any())
 
     is_model = isinstance(shape, Model)
+    ends = np.searchsorted(cell_patch, np.arange(len(shape.patches) + 1)).tolist()
+    names = [each.name or f"patch{index}" for index, each in enumerate(shape.patches)]
     return Mesh(
         vertices,
         outwards(cells),
         parameters=parameters,
         normals=normals if with_normals and cells.shape[1] == 3 else None,
-        groups=_groups(shape.patches, cell_patch) if is_model else (),
+        groups=tuple(zip(names, ends[:-1], ends[1:], strict=True)) if is_model else (),
         name=shape.name or ("model" if is_model else "patch"),
         origin=Origin(patch, turned) if is_model else None,
     )
-
-
-def _groups(patches: Sequence[Patch], cell_patch: IntArray) -> tuple[tuple[str, int, int], ...]:
-    """Return the name of each patch, and the range of its cells."""
-    starts = np.searchsorted(cell_patch, np.arange(len(patches) + 1)).tolist()
-    names = [patch.name or f"patch{index}" for index, patch in enumerate(patches)]
-    return tuple(zip(names, starts[:-1], starts[1:], strict=True))
 
 
 def _rows_of_missing(normals: FloatArray, patch: IntArray, vertex: IntArray) -> IntArray:

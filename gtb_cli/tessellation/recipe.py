@@ -23,15 +23,8 @@ class Recipe:
 
     Attributes
     ----------
-    resolution : int
-        Segments along each hull edge; other values than the default exclude a tolerance.
-    tolerance : float, str or None
-        Largest distance between mesh and surface, in model units or as ``"1%"`` of the bounding box's diagonal;
-        replaces `resolution`.
-    parametrization : "linear" or "toric"
-        Where vertices are put: evenly, or at the paper's parameters.
-    normals : bool
-        Whether a surface gets its unit normals.
+    resolution, tolerance, parametrization, normals, max_faces
+        As `tessellate` takes them; other resolutions than the default exclude a tolerance.
     radius : float or None
         Makes a tube of this radius around a curve.
     thickness : float or None
@@ -43,8 +36,6 @@ class Recipe:
     require : tuple of str
         Refuse what does not have these properties: "watertight", "solid", "one-piece", "unfolded", "smooth:1deg", see
         `gtb_cli.tessellation.requirements`. One word may stand for itself, and None for none.
-    max_faces : int
-        More are refused before they are made.
     weld : float, str or None
         Replaces the model's own: edges within this distance of each other are joined, in model units or as ``"0.01%"``
         of the size.

@@ -207,13 +207,9 @@ class _Refinement:
         return steps_for(width, self.points_in_all)
 
     def sample_on_lattices(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
-        """Sample cells at peaks, and on lattices of the given steps; return cells that fail, and cells in doubt.
-
-        Cells in doubt hold, but the surface over them is not quadratic: they are sampled more finely in the end.
-        """
+        """Sample cells at peaks and lattices; return cells that fail, and cells in doubt, where no quadratic fits."""
         fails, doubts = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
-        for steps in np.unique(steps_at).tolist():
-            at = steps_at == steps
+        for steps, at in groups(steps_at):
             fails[at], doubts[at] = self.sample(rows[at], steps)
             doubts[at] &= steps < 2 * FINE_LATTICE_STEPS
         if doubts.any() and not fails.any() and not self.far().any():

@@ -97,8 +97,7 @@ class Sampling:
         if failing.any():
             return failing
         places, owners = [], []
-        for steps in np.unique(steps_at).tolist():
-            part = np.flatnonzero(steps_at == steps)
+        for steps, part in groups(steps_at):
             weights = inner_points(steps)
             places.append(np.einsum("wc,kcd->kwd", weights, self.mesh.cells.corners[rows[part]]).reshape(-1, 2))
             owners.append(np.repeat(part, len(weights)))

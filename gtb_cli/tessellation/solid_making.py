@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
@@ -22,16 +22,9 @@ from gtb_cli.values import frozen
 from gtb_cli.vocabulary import Rim
 
 Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
+# A tube or a wall; faults of the surface, which no other thickness mends; folds; and where the wall is thin
+Solid: TypeAlias = tuple[Mesh, list[str], list[str], list[str]]
 FEW_CELLS, MANY_CELLS = 5_000, 20_000  # up to which there is time for eight tries, and from which on only for one
-
-
-class Solid(NamedTuple):
-    """A tube or a wall, and what is wrong with it."""
-
-    mesh: Mesh
-    faults: list[str]  # of the surface, which no other thickness mends
-    folds: list[str]
-    thin: list[str]
 
 
 @frozen
@@ -57,7 +50,7 @@ class TubeMaker:
                 shares = self.spec.basis(u, self.parametrization)[0, inner]
                 folds[-1] += f", drawn there by control point {inner[shares.argmax()]}" if len(inner) else ""
         mesh = tube(curve, radius, tolerance=self.tolerance, tangents=tangents, max_faces=self.max_faces)
-        return Solid(mesh, [], folds, [])
+        return mesh, [], folds, []
 
     def smaller(self, curve: Mesh, radius: float, held: Held) -> str:
         """Name a smaller radius whose tube is solid, judged as one that is asked for; or say that none was found."""
@@ -87,7 +80,7 @@ class WallMaker:
         wall = thicken(surface, thickness)
         thin = thin_wall(wall, thickness)
         mesh, kept = self._rimmed(wall, thickness)
-        return Solid(mesh, folded_places(surface), folds, thin + kept)
+        return mesh, folded_places(surface), folds, thin + kept
 
     def smaller(self, surface: Mesh, thickness: float, held: Held) -> str:
         """Name a coarser mesh or a smaller thickness that is solid, judged as asked, and the other side if it is."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from functools import reduce
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complexes import Complex, kinds_of
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.edges import edge_curves
+
+Numbers: TypeAlias = tuple[tuple[int, ...], ...]  # of corners and middles of a cell
 
 
 class Vertices(NamedTuple):
@@ -59,13 +61,6 @@ class Cells(NamedTuple):
     corners: FloatArray  # (k, d + 1, d) parameters in the domain of the cell's own patch
     patch: IntArray
     holds: BoolArray  # found to be within the tolerance: a segment everywhere, a triangle at samples
-
-
-class _SplitPattern(NamedTuple):
-    """The pieces of a cell, and the edges between them. Corners are 0 … k − 1, and k + i is the middle of side i."""
-
-    pieces: tuple[tuple[int, ...], ...]
-    lines: tuple[tuple[int, int], ...]
 
 
 class Subdivision:
@@ -140,10 +135,7 @@ class Subdivision:
             marked[sides[thin, side[thin]]] = True
 
     def split(self, chosen: IntArray, rows: IntArray) -> IntArray:
-        """Split edges at the middles of their curves, and the given cells beside them; return all cells that changed.
-
-        New edges come after all others: first the halves of split edges, then edges inside cells.
-        """
+        """Split edges at the middles of their curves, and the given cells beside them; return all changed cells."""
         count, before = len(self.edges.ends), len(self)
         old = rows_of(self.edges, chosen)
         vertex = np.full(count, -1)  # in the middle of each split edge
@@ -180,39 +172,41 @@ class Subdivision:
         pieces: list[Cells] = []
         made: list[Edges] = []
         next_edge = len(self.edges.ends)
-        for cells, pattern in self._patterns(rows_of(self.cells, rows), vertex):
+        for cells, parts, lines in self._patterns(rows_of(self.cells, rows), vertex):
             around = np.concatenate([cells.cells, vertex.take(cells.sides)], axis=1)
             places = np.concatenate([cells.corners, self._middles(cells, vertex)], axis=1)
             known = self._sides_and_halves(cells, child)
-            for line in pattern.lines:
+            for line in lines:
                 known[frozenset(line)] = next_edge + np.arange(len(around))
                 face = np.full(len(around), INTERIOR)
                 made.append(_unknown_edges(around.take(line, axis=1), cells.patch, places.take(line, axis=1), face))
                 next_edge += len(around)
-            for piece in pattern.pieces:
-                pairs = [*pairwise(piece), (piece[-1], piece[0])][: cells.sides.shape[1]]
+            for part in parts:
+                pairs = [*pairwise(part), (part[-1], part[0])][: cells.sides.shape[1]]
                 sides = np.stack([known[frozenset(pair)] for pair in pairs], axis=1)
-                pieces.append(_new_cells(around.take(piece, axis=1), sides, places.take(piece, axis=1), cells.patch))
+                pieces.append(_new_cells(around.take(part, axis=1), sides, places.take(part, axis=1), cells.patch))
         return pieces, made
 
-    def _patterns(self, whole: Cells, vertex: IntArray) -> Iterator[tuple[Cells, _SplitPattern]]:
-        """Yield triangles turned so that split sides come first, with their patterns: the shorter diagonal is taken."""
+    def _patterns(self, whole: Cells, vertex: IntArray) -> Iterator[tuple[Cells, Numbers, Numbers]]:
+        """Yield triangles turned so that split sides come first, their pieces, and the edges between these.
+
+        Corners are 0 … k − 1, and k + i is the middle of side i; the shorter diagonal is taken.
+        """
         if not self.is_surface:
-            yield whole, _SplitPattern(((0, 2), (2, 1)), ())
+            yield whole, ((0, 2), (2, 1)), ()
             return
         marks = vertex.take(whole.sides) >= 0
         count = marks.sum(axis=1)
         one, two, three = (np.flatnonzero(count == number) for number in (1, 2, 3))
-        yield _turned(whole, one, marks[one].argmax(axis=1)), _SplitPattern(((0, 3, 2), (3, 1, 2)), ((3, 2),))
+        yield _turned(whole, one, marks[one].argmax(axis=1)), ((0, 3, 2), (3, 1, 2)), ((3, 2),)
         pair = _turned(whole, two, marks[two].argmin(axis=1) + 1)
         corner, middle = (self.points.take(each, axis=0) for each in (pair.cells, vertex.take(pair.sides[:, :2])))
         usual, other = middle[:, 1] - corner[:, 0], middle[:, 0] - corner[:, 2]
         tie_ratio = 1 + 1e-9  # of squares: rounding, which depends on the processor, must not choose the diagonal
         is_longer = dot(usual, usual) > tie_ratio * dot(other, other)
-        yield rows_of(pair, ~is_longer), _SplitPattern(((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4)))
-        yield rows_of(pair, is_longer), _SplitPattern(((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
-        pieces = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
-        yield rows_of(whole, three), _SplitPattern(pieces, ((3, 5), (3, 4), (4, 5)))
+        yield rows_of(pair, ~is_longer), ((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4))
+        yield rows_of(pair, is_longer), ((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2))
+        yield rows_of(whole, three), ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5))
 
     def _sides_and_halves(self, cells: Cells, child: IntArray) -> dict[frozenset[int], IntArray]:
         """Return the sides of cells, and the halves of sides that are split, by the numbers of their two ends."""

@@ -63,7 +63,7 @@ def test_the_sequence_of_example_44(n, tmp_path):
 
 @pytest.mark.parametrize("command", [["degenerate", SURFACE, "-x5"], ["knot-limit", MOVING, "--merge", "3:1"]])
 def test_distances_are_left_out(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("gtb_cli.sequences.measurement.farthest", None)
+    monkeypatch.setattr("gtb_cli.sequences.measurement.FarthestSearch", None)
     result = gtb(*command, "-n", 2, "--no-distance", "-o", tmp_path / "folder")
     assert result.status == 0
     assert "from the limit" not in result.err
