@@ -1,7 +1,5 @@
 """The search for the joints of a model: whether two edges carry one curve, and which patches must be turned."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, cached_property

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of
-from gtb_cli.plots.look import Camera
+from gtb_cli.plots.look import Axes, Camera
 from gtb_cli.plots.palette import FAINT, INK, SURFACE_COLOUR, rgb
 from gtb_cli.plots.raster import Raster, rasterised
 from gtb_cli.values import frozen
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.text import Annotation
 
 SUPERSAMPLING = 3  # computed pixels along one of the picture: their mean gives smooth outlines
 HIDDEN_STRENGTH = 0.3  # opacity of what is behind a surface
@@ -278,7 +274,7 @@ def _image(raster: Raster, colours: FloatArray) -> FloatArray:
     return np.asarray(np.rint(mean * 255).astype(np.uint8))
 
 
-def note(ax: Axes, text: str, place: ArrayLike, offset: tuple[float, float], **style: Any) -> Annotation:
+def note(ax: Axes, text: str, place: ArrayLike, offset: tuple[float, float], **style: Any) -> Any:
     """Write a text beside a place, by an offset in points to the right and upwards."""
     defaults = {"textcoords": "offset points", "ha": "center", "fontsize": 8, "zorder": 7}
     return ax.annotate(text, place, offset, **{**defaults, **style})  # type: ignore[arg-type]

@@ -6,8 +6,6 @@ the terms are ``f_i = c_i ω_i Π_j h_j^{h_j(a_i)}``, with ``∂h_j/∂u = s_j �
 are the values.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from itertools import combinations_with_replacement

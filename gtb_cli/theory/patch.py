@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 from dataclasses import field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from gtb_cli.values import by_value
 
 if TYPE_CHECKING:
     from gtb_cli.theory.curvature import Curvature
-    from gtb_cli.theory.derivatives import DerivativeField, Order
+    from gtb_cli.theory.derivatives import Order
 
 
 @by_value
@@ -241,24 +240,22 @@ class Patch:
         an edge is infinite if a knot is less than twice as far from it as the nearest ones. Control points for which
         the infinite terms vanish are found.
         """
-        columns, grid = self.domain.grid(u)
-        found = self._derivatives[0].at(columns, order, parametrization)
-        return found.reshape(*grid, *found.shape[1:])
+        return self._differentiated(self.control_points, u, order, parametrization)
 
     def basis_derivatives(
         self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric"
     ) -> FloatArray:
         """Differentiate the T_i once, (…, n, d), or twice, (…, n, d, d); everything else is as in `derivatives`."""
-        columns, grid = self.domain.grid(u)
-        found = self._derivatives[1].at(columns, order, parametrization)
-        return found.reshape(*grid, *found.shape[1:])
+        return self._differentiated(None, u, order, parametrization)
 
-    @cached_property
-    def _derivatives(self) -> tuple[DerivativeField, DerivativeField]:
-        """Derivatives of points, and of the basis."""
+    def _differentiated(
+        self, values: FloatArray | None, u: ArrayLike, order: Order, parametrization: Parametrization
+    ) -> FloatArray:
         from gtb_cli.theory.derivatives import DerivativeField
 
-        return DerivativeField(self.rational_basis, self.control_points), DerivativeField(self.rational_basis, None)
+        columns, grid = self.domain.grid(u)
+        found = DerivativeField(self.rational_basis, values).at(columns, order, parametrization)
+        return found.reshape(*grid, *found.shape[1:])
 
     def normals(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """Return unit normals of a surface, (…, 3), along ∂P/∂u_0 × ∂P/∂u_1, with their limits on the boundary.
