@@ -95,8 +95,8 @@ class Scene:
 
     def placed_meshes(self) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:
         """Yield the meshes with the names of their nodes and their (4, 4) places."""
-        for node, place in ((self.tree["nodes"][number], place) for number, _, place in self.placed):
-            if "mesh" in node:
+        for number, _, place in self.placed:
+            if "mesh" in (node := self.tree["nodes"][number]):
                 yield self.tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place
 
     def material(self, number: int | None) -> list[float]:
