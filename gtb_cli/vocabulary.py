@@ -116,7 +116,8 @@ CELL_FORMATS = ("vtu",)  # formats of curved cells, for ParaView; also the suffi
 # Units of length in metres, the default first, and the formats of files that have one
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 UNIT_FORMATS = ("step", "iges", "3mf", "glb")
-SPEC_FORMATS = ("toml", "json")  # formats of specs; also the suffixes of their files
+SpecFormat: TypeAlias = Literal["toml", "json"]
+SPEC_FORMATS: tuple[SpecFormat, ...] = get_args(SpecFormat)  # also the suffixes of their files
 IMPORTS = ("trp", "bv", "bpt", "bzr", *CAD_FORMATS)  # formats of other programs
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")  # scalars that a mesh may have at each vertex
 BASIS = "basis:"  # prefix of the index of a basis function, whose values are a further scalar

@@ -6,7 +6,7 @@ import stat
 from gtb_cli.errors import SpecError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES, read, spec_format_of
-from gtb_cli.language.scanner import Format
+from gtb_cli.vocabulary import SpecFormat
 
 MAX_FILES = 100  # files that a spec includes, directly or through others
 
@@ -60,7 +60,7 @@ def _content(name: str, real: str) -> bytes:
         raise SpecError(f"{name}: {error.strerror or error}") from None
 
 
-def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
+def sources(path: str, format: SpecFormat | None = None) -> tuple[str, ...]:
     """Name the files from which a spec is read: its own first, then those it includes, directly or through others.
 
     Each file stands once, as the folder of `path` and what the including files write (``..`` is left, as it leads
@@ -79,7 +79,7 @@ def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
     return tuple(found.values())
 
 
-def _included(path: str, format: Format | None) -> list[str]:
+def _included(path: str, format: SpecFormat | None) -> list[str]:
     """Return the names of the files that the text of a file includes."""
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be emptied, or waited for

@@ -8,9 +8,10 @@ would refuse is passed over: it gives the better message, with line and column.
 import math
 import re
 from collections.abc import Collection, Iterator
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
-Format: TypeAlias = Literal["toml", "json"]
+from gtb_cli.vocabulary import SpecFormat
+
 Path: TypeAlias = tuple[str | int, ...]
 Place: TypeAlias = tuple[Path, int, bool]  # of a key or list entry: its line, and whether it must not be repeated
 
@@ -41,7 +42,7 @@ class TooMuch(Exception):
     """The line and the reason why no parser gets a text."""
 
 
-def places(text: str, format: Format, wanted: Collection[Path] = ()) -> Iterator[Place]:
+def places(text: str, format: SpecFormat, wanted: Collection[Path] = ()) -> Iterator[Place]:
     """Yield the place of every key and list entry, but of numbers only those in lists with a wanted path.
 
     A text that is not well-formed has some of them. Unless paths are wanted, `TooMuch` is raised with the line of the
@@ -57,7 +58,7 @@ class _Words:
     `line` is the line on which the word starts, and `begins_line` says whether it is the first one there.
     """
 
-    def __init__(self, text: str, format: Format, wanted: Collection[Path]) -> None:
+    def __init__(self, text: str, format: SpecFormat, wanted: Collection[Path]) -> None:
         self.wanted = wanted
         self.max_words = math.inf if wanted else MAX_WORDS
         self.nesting = 0

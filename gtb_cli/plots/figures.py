@@ -1,7 +1,5 @@
 """Figures of `gtb plot`, one for each value of its --what, and `plot` in Python."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace
