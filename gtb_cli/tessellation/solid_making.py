@@ -17,9 +17,8 @@ from gtb_cli.tessellation.requirements import require
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.rational_basis import Parametrization
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import Rim
+from gtb_cli.vocabulary import Parametrization, Rim
 
 Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 FEW_CELLS, MANY_CELLS = 5_000, 20_000  # up to which there is time for eight tries, and from which on only for one

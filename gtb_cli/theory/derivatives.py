@@ -20,8 +20,9 @@ from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length
 from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, neighbourhoods
-from gtb_cli.theory.rational_basis import Parametrization, RationalBasis
+from gtb_cli.theory.rational_basis import RationalBasis
 from gtb_cli.values import frozen
+from gtb_cli.vocabulary import Parametrization
 
 Order: TypeAlias = Literal[1, 2]
 

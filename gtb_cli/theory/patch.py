@@ -15,8 +15,9 @@ from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.basis import CoefficientRule, Location, both_weights, coefficients_of, gt_bernstein
-from gtb_cli.theory.rational_basis import Parametrization, RationalBasis
+from gtb_cli.theory.rational_basis import RationalBasis
 from gtb_cli.values import by_value
+from gtb_cli.vocabulary import Parametrization
 
 if TYPE_CHECKING:
     from gtb_cli.theory.curvature import Curvature

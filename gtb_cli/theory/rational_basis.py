@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
 from functools import cached_property
-from typing import Literal, Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,8 +21,7 @@ from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import CUT_OFF_SHARE, block_length, exponentials, weighted_sums
 from gtb_cli.theory.basis import Location, torus_coordinates
 from gtb_cli.values import frozen
-
-Parametrization: TypeAlias = Literal["toric", "linear"]
+from gtb_cli.vocabulary import Parametrization
 
 
 @frozen
