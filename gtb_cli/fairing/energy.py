@@ -77,8 +77,7 @@ def energy_samples(
 
     It has `resolution`² places in the triangle of each edge and the middle, by Gauss's rule in coordinates that are
     exponential functions of the distances from edges and corners: the error falls exponentially with the resolution.
-    Of the specs' energies it is below 1e-2 with 32, and 2e-5 with 64. A strip, `until` a part of the way to the middle,
-    has a third of the places.
+    Of the specs' energies it is below 1e-2 with 32, and 2e-5 with 64. A strip up to `until` has a third of the places.
     """
     # Of the way to the middle, as is what is left out, and of an edge; within these, steps are nearly even
     layer, corner = min(1e-2, until / 10), max(1e-3, left_out)

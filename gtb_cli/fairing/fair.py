@@ -46,8 +46,7 @@ class Fairing:
     folds : int
         Number of places, among some thousand, at which the surface turns back.
     energies : (float, float), optional
-        Thin-plate or Dirichlet energy before and after, in units of length², if this was to be least; see
-        `gtb_cli.fairing.energy`.
+        Energies before and after, in units of length², if these were to be least; see `gtb_cli.fairing.energy`.
     """
 
     patch: Patch

@@ -43,8 +43,7 @@ def glb_blocks(
 ) -> Iterable[bytes]:
     """Return a GLB file of at most 4 GB with a node for each group. `up` is the vertical axis.
 
-    Several groups have a colour each, and are below one node of this name. A unit of length scales the node to metres,
-    and the numbers stay.
+    Several groups have a colour each, below one node of this name. A unit scales the node to metres: numbers stay.
     """
     parts = []
     for label, start, stop in groups:

@@ -1,7 +1,6 @@
 """Mesh files to meshes: OBJ, PLY, STL, GLB and 3MF from any program.
 
-trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorders vertices, accepts damaged files, and
-takes 0.5 s to import.
+trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorders vertices, and accepts damaged files.
 """
 
 import os
@@ -35,8 +34,7 @@ def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
     -------
     Mesh
         Triangles or segments, with vertices and cells in the order of the file. Polygons are cut into triangles.
-        Corners of an STL file's facets at exactly the same place become one vertex. Normals and texture coordinates are
-        not read.
+        Corners of STL facets at exactly the same place become one vertex. Normals and texture coordinates are not read.
 
     Raises
     ------

@@ -20,8 +20,7 @@ class Library:
     def taken(self, name: str, readers: tuple[str, ...]) -> tuple[str, bytes]:
         """Return path and content of a file included by the last of `readers`, each of which includes the next.
 
-        Raises `SpecError`, without the including file: the file is outside the spec's folder, includes itself, cannot
-        be read or is too large.
+        Raises `SpecError`, without the including file: it is outside the folder, in a circle, unreadable or too large.
         """
         if readers[0] == "-" or readers[0].startswith("<"):
             raise SpecError(f"{readers[0]} has no folder from which files could be taken")
@@ -64,8 +63,7 @@ def sources(path: str, format: SpecFormat | None = None) -> tuple[str, ...]:
     """Name the files from which a spec is read: its own first, then those it includes, directly or through others.
 
     Each file stands once, as the folder of `path` and what the including files write (``..`` is left, as it leads
-    elsewhere after a link); hardly more than `MAX_FILES`. A file that cannot be read includes nothing; the reader of
-    the spec reports its faults.
+    elsewhere after a link); hardly more than `MAX_FILES`. A file that cannot be read includes nothing.
     """
     found = {os.path.realpath(path): path}
     waiting = [path]

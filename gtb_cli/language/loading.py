@@ -38,8 +38,7 @@ def load(path: str | os.PathLike[str], let: Let = NO_LET) -> Patch | Model:
     Raises
     ------
     SpecError
-        The file cannot be read, or does not describe a patch: one line for each error, with file, line if known, key
-        path and what was found.
+        It cannot be read, or describes no patch: a line for each error with file, line, key path and what was found.
     """
     source = os.fspath(path)
     return parse(read_file(source, MAX_BYTES + 1), source, spec_format_of(source), let)

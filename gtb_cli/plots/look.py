@@ -116,8 +116,7 @@ def look_of(options: Mapping[str, Any]) -> Look:
 
 def settings() -> AbstractContextManager[None]:
     """Return a context with the settings of these pictures; `ExportError` if matplotlib is not installed."""
-    # Settings of matplotlib, whatever the user's own, so that the same figure gives the same bytes. Text stays text in
-    # SVG and PDF.
+    # Settings of matplotlib, not the user's own: the same figure gives the same bytes. Text stays text in SVG and PDF.
     chosen = {
         "font.family": ["DejaVu Sans"],
         "font.size": 9,

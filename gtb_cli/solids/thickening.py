@@ -30,8 +30,7 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     part of the rim. A closed mesh gets a second shell and no rim. Vertices are those of the surface, then those of the
     offset; the rim has normals of its own. Parameters and attributes are the surface's on both.
 
-    Raises `DomainError` if the mesh is a curve, the thickness is below rounding, or an edge has more than two faces or
-    two of opposite orientations.
+    Raises `DomainError` for a curve, a thickness below rounding, and an edge of more than two, or two opposite, faces.
 
     If patches meet at an angle, the vertex moves to where the offsets of all patches meet, but at most by `MAX_MITRE`
     times the thickness. Coincident ends of a boundary edge become one vertex. If the surface bends more sharply than
@@ -97,8 +96,7 @@ def _turned_over(mesh: Mesh, moved: FloatArray) -> IntArray:
 def thinnest_wall(solid: Mesh, thickness: float) -> tuple[float, FloatArray]:
     """Bound the wall of a solid made by `thicken`, in units of its thickness, and tell where it is thinnest.
 
-    It is not thicker than the mean displacement of the corners of a side, or of a face, which is shorter the more the
-    normals turn within the face.
+    It is at most the mean displacement of the corners of a side or face, which is shorter where normals turn within it.
     """
     surface, offset = np.split(solid.vertices, 2)
     cells = solid.cells[(solid.cells < len(surface)).all(axis=1)]
@@ -255,8 +253,7 @@ def _displacements(mesh: Mesh) -> FloatArray:
 def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
     """(count, 3) mean unit normals of the facets with corners in each (k, 3) `place`, 0 where they have no area.
 
-    The first mean is weighted by the angle at the corner, so that it does not depend on the triangulation; the second,
-    by area.
+    The first mean is weighted by the angles at the corner, whatever the triangulation is; the second, by area.
     """
     a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
     sides = [unit(side) for side in (b - a, c - b, a - c)]

@@ -18,8 +18,7 @@ from gtb_cli.vocabulary import MAX_FACES
 
 # Vertices of a ring: the polygon deviates from the circle by 0.9 % of the radius, and has corners on both axes
 RING_SIDES = 24
-# Cosines, and distances as fractions of the radius, that count as zero: a turn of 90° is not sharp, and the two rings
-# of a sharp turn may share vertices
+# Cosines, and distances in radii, that count as zero: 90° is no sharp turn, at which two rings may share vertices
 ZERO_TOLERANCE = 1e-9
 
 

@@ -2,8 +2,7 @@
 
 Sums ``V = Σ_i v_i f_i / Σ_i f_i`` of terms f_i are differentiated by the quotient rule. In the toric parametrisation
 the terms are ``f_i = c_i ω_i Π_j h_j^{h_j(a_i)}``, with ``∂h_j/∂u = s_j ξ_j``. In the linear one they are in
-`gtb_cli.theory.local_coordinates`; the chain rule then needs the derivatives of the moment map, which is V if the knots
-are the values.
+`gtb_cli.theory.local_coordinates`; the chain rule needs the derivatives of the moment map, V with knots as values.
 """
 
 from collections.abc import Callable, Iterator

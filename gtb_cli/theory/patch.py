@@ -132,8 +132,7 @@ class Patch:
     def part(self, members: IntArray, **changes: Any) -> Patch:
         """Return the patch of some knots, with the data that belong to them.
 
-        Its edges are its own: primitive normals become automatic ones, and the edge scale becomes 1. Other fields may
-        be given, see `replace`.
+        Its edges are its own: primitive normals become automatic, and the edge scale 1. For other fields see `replace`.
         """
         names = {"knots", "control_points", "weights", "log_weights", "coefficients"} - changes.keys()
         rows = {name: getattr(self, name)[members] for name in names}
@@ -174,8 +173,7 @@ class Patch:
         Returns
         -------
         (…, 3) float
-            Points, in model units. Points on edge j lie on the curve of its knots; corners are exactly their control
-            points.
+            Points, in model units. Points on edge j lie on the curve of its knots; corners are exactly control points.
 
         Raises
         ------

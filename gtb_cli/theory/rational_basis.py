@@ -93,8 +93,7 @@ def blend_each(
 ) -> FloatArray:
     """Return sums ``Σ_i T_i values_i`` at m parameters, (m, k), where each uses one of p arrays of (n, k) values.
 
-    `numbers`, (m,), say which, and ascend, as the rows of each location do. Logarithms of weights are (n,) for all, or
-    (p, n).
+    `numbers`, (m,), say which, and ascend, as the rows of each location do. Logarithms of weights are (n,), or (p, n).
     """
     result = np.empty((len(numbers), values.shape[2]))
     for rows, face, knots, s in locations:
