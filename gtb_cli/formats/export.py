@@ -230,8 +230,7 @@ def _format_of(path: str) -> str:
 
 def _check_numbers(label: str, values: FloatArray, limit: float) -> None:
     rows = values.reshape(len(values), -1)
-    bad = first_beyond(rows, limit)
-    if bad is None:
+    if (bad := first_beyond(rows, limit)) is None:
         return
     reason = "must be finite"
     if np.isfinite(rows[bad]).all():

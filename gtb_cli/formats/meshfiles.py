@@ -154,6 +154,5 @@ def _check(content: FileArrays) -> None:
         raise GtbError(
             f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {low if low < 0 else high}"
         )
-    fault = faulty_point(vertices)
-    if fault is not None:
+    if fault := faulty_point(vertices):
         raise MeshError(f"vertex {fault[0]}: {fault[1]}")

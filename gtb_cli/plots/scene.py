@@ -78,11 +78,9 @@ def plane_view(ax: Axes, points: FloatArray) -> View:
     box = ax.get_window_extent()
     spans = np.maximum(spans, np.array([spans[1] * box.width / box.height, spans[0] * box.height / box.width]))
     middle = (low + high) / 2
-    ax.set_xlim(middle[0] - spans[0] / 2, middle[0] + spans[0] / 2)
-    ax.set_ylim(middle[1] - spans[1] / 2, middle[1] + spans[1] / 2)
-    ax.set_aspect("equal", adjustable="box")
+    x, y = np.transpose([middle - spans / 2, middle + spans / 2]).tolist()
+    ax.set(xlim=x, ylim=y, aspect="equal", axisbelow=True)
     ax.grid(True, color="#E6E6E6", lw=0.6)
-    ax.set_axisbelow(True)
     return View(ax)
 
 

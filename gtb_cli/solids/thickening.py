@@ -119,8 +119,7 @@ def _checked(mesh: Mesh, thickness: float) -> Mesh:
 def _boundary(mesh: Mesh) -> tuple[IntArray, IntArray]:
     """(b, 2) sides that belong to one face only, and (b,) this face."""
     sides = sides_of(mesh.cells)
-    wrong = np.flatnonzero(~sides.is_manifold & sides.is_proper)
-    if len(wrong):
+    if len(wrong := np.flatnonzero(~sides.is_manifold & sides.is_proper)):
         a, b = sides.edges[wrong[0]].tolist()
         why = "has more than two faces, or two that do not agree which side is up: the surface has no two sides there"
         raise DomainError(f"thickness: the edge between vertices {a} and {b} {why}")
