@@ -169,8 +169,7 @@ def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
         logs[i] = top[:, 0] + np.log(totals)
         points[i] = shares @ centred / totals[:, None] + middle
     # The corner is the mean of the control points of the knots there; a single control point is kept exactly.
-    at_corner = np.flatnonzero((powers == 0).all(axis=1))
-    if len(at_corner) == 1:
+    if len(at_corner := np.flatnonzero((powers == 0).all(axis=1))) == 1:
         points[0, 0] = patch.control_points[at_corner[0]]
     return logs, points
 

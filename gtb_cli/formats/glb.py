@@ -226,8 +226,7 @@ def read_glb(data: bytes) -> FileArrays:
             count += len(positions)
             rows += len(found)
             materials.append((scene.material(primitive.get("material")), rows - len(found), rows))
-        name = name or str(mesh.get("name", ""))
-        if name and rows > before:
+        if (name := name or str(mesh.get("name", ""))) and rows > before:
             groups.append((name, before, rows))
     if cells[2] and cells[3]:
         raise GtbError("has both triangles and lines: expected one of them")

@@ -122,8 +122,7 @@ def format_of(data: bytes) -> str | None:
     if start[:5].lower() == b"solid" and start[5:6] in b" \t\r\n":
         return "stl"
     for line in beginning.splitlines():
-        words = line.split(None, 1)
-        if words and not words[0].startswith(b"#"):
+        if (words := line.split(None, 1)) and not words[0].startswith(b"#"):
             return "obj" if words[0] in words_of_obj and b"=" not in line else None
     return None
 

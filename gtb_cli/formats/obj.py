@@ -120,8 +120,7 @@ class _ObjLines:
             corners, counts = _numbers(keyword, lines, places[keyword], np.int64)
             if not corners.all():
                 raise GtbError("vertices are counted from 1, got 0")
-            backwards = corners < 0
-            if backwards.any():
+            if (backwards := corners < 0).any():
                 before = np.repeat(self.count + np.searchsorted(places[b"v"], places[keyword]), counts)
                 if (corners < -before).any():
                     raise GtbError(f"{corners[corners < -before][0]} counts back before the first vertex")

@@ -121,8 +121,7 @@ def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> Fl
     unless the rounded one *is* k + 1/2. Only then does the rounding error decide; Dekker's product gives it exactly.
     """
     nearest = np.rint(scaled)
-    tie = np.abs(scaled - nearest) == 0.5
-    if tie.any():
+    if (tie := np.abs(scaled - nearest) == 0.5).any():
         product, error = two_product(fraction[tie], scale)
         nearest[tie] = np.where(error == 0.0, nearest[tie], np.floor(product) + (error > 0.0))
     return nearest

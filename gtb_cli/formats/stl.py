@@ -100,8 +100,7 @@ def _read_text(data: bytes) -> FileArrays:
             if len(words) >= most:
                 corners.append(numbers(words, np.float64))
                 sample, words = sample + words[: 3 * (SAMPLED_VERTICES // 100 if sample else SAMPLED_VERTICES)], []
-        found = endsolid.match(data, place)
-        if not found:
+        if not (found := endsolid.match(data, place)):
             raise _fault(data, place, count + 1)
         place = found.end()
     if rest := re.compile(rb"\S+").search(data, place):

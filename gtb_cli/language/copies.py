@@ -114,8 +114,7 @@ def included_copies(patches: Sequence[Patch], table: Table, allowed: int) -> lis
         if fault := next((name_fault(name) for name in names[-1:] if name), None):
             table.fault("name", fault)
             break
-        copies = moves.made(patch, names, table.values, table.path)
-        if not copies:
+        if not (copies := moves.made(patch, names, table.values, table.path)):
             break
         made.append(copies)
     return [patch for several in zip(*made, strict=True) for patch in several]

@@ -82,8 +82,7 @@ class Faults:
 
     def add(self, path: Path, message: str, line: int | None = None) -> None:
         """Note a fault of the value at a path; its line is found later unless given."""
-        name = _UNKNOWN.search(message)
-        if name and any(name[0] in other for _, other, _ in self._faults):
+        if (name := _UNKNOWN.search(message)) and any(name[0] in other for _, other, _ in self._faults):
             self._more[name[0]] += 1
             return
         self.count += 1

@@ -33,8 +33,7 @@ class Library:
             raise SpecError(f"{name!r}: {error}") from None
         if os.path.isabs(name) or not inside:
             raise SpecError(f"{name}: is outside the spec's folder, below which included files must be")
-        chain = [os.path.realpath(reader) for reader in readers]
-        if real in chain:
+        if real in (chain := [os.path.realpath(reader) for reader in readers]):
             circle = [*readers[chain.index(real) :], path]
             raise SpecError(f"{name}: includes itself: {' -> '.join(map(os.path.basename, circle))}")
         if self._count == MAX_FILES:

@@ -194,8 +194,7 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
         means = np.stack([np.bincount(start, moved[end, k], len(moved))[is_moving] for k in range(3)], axis=1) / count
         normal, way = moves[is_moving], means - moved[is_moving]
         moved[is_moving] += way - dot(way, normal)[:, None] * normal
-        folded = _turned_over(mesh, moved)
-        if len(folded) < fewest:
+        if len(folded := _turned_over(mesh, moved)) < fewest:
             best, fewest, latest = moved.copy(), len(folded), max(number, rounds)
         if not fewest or number >= latest + rounds:
             break

@@ -193,8 +193,7 @@ def _sweep(
         rows = np.concatenate([rows, np.repeat([count, count + 1], sides)[:, None].repeat(3, axis=1)])
     # The rings of a sharp turn may share vertices; triangles between these vanish.
     twins = np.flatnonzero(np.diff(sections.at) == 0)
-    met = np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ZERO_TOLERANCE * radius
-    if met.any():
+    if (met := np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ZERO_TOLERANCE * radius).any():
         label = merged(len(vertices), np.stack([index[twins][met], index[twins + 1][met]], axis=1))
         cells, rows = label[cells], label[rows]
         proper = are_proper(cells)
