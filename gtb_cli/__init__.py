@@ -1,8 +1,7 @@
 """Generalized toric-Bézier patches: from a short text description to a mesh, and the theory as functions.
 
 The public names are listed below by the modules that have them. Each has its shapes, units, errors and source in its
-own help, and all are in specs/PYTHON.md with examples. They are imported when first used: ``import gtb_cli`` costs
-nothing.
+own help, and all are in specs/PYTHON.md with examples. They are imported when first used, and cost nothing before.
 """
 
 from typing import TYPE_CHECKING

@@ -67,8 +67,7 @@ def _catch_signals() -> None:
 
 def _discard_unfinished() -> None:
     """Remove unfinished files, if there are any."""
-    discard = getattr(sys.modules.get("gtb_cli.files"), "discard", None)
-    if discard is not None:
+    if discard := getattr(sys.modules.get("gtb_cli.files"), "discard", None):
         discard()
 
 

@@ -35,11 +35,7 @@ def finite(name: str, values: ArrayLike) -> FloatArray:
         array = read_only(values)
     except (TypeError, ValueError) as error:
         raise DomainError(f"{name}: not a regular array of numbers ({error}){_hint(values)}") from None
-    if not np.isfinite(array).all():
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        place = "".join(f"[{i}]" for i in index)
-        raise DomainError(f"{name}{place}: must be finite, got {array[index]}")
-    return array
+    return _each(name, array, np.isfinite(array), "finite")
 
 
 def one_for_each(name: str, values: FloatArray, count: int, each: str, row: tuple[int, ...] = ()) -> FloatArray:
@@ -62,10 +58,13 @@ def _hint(values: ArrayLike) -> str:
 def positive(name: str, values: ArrayLike) -> FloatArray:
     """Return `values` as `finite` does, or raise `DomainError` naming the first entry that is not positive."""
     array = finite(name, values)
-    if not (array > 0).all():
-        index = tuple(int(i) for i in np.argwhere(~(array > 0))[0])
-        place = "".join(f"[{i}]" for i in index)
-        raise DomainError(f"{name}{place}: must be positive, got {array[index]:g}")
+    return _each(name, array, array > 0, "positive")
+
+
+def _each(name: str, array: FloatArray, holds: BoolArray, expected: str) -> FloatArray:
+    if not holds.all():
+        index = tuple(np.argwhere(~holds)[0].tolist())
+        raise DomainError(f"{name}{''.join(f'[{i}]' for i in index)}: must be {expected}, got {array[index]:g}")
     return array
 
 

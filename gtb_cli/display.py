@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-
     from matplotlib.axes import Axes
 
 # The functions that draw for `plot` and for `frame`, each asked for when it is first needed; the package fills this in

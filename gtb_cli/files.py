@@ -221,8 +221,7 @@ def _descriptor(path: str) -> int | None:
     """Return the number of the open file that `path` stands for, as `/dev/stdout` does, or None."""
     path, streams = os.path.abspath(path), {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
     for _ in range(40):  # as many links as Linux follows
-        match = re.fullmatch(r"/(?:dev|proc/self)/fd/(\d+)", path)
-        if match or path in streams:
+        if (match := re.fullmatch(r"/(?:dev|proc/self)/fd/(\d+)", path)) or path in streams:
             return int(match[1]) if match else streams[path]
         if not os.path.islink(path):
             return None

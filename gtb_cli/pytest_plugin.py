@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from gtb_cli.vocabulary import FORMATS, suffix_of
+from gtb_cli.vocabulary import FORMATS, Aspect, Comparison, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.distances.diff_and_distance import Comparable
-    from gtb_cli.meshes.difference import Aspect, Kind
     from gtb_cli.verdicts.comparing import Comparing
 
 _TESTS = pytest.StashKey[dict[str, str]]()  # that have golden files of their names, by these
@@ -113,7 +112,7 @@ class MeshRegression:
         *,
         n: int | None = None,
         mesh_tolerance: float | str | None = None,
-        kind: Kind = "auto",
+        kind: Comparison = "auto",
         ignore: Aspect | Collection[Aspect] = (),
         format: str | None = None,
         basename: str | None = None,

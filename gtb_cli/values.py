@@ -36,8 +36,7 @@ def by_value(kind: T) -> T:
         contents = {name: getattr(self, name) for name in names}
         return _made, (kind, {name: dict(x) if isinstance(x, Mapping) else x for name, x in contents.items()})
 
-    for name, method in (("__eq__", equals), ("__hash__", hashed), ("__reduce__", reduced)):
-        setattr(kind, name, method)
+    kind.__eq__, kind.__hash__, kind.__reduce__ = equals, hashed, reduced  # type: ignore[method-assign,assignment]
     return kind
 
 

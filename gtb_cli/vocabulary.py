@@ -116,11 +116,15 @@ CELL_FORMATS = ("vtu",)  # formats of curved cells, for ParaView; also the suffi
 # Units of length in metres, the default first, and the formats of files that have one
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 UNIT_FORMATS = ("step", "iges", "3mf", "glb")
-SPEC_FORMATS = ("toml", "json")  # formats of specs; also the suffixes of their files
+SpecFormat: TypeAlias = Literal["toml", "json"]
+SPEC_FORMATS: tuple[SpecFormat, ...] = get_args(SpecFormat)  # also the suffixes of their files
 IMPORTS = ("trp", "bv", "bpt", "bzr", *CAD_FORMATS)  # formats of other programs
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")  # scalars that a mesh may have at each vertex
 BASIS = "basis:"  # prefix of the index of a basis function, whose values are a further scalar
-PARAMETRIZATIONS = ("linear", "toric")  # placements of the vertices of a mesh, the default first
+Parametrization: TypeAlias = Literal["linear", "toric"]
+PARAMETRIZATIONS: tuple[Parametrization, ...] = get_args(Parametrization)  # placements of vertices, the default first
+Comparison: TypeAlias = Literal["auto", "vertices", "surface"]  # as what two meshes are compared
+Aspect: TypeAlias = Literal["orientation", "connectivity", "attributes"]  # what may be no difference
 # Starter specs, and how many sides at most where a number may be given
 TEMPLATES: dict[str, int | None] = dict.fromkeys(("curve", "triangle", "rectangle", "pentagon"))
 TEMPLATES |= {"n-gon": 100, "model": None, "bowl": 24, "shade": 24, "joint": 8, "handle": None}

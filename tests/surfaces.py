@@ -4,6 +4,7 @@ from math import factorial
 
 import numpy as np
 
+from gtb_cli.fairing.energy import energy_matrix
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS, load
@@ -109,3 +110,7 @@ def assert_closed(mesh: Mesh) -> None:
         assert mesh.groups[0][1] == 0
         assert mesh.groups[-1][2] == len(mesh.cells)
         assert all(one[2] == other[1] for one, other in zip(mesh.groups, mesh.groups[1:], strict=False))
+
+
+def energy(patch: Patch, kind: str = "thin-plate", resolution: int = 64) -> float:
+    return np.trace(patch.control_points.T @ energy_matrix(patch, kind, resolution) @ patch.control_points)

@@ -45,8 +45,7 @@ def multiplier(patch: Patch) -> FloatArray:
     that edges shared with Bézier patches stay shared.
     """
     shape = patch.domain
-    lattice = lattice_of(shape)
-    if lattice is not None:
+    if (lattice := lattice_of(shape)) is not None:
         steps = np.concatenate([direction.steps for direction in lattice])
         diagonal = [steps.sum(axis=0)] if len(lattice) == 2 else []
         return np.array([np.zeros(shape.dimension), *steps, *diagonal])

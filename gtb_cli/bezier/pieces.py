@@ -64,8 +64,7 @@ def split_curve(patch: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
     """Split a curve exactly at a parameter between its ends, into two rational Bézier curves with positive weights.
 
     Not in the paper: this is de Casteljau's algorithm on the homogeneous control points of the whole curve's Bézier
-    form, with zeros for missing knots. `DomainError` is raised for a surface, for another parameter, and without a
-    Bézier form.
+    form, with zeros for missing knots. `DomainError` is raised for a surface, another parameter, or no Bézier form.
     """
     max_shift = 1e-9  # of the curve's size, by which rounding may move the point
     if patch.dimension != 1:
@@ -170,8 +169,7 @@ def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
         logs[i] = top[:, 0] + np.log(totals)
         points[i] = shares @ centred / totals[:, None] + middle
     # The corner is the mean of the control points of the knots there; a single control point is kept exactly.
-    at_corner = np.flatnonzero((powers == 0).all(axis=1))
-    if len(at_corner) == 1:
+    if len(at_corner := np.flatnonzero((powers == 0).all(axis=1))) == 1:
         points[0, 0] = patch.control_points[at_corner[0]]
     return logs, points
 

@@ -1,12 +1,9 @@
 """`gtb approve`: new meshes → golden ones."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING
 
 import click
 
@@ -17,10 +14,7 @@ from gtb_cli.shell.options import INPUT, console_option, difference_option, igno
 from gtb_cli.shell.streams import opened
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict
-from gtb_cli.vocabulary import FORMATS, suffix_of
-
-if TYPE_CHECKING:
-    from gtb_cli.meshes.difference import Aspect
+from gtb_cli.vocabulary import FORMATS, Aspect, suffix_of
 
 
 @click.command

@@ -1,12 +1,9 @@
 """`gtb diff`: two meshes, or two folders of meshes → whether they agree within a tolerance."""
 
-from __future__ import annotations
-
 import os
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import click
 
@@ -28,11 +25,7 @@ from gtb_cli.shell.streams import Streams, refuse_overwriting, refuse_reports, s
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict, Verdicts
-from gtb_cli.vocabulary import RESOLUTION, suffix_of
-
-if TYPE_CHECKING:
-    from gtb_cli.meshes.difference import Aspect, Kind
-    from gtb_cli.theory.rational_basis import Parametrization
+from gtb_cli.vocabulary import RESOLUTION, Aspect, Comparison, Parametrization, suffix_of
 
 
 def _reports(paths: tuple[str, ...]) -> tuple[str, ...]:
@@ -72,7 +65,7 @@ def diff(
     a: str,
     b: str,
     tolerance: float | str | None,
-    kind: Kind,
+    kind: Comparison,
     ignore: tuple[Aspect, ...],
     reports: tuple[str, ...],
     resolution: int | None,

@@ -14,12 +14,11 @@ from gtb_cli.errors import DomainError, Fault
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, json_option, spec_argument, streams_options
 from gtb_cli.shell.streams import Streams, numbered_rows, opened, shown_input, single, write_blocks, write_json
-from gtb_cli.vocabulary import PARAMETRIZATIONS
+from gtb_cli.vocabulary import PARAMETRIZATIONS, Parametrization
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
     from gtb_cli.theory.patch import Patch
-    from gtb_cli.theory.rational_basis import Parametrization
 
 BATCH_LINES = 8192  # lines evaluated together, however a pipe delivers them: last digits depend on the number
 

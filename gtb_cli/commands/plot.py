@@ -152,14 +152,13 @@ def plot(
     kind = output_format(output, format, (*FIGURE_FORMATS, ANIMATION_FORMAT))
     if kind != "svg":
         refuse_terminal(output, kind, "-o FIG")
-    from gtb_cli.plots.look import encoded_figure, settings
+    from gtb_cli.plots.look import encoded_animation, encoded_figure, settings
 
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
     with settings():  # a missing matplotlib is reported before anything is computed
         pass
-    from gtb_cli.plots.animation import encoded_animation
     from gtb_cli.plots.figures import Variation, figure_of, frames_of_picture, picture_of
-    from gtb_cli.plots.panels import animation_of_frames
+    from gtb_cli.plots.panels import figure_of_members
 
     is_animation = kind == ANIMATION_FORMAT
     if is_animation and what not in (None, "sequence"):
@@ -180,7 +179,8 @@ def plot(
         else:
             figure = figure_of(shape, picture)
     if is_animation:
-        data = encoded_animation(animation_of_frames(frames, picture.look))
+        members = range(len(frames.meshes))  # all with one camera and one scale
+        data = encoded_animation(figure_of_members(frames, [member], picture.look) for member in members)
     else:
         with settings():
             data = encoded_figure(figure, kind)

@@ -9,11 +9,10 @@ import click
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.options import WholeNumber, numbers_option, spec_argument, spec_from_spec, streams_options
 from gtb_cli.shell.streams import Spec, Streams, single
-from gtb_cli.vocabulary import ENERGIES, KEEPS
+from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
 
 if TYPE_CHECKING:
     from gtb_cli.fairing.fair import Fairing
-    from gtb_cli.vocabulary import Fairness, Keep
 
 
 @click.command

@@ -19,7 +19,7 @@ from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES, decode_m
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
-from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
+from gtb_cli.meshes.difference import Difference, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
 from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
 from gtb_cli.models.model import Model
@@ -27,7 +27,7 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
+from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, Aspect, Comparison, suffix_of
 
 BEGINNING_BYTES = 1 << 16  # bytes by which a mesh is told from a spec
 
@@ -79,7 +79,7 @@ def diff(
     tolerance: float | str | None = None,
     *,
     recipe: Recipe | None = None,
-    kind: Kind = "auto",
+    kind: Comparison = "auto",
     ignore: Aspect | Collection[Aspect] = (),
 ) -> Difference:
     """Compare two meshes, as ``gtb diff`` does: ``found.same``, ``found.distance``, where, and how.
@@ -134,12 +134,12 @@ def compared(
     a: Operand,
     b: Operand,
     tolerance: float | str | None = None,
-    kind: Kind = "auto",
+    kind: Comparison = "auto",
     ignore: Aspect | Collection[Aspect] = (),
 ) -> Difference:
     """Compare two operands; see `diff`."""
     aspects = (ignore,) if isinstance(ignore, str) else tuple(ignore)
-    for name, known, words in (("kind", get_args(Kind), (kind,)), ("ignore", get_args(Aspect), aspects)):
+    for name, known, words in (("kind", get_args(Comparison), (kind,)), ("ignore", get_args(Aspect), aspects)):
         for word in words:
             if word not in known:
                 raise DomainError(f"{name}: expected {' or '.join(known)}, got {word!r}")

@@ -11,7 +11,6 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, planar_cross
-from gtb_cli.errors import DomainError
 from gtb_cli.fairing.metric import blocks, forms
 from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.moment_map import MomentMap
@@ -20,25 +19,13 @@ from gtb_cli.theory.patch import Patch
 Energy: TypeAlias = Literal["thin-plate", "dirichlet"]
 
 
-def energy(patch: Patch, kind: Energy = "thin-plate", resolution: int = 64) -> float:
-    """Return the energy of a surface in the linear parametrisation, in units of length².
+def energy_matrix(patch: Patch, kind: Energy, resolution: int = 64) -> FloatArray:
+    """Return the (n, n) matrix of the energy of a surface as a quadratic form of each coordinate of control points.
 
-    It is ``∫ |P_xx|² + 2 |P_xy|² + |P_yy|²`` or ``∫ |P_x|² + |P_y|²`` over Δ scaled to area 1, shrunk towards its
-    middle by a thousandth; for `resolution` see `energy_samples`.
+    The energy is ``∫ |P_xx|² + 2 |P_xy|² + |P_yy|²`` or ``∫ |P_x|² + |P_y|²`` over Δ scaled to area 1, shrunk towards
+    its middle by a thousandth, in units of length²; for `resolution` see `energy_samples`.
     """
-    points = patch.control_points - patch.control_points.mean(axis=0)
-    matrix = energy_matrix(patch.domain, patch.log_products, kind, resolution)
-    return float(np.einsum("ik,ij,jk->", points, matrix, points))
-
-
-def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy, resolution: int = 64) -> FloatArray:
-    """Return the (n, n) matrix of the quadratic form `energy`, the same for each coordinate of the control points.
-
-    Raises `DomainError` if the domain is that of a curve, or the energy has another name.
-    """
-    if domain.dimension == 1:
-        raise DomainError("energy: expected a surface, this is a curve")
-    return energy_at(*samples(domain, log_weights, resolution), kind)
+    return energy_at(*samples(patch.domain, patch.log_products, resolution), kind)
 
 
 class Samples(NamedTuple):
@@ -79,8 +66,6 @@ def _lagrange(count: int, finer: int) -> FloatArray:
 
 def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, kind: Energy) -> FloatArray:
     """Return the (n, n) energy matrix of samples at (2, m) torus coordinates that stand for (m,) areas."""
-    if kind not in ("dirichlet", "thin-plate"):
-        raise DomainError(f"energy: expected thin-plate or dirichlet, got {kind!r}")
     plane = np.column_stack([knots, np.zeros(len(knots))])
     return np.asarray(forms(blocks(knots, log_weights, s), areas, plane, [1 if kind == "dirichlet" else 2])[0])
 
@@ -92,8 +77,7 @@ def energy_samples(
 
     It has `resolution`² places in the triangle of each edge and the middle, by Gauss's rule in coordinates that are
     exponential functions of the distances from edges and corners: the error falls exponentially with the resolution.
-    Of the specs' energies it is below 1e-2 with 32, and 2e-5 with 64. A strip, `until` a part of the way to the middle,
-    has a third of the places.
+    Of the specs' energies it is below 1e-2 with 32, and 2e-5 with 64. A strip up to `until` has a third of the places.
     """
     # Of the way to the middle, as is what is left out, and of an edge; within these, steps are nearly even
     layer, corner = min(1e-2, until / 10), max(1e-3, left_out)

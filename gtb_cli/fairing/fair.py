@@ -46,8 +46,7 @@ class Fairing:
     folds : int
         Number of places, among some thousand, at which the surface turns back.
     energies : (float, float), optional
-        Thin-plate or Dirichlet energy before and after, in units of length², if this was to be least; see
-        `gtb_cli.fairing.energy.energy`.
+        Energies before and after, in units of length², if these were to be least; see `gtb_cli.fairing.energy`.
     """
 
     patch: Patch
@@ -79,7 +78,7 @@ def fair(
     energy : {"variation", "thin-plate", "dirichlet"}
         With "variation", the product of E⁴, E = ∫ κ₁² + κ₂², and of the area times ∫ |∇H|² becomes smaller until no
         step changes it by a tenth. Neither rises, without the outermost hundredth or thousandth. The others are
-        integrals in the linear parametrisation, and least: see `gtb_cli.fairing.energy.energy`.
+        integrals in the linear parametrisation, and least: see `gtb_cli.fairing.energy`.
     keep : {"boundary", "tangents", "curvature"}
         What stays along every edge: its curve, also the tangent planes, or also the curvatures. Edges at which patches
         of a model meet smoothly, to a degree, keep their tangent planes in any case.
@@ -150,7 +149,7 @@ def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
     given = (patch.control_points - middle) / size
     found, energies = given, None
     if energy != "variation":
-        matrix = energy_matrix(patch.domain, patch.log_products, energy)
+        matrix = energy_matrix(patch, energy)
         found = _least(matrix, given, free)
         least = [float(np.einsum("ik,ij,jk->", points, matrix, points)) for points in (given, found)]
         energies = least[0] * size * size, least[1] * size * size
@@ -173,7 +172,7 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     do not agree on what is given: it is as good as folded somewhere.
     """
     search, judge = ([(list(t), areas) for t, areas in _zones(patch, resolution)] for resolution in (32, 48))
-    plate = _least(energy_matrix(patch.domain, patch.log_products, "thin-plate"), given, free)
+    plate = _least(energy_matrix(patch, "thin-plate"), given, free)
     coarse, before = (figures(measured(zones, [given])[0]) for zones in (search, judge))
     best, least, fewest = given, before, len(folds(patch))
     is_sound = not fewest and (np.isfinite(before) & np.isclose(coarse, before, 0.1, FLAT)).all()

@@ -43,8 +43,7 @@ def fit(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
     points : (n, 3) or (n, 2) float
         2 to 100 points in the order in which the curve passes them, from the first to the last.
     knots : (n,) float, optional
-        Knots of the curve, ascending. Default: the lengths of the polygon up to each point, from 0, with steps of at
-        least a thousandth of the longest.
+        Knots of the curve, ascending. Default: lengths along the polygon, with steps of at least 1e-3 of the longest.
 
     Raises
     ------

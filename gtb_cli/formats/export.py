@@ -53,8 +53,7 @@ def write_mesh(
         The axis of the file for the z axis of the mesh. The default is y in GLB, as glTF prescribes, and z in the
         others.
     unit : {"mm", "cm", "m", "in", "ft"}, optional
-        The unit of length of the mesh. 3MF files name it, mm by default. GLB files are in metres: the default leaves
-        the numbers as they are.
+        The unit of length of the mesh. 3MF names it, by default mm; GLB is in metres, and by default its numbers stay.
 
     Raises
     ------
@@ -177,8 +176,7 @@ def standing(mesh: Mesh, format: str, up: Up | None = None) -> Mesh:
 def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool = False, uv: bool = False) -> list[str]:
     """Return warnings about the file that `write_mesh` would write with the same arguments.
 
-    They say whether 32-bit numbers would merge or visibly move vertices, which requested data is left out, and which
-    common readers refuse such a file.
+    They say whether 32-bit numbers would merge or visibly move vertices, what is left out, and which readers refuse it.
     """
     kind = _known(format)
     holds, shown = FORMATS[kind], kind.upper()
@@ -232,8 +230,7 @@ def _format_of(path: str) -> str:
 
 def _check_numbers(label: str, values: FloatArray, limit: float) -> None:
     rows = values.reshape(len(values), -1)
-    bad = first_beyond(rows, limit)
-    if bad is None:
+    if (bad := first_beyond(rows, limit)) is None:
         return
     reason = "must be finite"
     if np.isfinite(rows[bad]).all():

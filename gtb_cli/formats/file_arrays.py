@@ -65,8 +65,7 @@ def first_beyond(rows: FloatArray, limit: float) -> int | None:
 
 def faulty_point(points: FloatArray) -> tuple[int, str] | None:
     """Return the first of (m, 3) points that no mesh may have, and what is wrong with it."""
-    number = first_beyond(points, 2.0**1000)  # differences of larger coordinates may overflow
-    if number is None:
+    if (number := first_beyond(points, 2.0**1000)) is None:  # differences of larger coordinates may overflow
         return None
     reason = "too large" if np.isfinite(points[number]).all() else "not finite"
     return number, f"is {reason}: {' '.join(f'{x:g}' for x in points[number])}"

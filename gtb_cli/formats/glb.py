@@ -43,8 +43,7 @@ def glb_blocks(
 ) -> Iterable[bytes]:
     """Return a GLB file of at most 4 GB with a node for each group. `up` is the vertical axis.
 
-    Several groups have a colour each, and are below one node of this name. A unit of length scales the node to metres,
-    and the numbers stay.
+    Several groups have a colour each, below one node of this name. A unit scales the node to metres: numbers stay.
     """
     parts = []
     for label, start, stop in groups:
@@ -227,8 +226,7 @@ def read_glb(data: bytes) -> FileArrays:
             count += len(positions)
             rows += len(found)
             materials.append((scene.material(primitive.get("material")), rows - len(found), rows))
-        name = name or str(mesh.get("name", ""))
-        if name and rows > before:
+        if (name := name or str(mesh.get("name", ""))) and rows > before:
             groups.append((name, before, rows))
     if cells[2] and cells[3]:
         raise GtbError("has both triangles and lines: expected one of them")

@@ -95,8 +95,8 @@ class Scene:
 
     def placed_meshes(self) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:
         """Yield the meshes with the names of their nodes and their (4, 4) places."""
-        for node, place in ((self.tree["nodes"][number], place) for number, _, place in self.placed):
-            if "mesh" in node:
+        for number, _, place in self.placed:
+            if "mesh" in (node := self.tree["nodes"][number]):
                 yield self.tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place
 
     def material(self, number: int | None) -> list[float]:
@@ -210,8 +210,7 @@ def _placed_nodes(tree: dict[str, Any]) -> Iterator[tuple[int, int, FloatArray]]
     """Yield the nodes of a scene, each before those within it: their numbers, depths and (4, 4) places."""
     harmless = {"materials_unlit", "texture_transform", "lights_punctual", "materials_specular"}
     most = 100  # nodes within nodes
-    needed = set(tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}
-    if needed:
+    if needed := set(tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}:
         raise GtbError(f"needs {', '.join(sorted(map(str, needed)))}, which is not known here")
     nodes = tree.get("nodes", [])
     if "scenes" in tree:

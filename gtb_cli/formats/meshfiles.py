@@ -1,7 +1,6 @@
 """Mesh files to meshes: OBJ, PLY, STL, GLB and 3MF from any program.
 
-trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorders vertices, accepts damaged files, and
-takes 0.5 s to import.
+trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorders vertices, and accepts damaged files.
 """
 
 import os
@@ -35,8 +34,7 @@ def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
     -------
     Mesh
         Triangles or segments, with vertices and cells in the order of the file. Polygons are cut into triangles.
-        Corners of an STL file's facets at exactly the same place become one vertex. Normals and texture coordinates are
-        not read.
+        Corners of STL facets at exactly the same place become one vertex. Normals and texture coordinates are not read.
 
     Raises
     ------
@@ -124,8 +122,7 @@ def format_of(data: bytes) -> str | None:
     if start[:5].lower() == b"solid" and start[5:6] in b" \t\r\n":
         return "stl"
     for line in beginning.splitlines():
-        words = line.split(None, 1)
-        if words and not words[0].startswith(b"#"):
+        if (words := line.split(None, 1)) and not words[0].startswith(b"#"):
             return "obj" if words[0] in words_of_obj and b"=" not in line else None
     return None
 
@@ -156,6 +153,5 @@ def _check(content: FileArrays) -> None:
         raise GtbError(
             f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {low if low < 0 else high}"
         )
-    fault = faulty_point(vertices)
-    if fault is not None:
+    if fault := faulty_point(vertices):
         raise MeshError(f"vertex {fault[0]}: {fault[1]}")

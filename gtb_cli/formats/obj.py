@@ -111,8 +111,7 @@ class _ObjLines:
             further = np.full(is_there.shape, np.nan)
             within = np.arange(len(numbers)) - np.repeat(np.cumsum(counts) - counts, counts)
             further[is_there] = numbers[(within > 2) & (within < most)]
-            fault = faulty_point(points)
-            if fault is not None:
+            if fault := faulty_point(points):
                 raise MeshError(f"a vertex {fault[1]}")
         cells = {}
         for keyword, made, fewer in ((b"f", triangles, 2), (b"l", segments, 1)):
@@ -121,8 +120,7 @@ class _ObjLines:
             corners, counts = _numbers(keyword, lines, places[keyword], np.int64)
             if not corners.all():
                 raise GtbError("vertices are counted from 1, got 0")
-            backwards = corners < 0
-            if backwards.any():
+            if (backwards := corners < 0).any():
                 before = np.repeat(self.count + np.searchsorted(places[b"v"], places[keyword]), counts)
                 if (corners < -before).any():
                     raise GtbError(f"{corners[corners < -before][0]} counts back before the first vertex")
@@ -213,8 +211,7 @@ def _numbers(
     """Return the numbers of some lines, and the count of each, which must be enough for the keyword."""
     text = b"\n".join([lines[place][2:] for place in places])
     numbers, counts = number_rows(text if keyword == b"v" else _references(text), kind)
-    least = MIN_NUMBERS[keyword]
-    if counts.min() < least:
+    if counts.min() < (least := MIN_NUMBERS[keyword]):
         what = "a vertex has 3 coordinates" if keyword == b"v" else f"{shown(keyword)} has at least {least} vertices"
         raise GtbError(f"{what}, got {counts.min()}")
     return numbers, counts
@@ -224,8 +221,7 @@ def _references(text: bytes) -> bytes:
     """The references to vertices, without those to texture coordinates and normals."""
     if b"/" not in text:
         return text
-    lone = re.search(rb"(?<![^ \t\n])/[^ \t\n]*", text)
-    if lone:
+    if lone := re.search(rb"(?<![^ \t\n])/[^ \t\n]*", text):
         raise GtbError(f"{shown(lone[0])} is not a whole number")
     characters = np.frombuffer(text, dtype=np.uint8)
     slash = characters == ord("/")

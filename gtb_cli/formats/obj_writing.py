@@ -1,8 +1,7 @@
 """OBJ files written, and lines of numbers, fast: tables turn numbers into characters, four at a time, in numpy.
 
 Every number of a block of rows becomes a run of 32-bit words. Each word holds up to four characters and is padded with
-NUL bytes, which are deleted at the end. The result equals the text of Python's `%.8f` (or of another number of
-decimals), byte for byte.
+NUL bytes, deleted at the end. The result equals Python's `%.8f`, or another number of decimals, byte for byte.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,8 +23,7 @@ _WORD = np.dtype("<u4")
 def decimals(vertices: FloatArray) -> int:
     """Return the number of decimals, at least 8, that keep 9 significant digits at the size of (m, 3) finite vertices.
 
-    `max(8, 8 - floor(log10(size)))`, where size is the largest extent of the bounding box, or the largest coordinate of
-    a model that is a single point.
+    `max(8, 8 - floor(log10(size)))`: size is the largest extent of the bounding box or, of a single point, coordinate.
     """
     with np.errstate(over="ignore"):
         size = float(np.ptp(bounds_of(vertices), axis=0).max()) or float(np.abs(vertices).max())
@@ -47,8 +45,7 @@ def obj_blocks(
     The lines equal those of trimesh's exporter for the same arrays with ``digits=decimals(vertices)``.
 
     Numbers are finite; `uv` are (m, 2), a row for each vertex, and so are normals, unless `normal_of` (k, 3) has the
-    normal of each corner. Groups are names without blanks and ranges of cells. Only one block of lines is in memory at
-    a time.
+    normal of each corner. Groups are names without blanks and ranges of cells. Memory holds one block of lines.
     """
     digits = decimals(vertices)
     for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):
@@ -124,8 +121,7 @@ def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> Fl
     unless the rounded one *is* k + 1/2. Only then does the rounding error decide; Dekker's product gives it exactly.
     """
     nearest = np.rint(scaled)
-    tie = np.abs(scaled - nearest) == 0.5
-    if tie.any():
+    if (tie := np.abs(scaled - nearest) == 0.5).any():
         product, error = two_product(fraction[tie], scale)
         nearest[tie] = np.where(error == 0.0, nearest[tie], np.floor(product) + (error > 0.0))
     return nearest

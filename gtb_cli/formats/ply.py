@@ -287,8 +287,7 @@ def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Colum
     parts = [_uneven(element, ())]
     left = element.rows if element.properties else 0
     while left:
-        block = list(islice(rows, min(left, most)))
-        if not block:
+        if not (block := list(islice(rows, min(left, most)))):
             raise GtbError(f"is cut off: it ends within the {element.rows} rows of element {element.name}")
         left -= len(block)
         wanted = max(SAMPLED_VERTICES // 100, SAMPLED_VERTICES - len(sample) // 3)  # further blocks may have others

@@ -67,8 +67,7 @@ def read_stl(data: bytes) -> FileArrays:
 
 
 def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray], facets: dict[str, Any]) -> FileArrays:
-    fault = faulty_point(corners)
-    if fault is not None:
+    if fault := faulty_point(corners):
         raise MeshError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
     first, labels = numbered_places(corners)
     cells = labels.reshape(-1, 3)
@@ -101,12 +100,10 @@ def _read_text(data: bytes) -> FileArrays:
             if len(words) >= most:
                 corners.append(numbers(words, np.float64))
                 sample, words = sample + words[: 3 * (SAMPLED_VERTICES // 100 if sample else SAMPLED_VERTICES)], []
-        found = endsolid.match(data, place)
-        if not found:
+        if not (found := endsolid.match(data, place)):
             raise _fault(data, place, count + 1)
         place = found.end()
-    rest = re.compile(rb"\S+").search(data, place)
-    if rest:
+    if rest := re.compile(rb"\S+").search(data, place):
         raise GtbError(f"expected solid, got {shown(rest[0])}")
     corners.append(numbers(words, np.float64))
     sample += words[: 3 * (SAMPLED_VERTICES // 100 if sample else SAMPLED_VERTICES)]

@@ -61,8 +61,7 @@ class Copy:
 def reflected(patch: Patch) -> Patch:
     """Return the surface with Δ reflected, so that its normals point to the other side; a curve is not changed.
 
-    The first coordinate u of the knots becomes min u + max u − u, or −u if that is not exact: rounding would move knots
-    off the edges.
+    The first coordinate u of knots becomes min u + max u − u, or −u if that is rounded: knots would leave the edges.
     """
     if patch.dimension == 1:
         return patch
@@ -115,8 +114,7 @@ def included_copies(patches: Sequence[Patch], table: Table, allowed: int) -> lis
         if fault := next((name_fault(name) for name in names[-1:] if name), None):
             table.fault("name", fault)
             break
-        copies = moves.made(patch, names, table.values, table.path)
-        if not copies:
+        if not (copies := moves.made(patch, names, table.values, table.path)):
             break
         made.append(copies)
     return [patch for several in zip(*made, strict=True) for patch in several]

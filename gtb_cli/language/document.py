@@ -2,12 +2,11 @@
 
 import re
 from collections import Counter
-from typing import cast
 
 from gtb_cli.errors import Fault, SpecError
-from gtb_cli.language.scanner import Format, Path, TooMuch, places
+from gtb_cli.language.scanner import Path, TooMuch, places
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, suffix_of
+from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, SpecFormat, suffix_of
 
 MAX_BYTES = 10_000_000  # a spec; a patch of a thousand knots takes a hundred kilobytes
 MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of them
@@ -45,7 +44,7 @@ class Document:
 
     data: object
     text: str
-    format: Format
+    format: SpecFormat
     repeated: tuple[tuple[Path, int, str], ...]
 
     def lines(self, paths: set[Path]) -> dict[Path, int]:
@@ -83,8 +82,7 @@ class Faults:
 
     def add(self, path: Path, message: str, line: int | None = None) -> None:
         """Note a fault of the value at a path; its line is found later unless given."""
-        name = _UNKNOWN.search(message)
-        if name and any(name[0] in other for _, other, _ in self._faults):
+        if (name := _UNKNOWN.search(message)) and any(name[0] in other for _, other, _ in self._faults):
             self._more[name[0]] += 1
             return
         self.count += 1
@@ -143,13 +141,12 @@ def shown(value: object) -> str:
             return "a date or time"
 
 
-def spec_format_of(path: str) -> Format | None:
+def spec_format_of(path: str) -> SpecFormat | None:
     """Return the format that a file's suffix names, if any."""
-    suffix = suffix_of(path)
-    return cast(Format, suffix) if suffix in SPEC_FORMATS else None
+    return next((format for format in SPEC_FORMATS if format == suffix_of(path)), None)
 
 
-def read(data: bytes | str, source: str, format: Format | None = None) -> Document:
+def read(data: bytes | str, source: str, format: SpecFormat | None = None) -> Document:
     """Read the text of a spec, UTF-8; unless a format is given, a first character ``{`` makes it JSON, otherwise TOML.
 
     Raises `SpecError`, one line with line and column if known: the data are not text, too large, nested too deeply, or
@@ -195,7 +192,7 @@ def _decode(data: bytes | str, source: str) -> str:
         raise SpecError(Fault(reason, source, line)) from None
 
 
-def _measure(text: str, source: str, format: Format) -> tuple[tuple[Path, int, str], ...]:
+def _measure(text: str, source: str, format: SpecFormat) -> tuple[tuple[Path, int, str], ...]:
     """Refuse a text that a parser would choke on; return the keys given twice in one table, with lines and faults."""
     if text.count("\n") >= MAX_LINES:
         raise SpecError(Fault(f"is too large, a spec has at most {MAX_LINES} lines", source))
@@ -217,7 +214,7 @@ def _measure(text: str, source: str, format: Format) -> tuple[tuple[Path, int, s
     )
 
 
-def _parse(text: str, source: str, format: Format, repeated: tuple[tuple[Path, int, str], ...]) -> object:
+def _parse(text: str, source: str, format: SpecFormat, repeated: tuple[tuple[Path, int, str], ...]) -> object:
     if format == "json":
         import json
 

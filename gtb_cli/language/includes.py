@@ -6,7 +6,7 @@ import stat
 from gtb_cli.errors import SpecError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES, read, spec_format_of
-from gtb_cli.language.scanner import Format
+from gtb_cli.vocabulary import SpecFormat
 
 MAX_FILES = 100  # files that a spec includes, directly or through others
 
@@ -20,8 +20,7 @@ class Library:
     def taken(self, name: str, readers: tuple[str, ...]) -> tuple[str, bytes]:
         """Return path and content of a file included by the last of `readers`, each of which includes the next.
 
-        Raises `SpecError`, without the including file: the file is outside the spec's folder, includes itself, cannot
-        be read or is too large.
+        Raises `SpecError`, without the including file: it is outside the folder, in a circle, unreadable or too large.
         """
         if readers[0] == "-" or readers[0].startswith("<"):
             raise SpecError(f"{readers[0]} has no folder from which files could be taken")
@@ -34,8 +33,7 @@ class Library:
             raise SpecError(f"{name!r}: {error}") from None
         if os.path.isabs(name) or not inside:
             raise SpecError(f"{name}: is outside the spec's folder, below which included files must be")
-        chain = [os.path.realpath(reader) for reader in readers]
-        if real in chain:
+        if real in (chain := [os.path.realpath(reader) for reader in readers]):
             circle = [*readers[chain.index(real) :], path]
             raise SpecError(f"{name}: includes itself: {' -> '.join(map(os.path.basename, circle))}")
         if self._count == MAX_FILES:
@@ -60,12 +58,11 @@ def _content(name: str, real: str) -> bytes:
         raise SpecError(f"{name}: {error.strerror or error}") from None
 
 
-def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
+def sources(path: str, format: SpecFormat | None = None) -> tuple[str, ...]:
     """Name the files from which a spec is read: its own first, then those it includes, directly or through others.
 
     Each file stands once, as the folder of `path` and what the including files write (``..`` is left, as it leads
-    elsewhere after a link); hardly more than `MAX_FILES`. A file that cannot be read includes nothing; the reader of
-    the spec reports its faults.
+    elsewhere after a link); hardly more than `MAX_FILES`. A file that cannot be read includes nothing.
     """
     found = {os.path.realpath(path): path}
     waiting = [path]
@@ -79,7 +76,7 @@ def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
     return tuple(found.values())
 
 
-def _included(path: str, format: Format | None) -> list[str]:
+def _included(path: str, format: SpecFormat | None) -> list[str]:
     """Return the names of the files that the text of a file includes."""
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be emptied, or waited for

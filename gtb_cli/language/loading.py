@@ -15,9 +15,9 @@ from gtb_cli.language.includes import Library
 from gtb_cli.language.keys_and_values import Budget, Values, valid_name
 from gtb_cli.language.model_reader import ModelReader
 from gtb_cli.language.reading import NO_LET, Let, Reading
-from gtb_cli.language.scanner import Format
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import SpecFormat
 
 
 def load(path: str | os.PathLike[str], let: Let = NO_LET) -> Patch | Model:
@@ -38,8 +38,7 @@ def load(path: str | os.PathLike[str], let: Let = NO_LET) -> Patch | Model:
     Raises
     ------
     SpecError
-        The file cannot be read, or does not describe a patch: one line for each error, with file, line if known, key
-        path and what was found.
+        It cannot be read, or describes no patch: a line for each error with file, line, key path and what was found.
     """
     source = os.fspath(path)
     return parse(read_file(source, MAX_BYTES + 1), source, spec_format_of(source), let)
@@ -62,7 +61,7 @@ def load_model(path: str | os.PathLike[str], let: Let = NO_LET) -> Model:
 def parse(
     text: bytes | str,
     source: str = "<spec>",
-    format: Format | None = None,
+    format: SpecFormat | None = None,
     let: Let = NO_LET,
     warn: Callable[[str], object] = warnings.warn,
     row: int | None = None,
@@ -77,7 +76,7 @@ def parse(
     library, budget = Library(), Budget()
     files: list[Faults] = []
 
-    def spec(text: bytes | str, format: Format | None, readers: tuple[str, ...]) -> Patch | Model | None:
+    def spec(text: bytes | str, format: SpecFormat | None, readers: tuple[str, ...]) -> Patch | Model | None:
         """Read one file, the last of `readers`, each of which includes the next."""
         document = read(text, readers[-1], format)
         faults = Faults(document, readers[-1], f" (included by {readers[-2]})" if len(readers) > 1 else "")

@@ -13,8 +13,7 @@ from gtb_cli.language.scanner import Path
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.theory.patch import Patch
 
-# Returns the patches of an included file: none if the file has faults, which are noted elsewhere. Raises `SpecError` if
-# it cannot be included.
+# Returns the patches of an included file, none if it has faults, noted elsewhere; `SpecError`: it cannot be included.
 Include = Callable[[str], tuple[Patch, ...]]
 
 

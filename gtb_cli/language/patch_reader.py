@@ -54,8 +54,7 @@ class Reader:
         straight = "is the ribbon itself; of a strip straight across, it is 2 ribbon - curve"
         faults = "is the curve itself, and leads nowhere", straight
         for ribbon_key, fault in zip(RIBBONS[: self._row or 0], faults, strict=False):
-            ribbon = _points(table, ribbon_key, n)
-            if ribbon is not None:
+            if (ribbon := _points(table, ribbon_key, n)) is not None:
                 if points is not None and not np.any(ribbon - points):
                     table.fault(ribbon_key, fault)
                 points = ribbon
@@ -169,10 +168,9 @@ def _check_size(knots: FloatArray) -> None:
     """Refuse surfaces whose knots and edges would fill the memory."""
     # Largest product of knots and edges of a patch: the domain needs about 50 bytes for each pair
     max_heights = 2_000_000
-    if knots.ndim == 2 and len(knots) ** 2 > max_heights:
-        edges = len(convex_hull(knots))
-        if len(knots) * edges > max_heights:
-            raise DomainError(f"knots: {len(knots)} knots times {edges} edges, at most {max_heights} are allowed")
+    count = len(knots)
+    if knots.ndim == 2 and count**2 > max_heights and count * (edges := len(convex_hull(knots))) > max_heights:
+        raise DomainError(f"knots: {count} knots times {edges} edges, at most {max_heights} are allowed")
 
 
 def _coefficients(domain: Domain, name: str) -> FloatArray:

@@ -1,13 +1,10 @@
 """The ways in which a spec may be read: its format, numbers in place of those of ``let``, and holes that are filled."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
-if TYPE_CHECKING:
-    from gtb_cli.language.scanner import Format
+from gtb_cli.vocabulary import SpecFormat
 
 Number: TypeAlias = float | str
 Numbers: TypeAlias = tuple[tuple[str, Number], ...]
@@ -21,7 +18,7 @@ class Reading(NamedTuple):
     `fills` are holes of the model that are filled, each with the continuity of its patch.
     """
 
-    spec_format: Format | None = None
+    spec_format: SpecFormat | None = None
     let: Numbers = ()
     fills: tuple[tuple[str, str], ...] = ()
 

@@ -8,10 +8,12 @@ would refuse is passed over: it gives the better message, with line and column.
 import math
 import re
 from collections.abc import Collection, Iterator
-from typing import Literal, NamedTuple, TypeAlias
+from typing import TypeAlias
 
-Format: TypeAlias = Literal["toml", "json"]
+from gtb_cli.vocabulary import SpecFormat
+
 Path: TypeAlias = tuple[str | int, ...]
+Place: TypeAlias = tuple[Path, int, bool]  # of a key or list entry: its line, and whether it must not be repeated
 
 MAX_WORDS = 150_000  # values, keys and signs, a list of numbers being one; 5000 patches have half as many
 MAX_NUMBERS = 1_000_000  # in such lists, which take 2 s and 100 MB to read; 5000 bicubic patches have half as many
@@ -40,15 +42,7 @@ class TooMuch(Exception):
     """The line and the reason why no parser gets a text."""
 
 
-class Place(NamedTuple):
-    """The place of a key or list entry, and whether it is a key that must not be repeated."""
-
-    path: Path
-    line: int
-    is_definition: bool
-
-
-def places(text: str, format: Format, wanted: Collection[Path] = ()) -> Iterator[Place]:
+def places(text: str, format: SpecFormat, wanted: Collection[Path] = ()) -> Iterator[Place]:
     """Yield the place of every key and list entry, but of numbers only those in lists with a wanted path.
 
     A text that is not well-formed has some of them. Unless paths are wanted, `TooMuch` is raised with the line of the
@@ -64,7 +58,7 @@ class _Words:
     `line` is the line on which the word starts, and `begins_line` says whether it is the first one there.
     """
 
-    def __init__(self, text: str, format: Format, wanted: Collection[Path]) -> None:
+    def __init__(self, text: str, format: SpecFormat, wanted: Collection[Path]) -> None:
         self.wanted = wanted
         self.max_words = math.inf if wanted else MAX_WORDS
         self.nesting = 0
@@ -116,7 +110,7 @@ def _statements(words: _Words) -> Iterator[Place]:
             line, tables = words.line, _tables(_key(words), is_entry, last_entries)
             table = tables[-1] if tables else ()
             for path in tables:
-                yield Place(path, line, path == table and not is_entry)
+                yield path, line, path == table and not is_entry
         else:
             yield from _pair(words, table)
         while words.word and not words.begins_line:  # the end of a header, or an error
@@ -129,9 +123,9 @@ def _pair(words: _Words, table: Path) -> Iterator[Place]:
     if not words.word or words.word not in "=:":
         return
     for length in range(1, len(key)):
-        yield Place((*table, *key[:length]), line, False)
+        yield (*table, *key[:length]), line, False
     path = (*table, *key)
-    yield Place(path, line, bool(key))
+    yield path, line, bool(key)
     words.advance()
     yield from _inside(words, path)
 
@@ -151,7 +145,7 @@ def _inside(words: _Words, path: Path) -> Iterator[Place]:
             elif opening == "{":
                 yield from _pair(words, path)
             else:
-                yield Place((*path, index), words.line, False)
+                yield (*path, index), words.line, False
                 yield from _inside(words, (*path, index))
         words.nesting -= 1
     words.advance()

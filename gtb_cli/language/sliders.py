@@ -9,7 +9,8 @@ from gtb_cli.errors import SpecError
 from gtb_cli.language.document import Document, read
 from gtb_cli.language.expression import FUNCTIONS, evaluate_expression, names_in
 from gtb_cli.language.keys_and_values import MAX_SIZE
-from gtb_cli.language.scanner import Format, Path
+from gtb_cli.language.scanner import Path
+from gtb_cli.vocabulary import SpecFormat
 
 _COMMENT = re.compile(r"""(?:[^"'#]|"(?:[^"\\]|\\.)*"|'[^']*')*#\s*(.*)""")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -33,7 +34,7 @@ class Slider(NamedTuple):
     text: str
 
 
-def sliders(data: bytes | str, source: str, format: Format | None = None) -> tuple[Slider, ...]:
+def sliders(data: bytes | str, source: str, format: SpecFormat | None = None) -> tuple[Slider, ...]:
     """Return a slider for each number of a spec's own ``let`` that depends on no other; none if it cannot be read."""
     try:
         document = read(data, source, format)

@@ -18,15 +18,13 @@ from gtb_cli.meshes.hausdorff import Distance, Farthest, mesh_distance
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import FACETS, NORMALS, KnownMesh, Mesh, vertices_to_measure
 from gtb_cli.meshes.motions import told_motion
-from gtb_cli.vocabulary import percentage
+from gtb_cli.vocabulary import Aspect, Comparison, percentage
 
 # Fraction of the bounding box's diagonal. Other processors and libraries change meshes by about 1e-13 of it; moving a
 # control point by 1e-6 moves the surface by more than this wherever its basis function exceeds a thousandth.
 DEFAULT_TOLERANCE = 1e-9
 
 Method: TypeAlias = Literal["vertices", "surface", "patches"]
-Kind: TypeAlias = Literal["auto", "vertices", "surface"]
-Aspect: TypeAlias = Literal["orientation", "connectivity", "attributes"]
 Point: TypeAlias = tuple[float, float, float]
 
 
@@ -60,7 +58,7 @@ class Difference:
     words: tuple[str, ...] = ()  # what was done to the first mesh, if that explains the difference
     values: tuple[str, ...] = ()  # how normals, texture coordinates and attributes differ
     is_curve: bool = False  # whether both are curves
-    kind: Kind = "auto"  # as what they were to be compared
+    kind: Comparison = "auto"  # as what they were to be compared
     uncompared: str = ""  # where alone there are such values that were compared, as there are other faces
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
@@ -135,7 +133,7 @@ def difference(
     a: KnownMesh,
     b: KnownMesh,
     tolerance: float | str | None = None,
-    kind: Kind = "auto",
+    kind: Comparison = "auto",
     ignore: Collection[Aspect] = (),
 ) -> Difference:
     """Compare two meshes; the tolerance, `kind` and `ignore` are those of `diff`.

@@ -1,12 +1,10 @@
 """The search for the joints of a model: whether two edges carry one curve, and which patches must be turned."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import TypeAlias
 
 import numpy as np
 
@@ -47,7 +45,7 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     )
     flipped, one_sided = _orientation(len(patches), shared if is_surface else ())
     alone = {i for i, others in followers.items() if not others}
-    many = [(i, *(other.edge for other in others)) for i, others in followers.items() if len(others) > 1]
+    many = [(i, *(j for j, *_ in others)) for i, others in followers.items() if len(others) > 1]
     almost = sorted(pair for pair, match in near.items() if edges.nearly_meet(*pair, match, alone))
     return Joints(
         shared=shared,
@@ -60,12 +58,8 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     )
 
 
-class _Follower(NamedTuple):
-    """An edge that carries the curve of an earlier one, in the opposite direction if `turned`."""
-
-    edge: int
-    turned: bool
-    match: Match
+# An edge that carries the curve of an earlier one, whether it runs backwards, and how the two correspond
+_Follower: TypeAlias = tuple[int, bool, Match]
 
 
 class _EdgeCurves:
@@ -130,12 +124,12 @@ class _EdgeCurves:
                 group.update(dict.fromkeys(other, one))
         found: dict[int, list[_Follower]] = {}
         for first in (i for i in self.same if i == min(group[i])):
-            found[first] = [_Follower(j, turned, Match(0.0, True, True)) for j, turned in self.same[first]]
+            found[first] = [(j, turned, Match(0.0, True, True)) for j, turned in self.same[first]]
             for k in sorted(group[first])[1:]:
                 match = self.compared(first, k)
                 edges = ((k, False), *self.same[k])
-                found[first] += [_Follower(j, turned ^ match.turned, match) for j, turned in edges]
-            found[first].sort(key=lambda follower: follower.edge)
+                found[first] += [(j, turned ^ match.turned, match) for j, turned in edges]
+            found[first].sort(key=lambda follower: follower[0])
         return found
 
     def is_one(self, match: Match) -> bool:

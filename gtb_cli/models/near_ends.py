@@ -18,8 +18,7 @@ def touching(curves: Sequence[Curve], reach: FloatArray) -> tuple[IntArray, Floa
     for row, others in _within(heights, 2 * reach):
         straight, crossed = (np.abs(ends[others] - way).max(axis=(1, 2)) for way in (ends[row], ends[row][::-1]))
         gap = np.minimum(straight, crossed)
-        near = np.flatnonzero(gap <= np.minimum(reach[others], reach[row]))
-        if len(near):
+        if len(near := np.flatnonzero(gap <= np.minimum(reach[others], reach[row]))):
             pairs.append(np.column_stack([others[near], np.full(len(near), row)]))
             gaps.append(gap[near])
     found = np.sort(np.concatenate(pairs), axis=1)

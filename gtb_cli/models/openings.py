@@ -46,8 +46,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
         first, second = left[one], left[other]
         if first in told or second in told:
             continue
-        difference = _difference(curves[first], curves[second], tolerance, None)
-        if difference is not None:
+        if difference := _difference(curves[first], curves[second], tolerance, None):
             found.append((first, second, difference))
             told |= {first, second}
     return sorted(found)
@@ -116,14 +115,12 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
 def seam_remarks(model: Model) -> list[str]:
     """Say how many seams of a model were welded, from how far apart, and which seams nearly close."""
     joints, patches, lines = model.joints, model.patches, []
-    welded = [joint for joint in joints.shared if joint.distance]
-    if welded:
+    if welded := [joint for joint in joints.shared if joint.distance]:
         worst = max(welded, key=lambda joint: joint.distance)
         names = " and ".join(edge_name(patches, ref) for ref in (worst.first, worst.second))
         lines.append(f"{len(welded)} seams were welded, which were up to {worst.distance:.3g} apart ({names})")
         sizes = [min(edge_curve(patches[p], e).size for p, e in (joint.first, joint.second)) for joint in welded]
-        far = sum(joint.distance > FAR_WELD * size for joint, size in zip(welded, sizes, strict=True))
-        if far:
+        if far := sum(joint.distance > FAR_WELD * size for joint, size in zip(welded, sizes, strict=True)):
             lines.append(f"{far} of them were farther apart than {FAR_WELD:.0%} of their edges")
     points = CURVE_TOLERANCE * diagonal_of(patches)
     shrunk = [(size, ref) for ref in joints.collapsed if (size := edge_curve(patches[ref[0]], ref[1]).size) > points]

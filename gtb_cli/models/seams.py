@@ -71,8 +71,7 @@ class Seam:
     def bend(self) -> float:
         """Largest difference of the normal curvatures across the seam, in units of 1 / length.
 
-        It is taken over places away from corners where both are finite and the angle is at most a degree; NaN if there
-        is no such place.
+        Taken over places away from corners where both are finite and the angle is at most a degree; NaN without any.
         """
         return self._most_bent[0]
 

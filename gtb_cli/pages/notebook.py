@@ -1,5 +1,7 @@
 """Pictures of themselves that patches, models, meshes, decompositions and domains show in a notebook."""
 
+import html
+
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of
@@ -7,7 +9,7 @@ from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
-from gtb_cli.pages.page import frame as page_frame
+from gtb_cli.pages.page import page
 from gtb_cli.plots.palette import INK, patch_colour
 from gtb_cli.theory.patch import Patch
 
@@ -21,7 +23,9 @@ def frame(thing: Patch | Model | Mesh | RegularDecomposition | Domain) -> str:
         corners, places = (rows if thing.dimension == 2 else rows[:, [0, 0]] * [1, 0] for rows in clouds)
         return _picture(places, [corners], range(len(places)))
     if not isinstance(thing, RegularDecomposition):
-        return page_frame(thing)
+        # A block as wide as its place, border included: no scroll bar appears around it.
+        style = "display:block;box-sizing:border-box;width:100%;height:420px;border:1px solid #8884;border-radius:6px"
+        return f'<iframe srcdoc="{html.escape(page(thing), quote=True)}" style="{style}"></iframe>'
     # Cells, coloured in turn, and knots, hollow in none; of a curve, the lifted knots and their upper hull.
     places = thing.knots
     if thing.dimension == 1:

@@ -37,13 +37,6 @@ def page(thing: Patch | Model | Mesh | SpecPath, recipe: Recipe | None = None) -
     return page_of(content_of_mesh(found, found.name) if isinstance(found, Mesh) else content_of(found, recipe))
 
 
-def frame(thing: Patch | Model | Mesh) -> str:
-    """Return HTML of a frame with such a page, for a notebook."""
-    # A block as wide as its place, border included: no scroll bar appears around it.
-    style = "display:block;box-sizing:border-box;width:100%;height:420px;border:1px solid #8884;border-radius:6px"
-    return f'<iframe srcdoc="{html.escape(page(thing), quote=True)}" style="{style}"></iframe>'
-
-
 def page_of(content: Content) -> str:
     """Return the HTML of a page that shows something, with script and data: always the same for the same content."""
     return page_with(page_data(content), content.name)

@@ -149,8 +149,7 @@ def _fine(shape: Patch | Model) -> Recipe:
     """Return the recipe of a mesh whose outline looks smooth on a screen.
 
     Even meshes show curvature and stripes best, and are taken where twice the resolution that a page has room for is
-    enough. It follows from one of 8: at an edge of length l between normals at an angle α, the surface is about l α / 8
-    away.
+    enough. It follows from one of 8: at an edge of length l between normals at an angle α, the error is about l α / 8.
     """
     if shape.dimension == 1:
         return Recipe(256)

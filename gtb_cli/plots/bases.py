@@ -1,27 +1,21 @@
 """Pictures of basis functions: over t, or as graphs over Δ."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.plots.look import Look, subscript
+from gtb_cli.plots.look import Axes, Look, subscript
 from gtb_cli.plots.palette import FAINT, INK, line_style
 from gtb_cli.plots.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, View, note, space_views
 from gtb_cli.plots.shape_figures import triangles_of, with_normals
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.basis import gt_bernstein
 from gtb_cli.theory.patch import Patch
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def basis_values(patch: Patch, u: FloatArray, unnormalised: bool) -> FloatArray:

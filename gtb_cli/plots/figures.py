@@ -1,11 +1,9 @@
 """Figures of `gtb plot`, one for each value of its --what, and `plot` in Python."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,18 +14,13 @@ from gtb_cli.limits.degeneration import heights_of
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.plots.bases import draw_bases, draw_basis
-from gtb_cli.plots.domains import draw_decomposition, draw_domain, draw_lifted
-from gtb_cli.plots.look import Look, empty_figure, look_of, panels, settings, subscript, with_numbers
+from gtb_cli.plots.domains import draw_all_decompositions, draw_decomposition, draw_domain, draw_lifted
+from gtb_cli.plots.look import Axes, Figure, Look, empty_figure, look_of, panels, settings, subscript, with_numbers
 from gtb_cli.plots.net_lines import is_flat
 from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_frames
-from gtb_cli.plots.plates import draw_all_decompositions
 from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import PLOT_KINDS, SHAPE_PICTURES
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 class Variation(NamedTuple):

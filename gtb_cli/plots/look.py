@@ -1,10 +1,10 @@
-"""The look of a picture, and the figure on which it is drawn."""
+"""The look of a picture, the figure on which it is drawn, and the bytes of figures and of animations."""
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
@@ -18,8 +18,10 @@ from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, SIZE_LIMITS, STRETCH_
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes as Axes
+    from matplotlib.figure import Figure as Figure
+else:
+    Axes = Figure = Any  # matplotlib is imported where something is drawn
 
 CurvatureKind: TypeAlias = Literal["gaussian", "mean"]
 MAX_PIXELS = 60_000_000
@@ -114,8 +116,7 @@ def look_of(options: Mapping[str, Any]) -> Look:
 
 def settings() -> AbstractContextManager[None]:
     """Return a context with the settings of these pictures; `ExportError` if matplotlib is not installed."""
-    # Settings of matplotlib, whatever the user's own, so that the same figure gives the same bytes. Text stays text in
-    # SVG and PDF.
+    # Settings of matplotlib, not the user's own: the same figure gives the same bytes. Text stays text in SVG and PDF.
     chosen = {
         "font.family": ["DejaVu Sans"],
         "font.size": 9,
@@ -189,6 +190,25 @@ def encoded_figure(figure: Figure, kind: str) -> bytes:
     changing = {"png": ["Software"], "svg": ["Date", "Creator"], "pdf": ["CreationDate"]}
     buffer = io.BytesIO()
     figure.savefig(buffer, format=kind, metadata=dict.fromkeys(changing[kind]))
+    return buffer.getvalue()
+
+
+def encoded_animation(figures: Iterable[Figure]) -> bytes:
+    """Return the bytes of a GIF that shows figures one after the other, the last one longest, and begins again."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    frame_ms, last_ms = 120, 1500  # how long a frame, and the last one, are shown
+    images = []
+    with settings():
+        for figure in figures:
+            canvas = FigureCanvasAgg(figure)
+            canvas.draw()
+            images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
+    durations = [frame_ms] * (len(images) - 1) + [last_ms]
+    buffer = io.BytesIO()
+    options = {"optimize": False, "save_all": True, "append_images": images[1:], "duration": durations, "loop": 0}
+    images[0].save(buffer, format="GIF", **options)
     return buffer.getvalue()
 
 

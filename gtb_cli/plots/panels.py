@@ -1,12 +1,9 @@
 """Pictures of sequences: panels with one camera and one scale, and distances from the limit."""
 
-from __future__ import annotations
-
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +15,7 @@ from gtb_cli.limits.degeneration import heights_of
 from gtb_cli.limits.knot_limit import knot_limit
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import runs_of
-from gtb_cli.plots.look import Look, empty_figure, panels, settings, with_numbers
+from gtb_cli.plots.look import Figure, Look, empty_figure, panels, settings, with_numbers
 from gtb_cli.plots.net_lines import is_flat, net_of
 from gtb_cli.plots.palette import LINE_COLOURS, NET
 from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, plain, plane_view, space_views
@@ -27,9 +24,6 @@ from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import SEQUENCE_RECORD
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @frozen
@@ -68,16 +62,10 @@ def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
     max_panels = 24  # panels of one figure
     if len(frames.meshes) > max_panels:
         raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
-    return _figure_of_members(frames, range(len(frames.meshes)), look)
+    return figure_of_members(frames, range(len(frames.meshes)), look)
 
 
-def animation_of_frames(frames: Frames, look: Look) -> Iterator[Figure]:
-    """Draw the meshes one by one, all with one camera and one scale."""
-    for member in range(len(frames.meshes)):
-        yield _figure_of_members(frames, [member], look)
-
-
-def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
+def figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
     """Draw some meshes of a sequence side by side, with a scale that suits all of them."""
     clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points, *frames.own_net]
     limit, film = frames.meshes[-1], frames.film

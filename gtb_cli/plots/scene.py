@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of
-from gtb_cli.plots.look import Camera
+from gtb_cli.plots.look import Axes, Camera
 from gtb_cli.plots.palette import FAINT, INK, SURFACE_COLOUR, rgb
 from gtb_cli.plots.raster import Raster, rasterised
 from gtb_cli.values import frozen
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.text import Annotation
 
 SUPERSAMPLING = 3  # computed pixels along one of the picture: their mean gives smooth outlines
 HIDDEN_STRENGTH = 0.3  # opacity of what is behind a surface
@@ -82,11 +78,9 @@ def plane_view(ax: Axes, points: FloatArray) -> View:
     box = ax.get_window_extent()
     spans = np.maximum(spans, np.array([spans[1] * box.width / box.height, spans[0] * box.height / box.width]))
     middle = (low + high) / 2
-    ax.set_xlim(middle[0] - spans[0] / 2, middle[0] + spans[0] / 2)
-    ax.set_ylim(middle[1] - spans[1] / 2, middle[1] + spans[1] / 2)
-    ax.set_aspect("equal", adjustable="box")
+    x, y = np.transpose([middle - spans / 2, middle + spans / 2]).tolist()
+    ax.set(xlim=x, ylim=y, aspect="equal", axisbelow=True)
     ax.grid(True, color="#E6E6E6", lw=0.6)
-    ax.set_axisbelow(True)
     return View(ax)
 
 
@@ -278,7 +272,7 @@ def _image(raster: Raster, colours: FloatArray) -> FloatArray:
     return np.asarray(np.rint(mean * 255).astype(np.uint8))
 
 
-def note(ax: Axes, text: str, place: ArrayLike, offset: tuple[float, float], **style: Any) -> Annotation:
+def note(ax: Axes, text: str, place: ArrayLike, offset: tuple[float, float], **style: Any) -> Any:
     """Write a text beside a place, by an offset in points to the right and upwards."""
     defaults = {"textcoords": "offset points", "ha": "center", "fontsize": 8, "zorder": 7}
     return ax.annotate(text, place, offset, **{**defaults, **style})  # type: ignore[arg-type]

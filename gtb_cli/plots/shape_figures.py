@@ -1,10 +1,7 @@
 """Pictures of curves, surfaces and meshes, and of control nets with them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +9,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import facet_normals, filled_normals
 from gtb_cli.models.model import Model
-from gtb_cli.plots.look import Look, subscript
+from gtb_cli.plots.look import Axes, Look, subscript
 from gtb_cli.plots.net_lines import curve_path, edge_path, is_flat, net_of
 from gtb_cli.plots.palette import INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
 from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, View, plain, plane_view, space_views
@@ -20,9 +17,6 @@ from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:

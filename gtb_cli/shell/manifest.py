@@ -1,14 +1,12 @@
 """`--manifest` and `--resume`: mesh files as records of what made them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -16,10 +14,7 @@ from gtb_cli.errors import ExportError
 from gtb_cli.process.versions import versions
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks
-from gtb_cli.vocabulary import SCHEMA
-
-if TYPE_CHECKING:
-    from gtb_cli.language.scanner import Format
+from gtb_cli.vocabulary import SCHEMA, SpecFormat
 
 
 class Manifest:
@@ -105,7 +100,7 @@ class Manifest:
         return name.replace(os.sep, "/")
 
 
-def input_sums(path: str, spec_format: Format | None) -> dict[str, str]:
+def input_sums(path: str, spec_format: SpecFormat | None) -> dict[str, str]:
     """Return checksums of the files of a spec, by path relative to its folder; none if one cannot be read."""
     from gtb_cli.language.includes import sources
 

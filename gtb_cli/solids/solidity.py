@@ -43,8 +43,7 @@ def folded_places(mesh: Mesh) -> list[str]:
         return []
     alike = dict[tuple[int, str], list[str]]()  # such as copies
     for name, start, stop in mesh.groups or ((mesh.name, 0, len(mesh.cells)),):
-        cells = folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]
-        if len(cells):
+        if len(cells := folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]):
             first = point_text(mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0), mesh.bounds)
             hint = "; control points must have the order of the knots" * (10 * len(cells) > stop - start)
             line = f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}"

@@ -30,8 +30,7 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     part of the rim. A closed mesh gets a second shell and no rim. Vertices are those of the surface, then those of the
     offset; the rim has normals of its own. Parameters and attributes are the surface's on both.
 
-    Raises `DomainError` if the mesh is a curve, the thickness is below rounding, or an edge has more than two faces or
-    two of opposite orientations.
+    Raises `DomainError` for a curve, a thickness below rounding, and an edge of more than two, or two opposite, faces.
 
     If patches meet at an angle, the vertex moves to where the offsets of all patches meet, but at most by `MAX_MITRE`
     times the thickness. Coincident ends of a boundary edge become one vertex. If the surface bends more sharply than
@@ -97,8 +96,7 @@ def _turned_over(mesh: Mesh, moved: FloatArray) -> IntArray:
 def thinnest_wall(solid: Mesh, thickness: float) -> tuple[float, FloatArray]:
     """Bound the wall of a solid made by `thicken`, in units of its thickness, and tell where it is thinnest.
 
-    It is not thicker than the mean displacement of the corners of a side, or of a face, which is shorter the more the
-    normals turn within the face.
+    It is at most the mean displacement of the corners of a side or face, which is shorter where normals turn within it.
     """
     surface, offset = np.split(solid.vertices, 2)
     cells = solid.cells[(solid.cells < len(surface)).all(axis=1)]
@@ -121,8 +119,7 @@ def _checked(mesh: Mesh, thickness: float) -> Mesh:
 def _boundary(mesh: Mesh) -> tuple[IntArray, IntArray]:
     """(b, 2) sides that belong to one face only, and (b,) this face."""
     sides = sides_of(mesh.cells)
-    wrong = np.flatnonzero(~sides.is_manifold & sides.is_proper)
-    if len(wrong):
+    if len(wrong := np.flatnonzero(~sides.is_manifold & sides.is_proper)):
         a, b = sides.edges[wrong[0]].tolist()
         why = "has more than two faces, or two that do not agree which side is up: the surface has no two sides there"
         raise DomainError(f"thickness: the edge between vertices {a} and {b} {why}")
@@ -197,8 +194,7 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
         means = np.stack([np.bincount(start, moved[end, k], len(moved))[is_moving] for k in range(3)], axis=1) / count
         normal, way = moves[is_moving], means - moved[is_moving]
         moved[is_moving] += way - dot(way, normal)[:, None] * normal
-        folded = _turned_over(mesh, moved)
-        if len(folded) < fewest:
+        if len(folded := _turned_over(mesh, moved)) < fewest:
             best, fewest, latest = moved.copy(), len(folded), max(number, rounds)
         if not fewest or number >= latest + rounds:
             break
@@ -255,8 +251,7 @@ def _displacements(mesh: Mesh) -> FloatArray:
 def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
     """(count, 3) mean unit normals of the facets with corners in each (k, 3) `place`, 0 where they have no area.
 
-    The first mean is weighted by the angle at the corner, so that it does not depend on the triangulation; the second,
-    by area.
+    The first mean is weighted by the angles at the corner, whatever the triangulation is; the second, by area.
     """
     a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
     sides = [unit(side) for side in (b - a, c - b, a - c)]

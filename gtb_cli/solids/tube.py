@@ -18,8 +18,7 @@ from gtb_cli.vocabulary import MAX_FACES
 
 # Vertices of a ring: the polygon deviates from the circle by 0.9 % of the radius, and has corners on both axes
 RING_SIDES = 24
-# Cosines, and distances as fractions of the radius, that count as zero: a turn of 90° is not sharp, and the two rings
-# of a sharp turn may share vertices
+# Cosines, and distances in radii, that count as zero: 90° is no sharp turn, at which two rings may share vertices
 ZERO_TOLERANCE = 1e-9
 
 
@@ -194,8 +193,7 @@ def _sweep(
         rows = np.concatenate([rows, np.repeat([count, count + 1], sides)[:, None].repeat(3, axis=1)])
     # The rings of a sharp turn may share vertices; triangles between these vanish.
     twins = np.flatnonzero(np.diff(sections.at) == 0)
-    met = np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ZERO_TOLERANCE * radius
-    if met.any():
+    if (met := np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ZERO_TOLERANCE * radius).any():
         label = merged(len(vertices), np.stack([index[twins][met], index[twins + 1][met]], axis=1))
         cells, rows = label[cells], label[rows]
         proper = are_proper(cells)

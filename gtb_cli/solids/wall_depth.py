@@ -15,8 +15,7 @@ MAX_WALL_FACES = 200_000  # whose walls take 6 s
 def wall_of_vertices(mesh: Mesh) -> FloatArray | None:
     """(m,) thickness of the wall behind each vertex, the mean of its faces' by area; None if it is not closed.
 
-    It is None for a body without inside, too. Vertices in the same place count as one only for what is closed: each
-    keeps the wall of its own faces.
+    It is None for a body without inside, too. Vertices at one place are one only for what is closed, not for walls.
     """
     faces = wall_of_faces(mesh)
     if faces is None or np.isnan(faces).all():
@@ -55,8 +54,7 @@ def wall_of_faces(mesh: Mesh) -> FloatArray | None:
 def ways_out(starts: FloatArray, ways: FloatArray, corners: FloatArray, normals: FloatArray) -> FloatArray:
     """(m,) lengths of rays, along unit vectors, to the first of (k, 3, 3) triangles which they leave; NaN for none.
 
-    A ray leaves through triangles whose normals point its way. Near triangles are looked for first, as they bound the
-    search for all that are farther.
+    A ray leaves through triangles whose normals point its way. Near ones are looked for first: they bound the search.
     """
     tree = NearestCells(corners)
     lengths = np.full(len(starts), np.inf)

@@ -13,8 +13,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.tessellation.sampler import Sampler, torically_inside
 from gtb_cli.theory.curvature import Curvature, curvature, curvatures_at
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.rational_basis import Parametrization
-from gtb_cli.vocabulary import ATTRIBUTES, BASIS
+from gtb_cli.vocabulary import ATTRIBUTES, BASIS, Parametrization
 
 QUALITY_NAME = "quality"  # the scalar that MeshLab colours by; it repeats the first attribute that was asked for
 

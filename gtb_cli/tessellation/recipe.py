@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Literal
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.values import by_value
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Rim, check_fineness, requirements
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Parametrization, Rim, check_fineness, requirements
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.models.model import Model
     from gtb_cli.tessellation.solid_making import Held, TubeMaker, WallMaker
     from gtb_cli.theory.patch import Patch
-    from gtb_cli.theory.rational_basis import Parametrization
 
 
 @by_value

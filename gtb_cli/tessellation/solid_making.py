@@ -17,9 +17,8 @@ from gtb_cli.tessellation.requirements import require
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.rational_basis import Parametrization
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import Rim
+from gtb_cli.vocabulary import Parametrization, Rim
 
 Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 # A tube or a wall; faults of the surface, which no other thickness mends; folds; and where the wall is thin

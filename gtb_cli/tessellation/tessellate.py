@@ -16,8 +16,8 @@ from gtb_cli.tessellation.finishing import finished
 from gtb_cli.tessellation.sampler import Sampler, torically, torically_inside
 from gtb_cli.tessellation.welding import Weld
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.rational_basis import LinearParametrization, Parametrization
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, check_fineness, percentage
+from gtb_cli.theory.rational_basis import LinearParametrization
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, Parametrization, check_fineness, percentage
 
 Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
 

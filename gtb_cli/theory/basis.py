@@ -6,8 +6,6 @@ With the torus coordinate ``s(u) = Σ_j s_j ξ_j log h_j(u)``, every exponent is
 that face, with the edge functions that vanish left out.
 """
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np

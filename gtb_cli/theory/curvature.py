@@ -20,7 +20,8 @@ from gtb_cli.knots.about_a_knot import PARALLEL_SINE, cleared, coordinate_roundi
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.corners import limits_at
 from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, face_layers, neighbourhoods
-from gtb_cli.theory.rational_basis import Blend, Parametrization
+from gtb_cli.theory.rational_basis import Blend
+from gtb_cli.vocabulary import Parametrization
 
 
 class Curvature(NamedTuple):

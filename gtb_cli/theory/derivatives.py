@@ -2,11 +2,8 @@
 
 Sums ``V = Σ_i v_i f_i / Σ_i f_i`` of terms f_i are differentiated by the quotient rule. In the toric parametrisation
 the terms are ``f_i = c_i ω_i Π_j h_j^{h_j(a_i)}``, with ``∂h_j/∂u = s_j ξ_j``. In the linear one they are in
-`gtb_cli.theory.local_coordinates`; the chain rule then needs the derivatives of the moment map, which is V if the knots
-are the values.
+`gtb_cli.theory.local_coordinates`; the chain rule needs the derivatives of the moment map, V with knots as values.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
@@ -22,8 +19,9 @@ from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length
 from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, neighbourhoods
-from gtb_cli.theory.rational_basis import Parametrization, RationalBasis
+from gtb_cli.theory.rational_basis import RationalBasis
 from gtb_cli.values import frozen
+from gtb_cli.vocabulary import Parametrization
 
 Order: TypeAlias = Literal[1, 2]
 

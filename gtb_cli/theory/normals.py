@@ -27,7 +27,8 @@ from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.corners import limits_of_normals
 from gtb_cli.theory.local_coordinates import face_layers
-from gtb_cli.theory.rational_basis import Blend, Parametrization
+from gtb_cli.theory.rational_basis import Blend
+from gtb_cli.vocabulary import Parametrization
 
 
 def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> FloatArray:

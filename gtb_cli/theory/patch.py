@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 from dataclasses import field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,12 +15,13 @@ from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.basis import CoefficientRule, Location, both_weights, coefficients_of, gt_bernstein
-from gtb_cli.theory.rational_basis import Parametrization, RationalBasis
+from gtb_cli.theory.rational_basis import RationalBasis
 from gtb_cli.values import by_value
+from gtb_cli.vocabulary import Parametrization
 
 if TYPE_CHECKING:
     from gtb_cli.theory.curvature import Curvature
-    from gtb_cli.theory.derivatives import DerivativeField, Order
+    from gtb_cli.theory.derivatives import Order
 
 
 @by_value
@@ -132,8 +132,7 @@ class Patch:
     def part(self, members: IntArray, **changes: Any) -> Patch:
         """Return the patch of some knots, with the data that belong to them.
 
-        Its edges are its own: primitive normals become automatic ones, and the edge scale becomes 1. Other fields may
-        be given, see `replace`.
+        Its edges are its own: primitive normals become automatic, and the edge scale 1. For other fields see `replace`.
         """
         names = {"knots", "control_points", "weights", "log_weights", "coefficients"} - changes.keys()
         rows = {name: getattr(self, name)[members] for name in names}
@@ -174,8 +173,7 @@ class Patch:
         Returns
         -------
         (…, 3) float
-            Points, in model units. Points on edge j lie on the curve of its knots; corners are exactly their control
-            points.
+            Points, in model units. Points on edge j lie on the curve of its knots; corners are exactly control points.
 
         Raises
         ------
@@ -241,24 +239,22 @@ class Patch:
         an edge is infinite if a knot is less than twice as far from it as the nearest ones. Control points for which
         the infinite terms vanish are found.
         """
-        columns, grid = self.domain.grid(u)
-        found = self._derivatives[0].at(columns, order, parametrization)
-        return found.reshape(*grid, *found.shape[1:])
+        return self._differentiated(self.control_points, u, order, parametrization)
 
     def basis_derivatives(
         self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric"
     ) -> FloatArray:
         """Differentiate the T_i once, (…, n, d), or twice, (…, n, d, d); everything else is as in `derivatives`."""
-        columns, grid = self.domain.grid(u)
-        found = self._derivatives[1].at(columns, order, parametrization)
-        return found.reshape(*grid, *found.shape[1:])
+        return self._differentiated(None, u, order, parametrization)
 
-    @cached_property
-    def _derivatives(self) -> tuple[DerivativeField, DerivativeField]:
-        """Derivatives of points, and of the basis."""
+    def _differentiated(
+        self, values: FloatArray | None, u: ArrayLike, order: Order, parametrization: Parametrization
+    ) -> FloatArray:
         from gtb_cli.theory.derivatives import DerivativeField
 
-        return DerivativeField(self.rational_basis, self.control_points), DerivativeField(self.rational_basis, None)
+        columns, grid = self.domain.grid(u)
+        found = DerivativeField(self.rational_basis, values).at(columns, order, parametrization)
+        return found.reshape(*grid, *found.shape[1:])
 
     def normals(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """Return unit normals of a surface, (…, 3), along ∂P/∂u_0 × ∂P/∂u_1, with their limits on the boundary.

@@ -29,8 +29,7 @@ def quadrature(patch: Patch, order: int = 24) -> Quadrature:
     patch : Patch
         Only its domain counts.
     order : int
-        1 to 256: number of nodes in each direction; there are 2 r order² points over a domain with r edges, and 2 order
-        over an interval.
+        1 to 256: nodes in each direction; there are 2 r order² points over a domain with r edges, 2 order on a curve.
 
     Returns
     -------
@@ -47,12 +46,10 @@ def quadrature(patch: Patch, order: int = 24) -> Quadrature:
     -----
     For f that is a smooth function times h^α near an edge (h the distance from it, α > −1), or times r^β near a corner
     (r the distance, β > −2), the error falls like ``order^(−10 (α + 1))`` and ``order^(−10 (β + 2))``, down to rounding
-    and to the strip along the boundary that floats cannot tell from it. Polynomials of degree k are exact for
-    5 (k + 2) ≤ 2 order.
+    and to the strip along the boundary that floats cannot tell from it. Polynomials of degree 2 order/5 − 2 are exact.
 
     Take the linear parametrisation for areas and stiffness: there first derivatives are bounded near edges. In the
-    toric one they grow like h^(δ − 1), where δ < 1 is the height of the next layer of knots; if δ is small, much of the
-    area lies within that strip.
+    toric one they grow like h^(δ − 1), δ < 1 the next layer's height: with small δ, much of the area is in that strip.
     """
     if isinstance(order, bool) or not isinstance(order, int | np.integer) or not 1 <= order <= 256:
         raise DomainError(f"order: expected a whole number from 1 to 256, got {order!r}")

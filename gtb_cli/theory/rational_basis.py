@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
 from functools import cached_property
-from typing import Literal, Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,8 +21,7 @@ from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import CUT_OFF_SHARE, block_length, exponentials, weighted_sums
 from gtb_cli.theory.basis import Location, torus_coordinates
 from gtb_cli.values import frozen
-
-Parametrization: TypeAlias = Literal["toric", "linear"]
+from gtb_cli.vocabulary import Parametrization
 
 
 @frozen
@@ -94,8 +93,7 @@ def blend_each(
 ) -> FloatArray:
     """Return sums ``Σ_i T_i values_i`` at m parameters, (m, k), where each uses one of p arrays of (n, k) values.
 
-    `numbers`, (m,), say which, and ascend, as the rows of each location do. Logarithms of weights are (n,) for all, or
-    (p, n).
+    `numbers`, (m,), say which, and ascend, as the rows of each location do. Logarithms of weights are (n,), or (p, n).
     """
     result = np.empty((len(numbers), values.shape[2]))
     for rows, face, knots, s in locations:

@@ -19,11 +19,10 @@ from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.streams import is_regular, opened, shown_input
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.verdict import Verdict
-from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, SPEC_FORMATS, suffix_of
+from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, SPEC_FORMATS, Aspect, Comparison, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.distances.diff_and_distance import Operand
-    from gtb_cli.meshes.difference import Aspect, Kind
     from gtb_cli.meshes.mesh import Mesh
 
 
@@ -33,7 +32,7 @@ class Comparing:
 
     recipe: Recipe = field(default_factory=Recipe)
     tolerance: float | str | None = None
-    kind: Kind = "auto"
+    kind: Comparison = "auto"
     ignore: Aspect | Collection[Aspect] = ()
     reading: Reading = AS_SEEN
 

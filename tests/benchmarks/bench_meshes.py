@@ -12,7 +12,8 @@ from gtb_cli.tessellation.complexes import Complex, joined_complex
 from gtb_cli.tessellation.sampler import Sampler, torically
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.rational_basis import LinearParametrization, Parametrization
+from gtb_cli.theory.rational_basis import LinearParametrization
+from gtb_cli.vocabulary import Parametrization
 from tests.benchmarks import Row, paired, segments, sized
 from tests.benchmarks.bench_evaluate import scattered, spec
 from tests.shell import SPECS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.energy import energy, energy_at, energy_samples
+from gtb_cli.fairing.energy import energy_at, energy_samples
 from gtb_cli.fairing.fair import agreed, fair, kept_knots
 from gtb_cli.language.loading import parse
 from gtb_cli.models.model import Model
@@ -13,7 +13,7 @@ from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 from tests.specs import load
-from tests.surfaces import cylinder, octant
+from tests.surfaces import cylinder, energy, octant
 
 
 def square(f) -> Patch:
@@ -30,8 +30,7 @@ def test_energy_of_a_quadratic_graph():
     side = 0.999
     patch = square(lambda x, y: x * y)
     assert energy(patch, "thin-plate") == pytest.approx(2 * side**2, rel=1e-9)
-    dirichlet = 2.5 * side**2 + side**4 / 6
-    assert energy(patch, "dirichlet") == pytest.approx(dirichlet, rel=1e-9)
+    assert energy(patch, "dirichlet") == pytest.approx(2.5 * side**2 + side**4 / 6, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", mostly_long(["pentagon", "hexagon", "nonagon", "box-corner"]))

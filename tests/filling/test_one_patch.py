@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.fairing.energy import energy, energy_samples
+from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.fairing.folds import folds, sharp_turns
 from gtb_cli.filling import net, one_patch
 from gtb_cli.filling.certificate import Filling
@@ -38,6 +38,7 @@ from tests.marks import long, mostly_long
 from tests.outputs import check_json
 from tests.shell import SPECS, gtb
 from tests.specs import load
+from tests.surfaces import energy
 
 HERE = Path(__file__).parent
 CUP = HERE / "cagd86.gbp"

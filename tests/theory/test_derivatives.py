@@ -146,8 +146,7 @@ def test_derivatives_are_infinite_where_powers_are():
             assert np.isfinite(derivative[:2]).all() == limit
             assert np.isinf(derivative[:2]).all() != limit
             assert derivative[2] == 0
-        basis_at = curve.basis_derivatives(0, 1)[:, 0]
-        assert np.isinf(basis_at).tolist() == [not first, not first, False, False]
+        assert np.isinf(curve.basis_derivatives(0, 1)[:, 0]).tolist() == [not first, not first, False, False]
         # Linear parameters are t^a to first order: the ratios of the distances count.
         assert np.isfinite(curve.derivatives(0, 1, "linear")).all()
         ratio = knots[2] / knots[1]
@@ -172,8 +171,7 @@ def test_linear_parameters_have_linear_precision(name):
     points[:, : patch.dimension] = patch.knots
     patch = patch.replace(control_points=points)
     u = parameters(patch)
-    identity = np.eye(3)[:, : patch.dimension]
-    assert np.abs(patch.derivatives(u, 1, "linear") - identity).max() < 1e-10
+    assert np.abs(patch.derivatives(u, 1, "linear") - np.eye(3)[:, : patch.dimension]).max() < 1e-10
     far = 1 + np.abs(patch.knots).max() / patch.domain.size
     slopes = np.abs(patch.basis_derivatives(u, 2, "linear"))
     slopes[~np.isfinite(slopes)] = 0
