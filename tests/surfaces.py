@@ -1,10 +1,13 @@
 """Surfaces whose shape is known, parameters to look at them, and what a closed mesh is."""
 
+from collections.abc import Sequence
+from itertools import product as product_of
 from math import factorial
 
 import numpy as np
 
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS, load
 
@@ -64,6 +67,21 @@ def quartic_octant() -> Patch:
     entries = [(row - k, k, *entry) for row, line in enumerate(rows) for k, entry in enumerate(line)]
     c = [24 / (factorial(i) * factorial(k) * factorial(4 - i - k)) for i, k, _, _ in entries]
     return Patch([(i, k) for i, k, _, _ in entries], [b for *_, b, _ in entries], [w for *_, w in entries], c)
+
+
+def eightfold(part: Patch, name: str | None = None) -> Model:
+    """A patch and its seven mirror images in the planes of the coordinates."""
+    signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
+    return Model(tuple(part.replace(control_points=part.control_points * sign) for sign in signs), name)
+
+
+def box(low: Sequence[float] = (0, 0, 0), high: Sequence[float] = (1, 1, 1), name: str = "box") -> Model:
+    """Six flat patches with faces outwards."""
+    square, faces = [[0, 0], [1, 0], [1, 1], [0, 1]], []
+    for axis, side in product_of(range(3), (0, 1)):
+        places = [np.roll([side, *uv[:: 2 * side - 1]], axis) for uv in square]
+        faces.append(Patch(square, np.add(low, places * np.subtract(high, low)), name=f"{name}-{axis}{side}"))
+    return Model(tuple(faces), name)
 
 
 def inside(patch: Patch, count: int, seed: int = 0, depth: float = 0.0) -> np.ndarray:

@@ -5,16 +5,16 @@ import pytest
 
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.solids.solidity import crossing_remarks, inward_faces
+from gtb_cli.tessellation.tessellate import tessellate
+from tests.surfaces import box
 
-CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6],
-                  [0, 6, 4], [1, 5, 7], [1, 7, 3]])  # fmt: skip
+CUBE = tessellate(box(), 1)
 
 
 def cubes(*parts) -> Mesh:
     """Cubes (low, size, outwards), one after the other."""
-    vertices = [np.array(low) + size * CUBE for low, size, _ in parts]
-    cells = [(FACES if outwards else FACES[:, ::-1]) + 8 * k for k, (_, _, outwards) in enumerate(parts)]
+    vertices = [np.array(low) + size * CUBE.vertices for low, size, _ in parts]
+    cells = [CUBE.cells[:, :: 1 if outwards else -1] + 8 * k for k, (_, _, outwards) in enumerate(parts)]
     return Mesh(np.concatenate(vertices), np.concatenate(cells))
 
 

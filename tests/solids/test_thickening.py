@@ -19,7 +19,7 @@ from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.shell import CURVE
 from tests.specs import GOOD_SPECS, is_curve, load
-from tests.surfaces import area, assert_closed, cylinder, octant, quartic_octant, volume
+from tests.surfaces import area, assert_closed, box, cylinder, eightfold, octant, quartic_octant, volume
 
 DIGITS = 1e-12  # a few thousand roundings
 
@@ -40,26 +40,6 @@ def square(size: float = 2.0, n: int = 4) -> Mesh:
     """A square in a plane across no axis."""
     corners = size * np.array([[0, 0, 0], [1, 2, 2], [2, 1, -2], [3, 3, 0]]) / 3
     return tessellate(Patch(CORNERS, corners), n)
-
-
-def cube(n: int = 3) -> Model:
-    """Six squares with faces outwards, from 0 to 1."""
-    faces = []
-    for axis in range(3):
-        for side in (0, 1):
-            points = np.empty((4, 3))
-            points[:, axis] = side
-            u, v = (axis + 1) % 3, (axis + 2) % 3
-            points[:, u], points[:, v] = [0, 1, 0, 1], [0, 0, 1, 1]
-            faces.append(Patch(CORNERS, points if side else points[[0, 2, 1, 3]]))
-    return Model(tuple(faces), name="cube")
-
-
-def ball() -> Model:
-    """Eight octants without poles."""
-    patch = quartic_octant()
-    signs = [np.array([x, y, z]) for x in (1, -1) for y in (1, -1) for z in (1, -1)]
-    return Model(tuple(Patch(patch.knots, patch.control_points * s, patch.weights, patch.coefficients) for s in signs))
 
 
 def dented(mesh: Mesh) -> Mesh:
@@ -103,7 +83,7 @@ def test_a_sphere_octant_becomes_an_eighth_of_a_shell(make, thickness):
 
 
 def test_a_closed_body_gets_a_second_shell():
-    sphere = tessellate(ball(), 24)
+    sphere = tessellate(eightfold(quartic_octant()), 24)
     whole = SPHERE
     for mesh, thickness, expected in (
         (sphere, 0.5, (1.5**3 - 1) * whole),
@@ -147,7 +127,7 @@ def test_any_rim_is_closed(seed, sides, outwards):
 @pytest.mark.parametrize("thickness", [0.25, -0.25])
 def test_a_cube_stays_a_cube(thickness):
     """At its edges and corners the offset is where those of the faces meet."""
-    solid = thicken(tessellate(cube(), 3), thickness)
+    solid = thicken(tessellate(box(), 3), thickness)
     assert_closed(solid)
     inner, outer = sorted([1.0, (1 + 2 * thickness)])
     assert volume(solid) == pytest.approx(outer**3 - inner**3, rel=DIGITS)
@@ -208,10 +188,10 @@ def test_patches_with_normals_nearly_in_a_plane_do_not_tear_a_vertex_away():
 
 
 def test_parts_of_a_model_stay_together():
-    surface = tessellate(cube(), 2)
+    surface = tessellate(box(), 2)
     solid = thicken(surface, 0.1)
     assert [name for name, _, _ in solid.groups] == [name for name, _, _ in surface.groups]
-    open_cube = Model(cube().patches[:5])
+    open_cube = Model(box().patches[:5])
     solid = thicken(tessellate(open_cube, 2), 0.1)
     assert_closed(solid)
     sizes = [stop - start for _, start, stop in solid.groups]
@@ -326,14 +306,7 @@ def test_what_makes_no_solid_is_refused():
 @pytest.mark.parametrize("tolerance", mostly_long([0.01, 0.002], 0))
 def test_a_sphere_of_eight_patches_is_as_thick_at_its_poles(tolerance):
     """Slivers there stand upright, alone at their vertex in some patches: walls of 0.069 and 0.088 came of it."""
-    root, knots = 2**-0.5, [(i, j) for j in range(3) for i in range(3)]
-    patches = []
-    for x, y, z in [(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)]:
-        arc, rise = [(x, 0), (x, y), (0, y)], [(1, 0), (1, z), (0, z)]
-        points = [(r * a, r * b, h) for r, h in rise for a, b in arc]
-        weights = [(root if i == 1 else 1) * (root if j == 1 else 1) for i, j in knots]
-        patches.append(Patch(knots, points, weights, [1, 2, 1, 2, 4, 2, 1, 2, 1]))
-    model = Model(tuple(patches))
+    model = eightfold(octant())
     sphere = tessellate(model, tolerance=tolerance)
     outward = (sphere.normals * sphere.vertices).sum(axis=1) / np.linalg.norm(sphere.vertices, axis=1)
     assert np.abs(outward - 1).max() < 1e-9

@@ -25,14 +25,11 @@ from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.specs import SPECS, load
-from tests.surfaces import area, assert_closed, product, quartic_octant, volume
+from tests.surfaces import area, assert_closed, product, volume
 from tests.tiny_meshes import encoded
 
 DIGITS = 1e-11  # the linear parametrisation's residual, ten times over, as a fraction of a model's size
 RANDOM_DIGITS = 1e-9  # the same for random patches, whose points may move a hundred times faster than their parameters
-
-# Relative error of volumes of fine meshes after one step of Richardson's extrapolation: h⁴ at h = 1/18
-EXTRAPOLATED = 2e-5
 
 # Degrees between normals across edges of the closed solid: its six digits, over ribbons a tenth of an edge wide
 CREASE = 3e-3
@@ -169,22 +166,6 @@ def test_open_models_are_open_at_their_openings_only(name, options):
     assert cKDTree(openings).query(mesh.vertices[rim[:, 0]])[0].max() < 2e-3  # the samples are nearer to each other
     if "resolution" in options:
         assert len(rim) == options["resolution"] * open_edges(name).total()
-
-
-def extrapolated(model: Model, measure, n: int, **options) -> float:
-    """Richardson's extrapolation of meshes with n and 2 n segments to an edge."""
-    coarse, fine = (measure(tessellate(model, k, **options)) for k in (n, 2 * n))
-    return (4 * fine - coarse) / 3
-
-
-def test_eight_quartic_triangles_are_a_ball():
-    one = quartic_octant()
-    signs = [[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)]
-    ball = Model(tuple(one.replace(control_points=one.control_points * sign) for sign in np.array(signs)))
-    assert find_joints(ball.patches).closed
-    assert_closed(tessellate(ball, 5))
-    assert extrapolated(ball, volume, 12) == pytest.approx(4 / 3 * np.pi, rel=EXTRAPOLATED)
-    assert extrapolated(ball, area, 12) == pytest.approx(4 * np.pi, rel=EXTRAPOLATED)
 
 
 def test_files_of_the_closed_solid_are_solids_to_another_program():
