@@ -87,14 +87,7 @@ def tree_of(glb: bytes) -> dict:
 
 def twins() -> Mesh:
     """Two bent squares that are the same but for their place, whose faces and normals a file holds once."""
-    one, count = surface(3), 16
-    return Mesh(
-        np.vstack([one.vertices, one.vertices + np.array([3.0, 0.0, 0.0])]),
-        np.vstack([one.cells, one.cells + count]),
-        np.vstack([one.parameters, one.parameters]),
-        np.vstack([one.normals, one.normals]),
-        groups=(("a", 0, 18), ("b", 18, 36)),
-    )
+    return model(3, 3)
 
 
 @pytest.mark.parametrize("options", [{}, {"normals": True}, {"normals": True, "uv": True}], ids="-".join)

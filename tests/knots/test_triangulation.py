@@ -52,9 +52,14 @@ def test_triangles_tile_the_domain(sides, n, shift, make):
 
 @pytest.mark.parametrize("n", NUMBERS)
 @pytest.mark.parametrize("sides", SIDES)
-def test_triangles_meet_edge_to_edge(sides, n):
+def test_triangles_meet_edge_to_edge_and_their_number_is_known_beforehand(sides, n):
     shape = polygon(sides)
     parts = triangulation(shape, n)
+    cells = {3: n * n, 4: 2 * n * n}.get(sides, sides * n * n)
+    vertices = {3: (n + 1) * (n + 2) // 2, 4: (n + 1) ** 2}.get(sides, 1 + sides * n * (n + 1) // 2)
+    assert len(parts.cells) == cell_count(shape, n) == cells
+    assert (len(parts.parameters), parts.boundary.shape) == (vertices, (sides, n))
+    assert cell_count(domain([0, 2]), n) == len(triangulation(domain([0, 2]), n).cells) == n
     edges = parts.cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     assert len(np.unique(edges, axis=0)) == len(edges)
     found, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
@@ -64,19 +69,6 @@ def test_triangles_meet_edge_to_edge(sides, n):
     following = np.append(parts.boundary.ravel()[1:], parts.boundary[0, 0])
     outline = np.sort(np.stack([parts.boundary.ravel(), following], axis=1), axis=1)
     assert found[counts == 1].tolist() == sorted(outline.tolist())
-
-
-@pytest.mark.parametrize("n", NUMBERS)
-@pytest.mark.parametrize("sides", SIDES)
-def test_counts_are_known_beforehand(sides, n):
-    shape = polygon(sides)
-    parts = triangulation(shape, n)
-    cells = {3: n * n, 4: 2 * n * n}.get(sides, sides * n * n)
-    vertices = {3: (n + 1) * (n + 2) // 2, 4: (n + 1) ** 2}.get(sides, 1 + sides * n * (n + 1) // 2)
-    assert len(parts.cells) == cell_count(shape, n) == cells
-    assert len(parts.parameters) == vertices
-    assert parts.boundary.shape == (sides, n)
-    assert cell_count(domain([0, 2]), n) == len(triangulation(domain([0, 2]), n).cells) == n
 
 
 @pytest.mark.parametrize("scale", SCALES)

@@ -95,21 +95,21 @@ def exact_points(patch: Patch, u: Sequence[float]) -> list[float]:
     return [float(x) for x in exact.point(patch, u)]
 
 
-@pytest.mark.parametrize("x", ["5", "600", "1e6", "1e30", "1e-30", "1e300"])
-def test_points_of_a_degenerating_surface(x):
-    patch = spec("example-4.4")
-    u = [(0.5, 0.5), (1.1, 1.1), (0.01, 1.99), (1.2, 0.3), (1.999, 0.5), (1e-9, 1.0)]
-    expected = [exact_points(degenerate(patch, float(x)), place) for place in u]
-    tolerance = HUGE if x == "1e300" else ROUNDING
-    np.testing.assert_allclose(degenerate(patch, float(x)).evaluate(u), expected, rtol=0, atol=18 * tolerance)
+PLACES = {
+    "example-4.4": [(0.5, 0.5), (1.1, 1.1), (0.01, 1.99), (1.2, 0.3), (1.999, 0.5), (1e-9, 1.0)],
+    "example-3.4": [(1e-12,), (0.1,), (0.25,), (0.5,), (0.7,), (0.999,)],
+}
+DEGENERATE = [
+    *(("example-4.4", x, 18 * ROUNDING) for x in (5, 600, 1e6, 1e30, 1e-30)),
+    *(("example-4.4", 1e300, 18 * HUGE), *(("example-3.4", x, 4 * ROUNDING) for x in (1.3, 3, 1e30))),
+]
 
 
-@pytest.mark.parametrize("x", ["1.3", "3", "1e30"])
-def test_points_of_a_degenerating_curve(x):
-    patch = spec("example-3.4")
-    t = [1e-12, 0.1, 0.25, 0.5, 0.7, 0.999]
-    expected = [exact_points(degenerate(patch, float(x)), [place]) for place in t]
-    np.testing.assert_allclose(degenerate(patch, float(x)).evaluate(t), expected, rtol=0, atol=4 * ROUNDING)
+@pytest.mark.parametrize(("name", "x", "tolerance"), DEGENERATE)
+def test_points_of_a_degenerating_patch(name, x, tolerance):
+    patch = degenerate(spec(name), x)
+    expected = [exact_points(patch, place) for place in PLACES[name]]
+    np.testing.assert_allclose(patch.evaluate(PLACES[name]), expected, rtol=0, atol=tolerance)
 
 
 # --- the limit of degeneration

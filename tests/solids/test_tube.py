@@ -18,7 +18,7 @@ from gtb_cli.theory.normals import tangents
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.marks import mostly_long
-from tests.shell import CURVE, PENTAGON
+from tests.shell import PENTAGON
 from tests.specs import GOOD_SPECS, SPECS, is_curve, load
 from tests.surfaces import area, assert_closed, volume
 from tests.tiny_meshes import encoded
@@ -129,13 +129,6 @@ def test_tangents_at_any_scale(scale, shift):
     # Shifted by 1e7, knots and points keep 8 or 9 digits.
     expected = tangents(patch, t, "linear")
     np.testing.assert_allclose(tangents(moved, scale * t + shift, "linear"), expected, atol=1e-6 if shift else 1e-9)
-
-
-def test_tangents_are_a_curves():
-    with pytest.raises(DomainError, match="a surface has many at a point"):
-        tangents(load(PENTAGON), [[1, 1]])
-    with pytest.raises(DomainError, match="expected toric or linear"):
-        tangents(load(CURVE), [1.0], "polar")
 
 
 # --- closed, oriented, of the right volume

@@ -146,13 +146,6 @@ def test_a_bezier_triangle_has_exact_values():
             assert abs(point[axis] - float(exact / sum(terms))) < 4 * CLASSICAL_ERROR
 
 
-def test_lattice_coefficients_give_the_multinomial_basis_itself():
-    # β, not only T: with h = (v, 3 − u − v, u) the sum is (h_0 + h_1 + h_2)³ = 27.
-    patch = bezier_triangle()
-    u = np.random.default_rng(3).dirichlet(np.ones(3), 50) @ patch.domain.vertices
-    assert gt_bernstein(patch.domain, patch.coefficients, u).sum(axis=1) == pytest.approx(27, rel=1e-14)
-
-
 # Total positivity
 
 

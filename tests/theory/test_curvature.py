@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.errors import DomainError
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.patch import Patch
 from tests.exact import CONTEXT, Number, numbers, point
@@ -20,12 +19,20 @@ DIGITS = 1e-12
 # --- known surfaces
 
 
+SPHERES = [
+    (octant(2.5), np.concatenate([inside(octant(), 200), [[1, 0], [0, 0], [2, 0], [0, 1.3], [2, 0.01]]]), 2.5, DIGITS),
+    (quartic_octant(), np.concatenate([inside(quartic_octant(), 200), rim(quartic_octant())]), 1.0, DIGITS),
+    (octant(1.0, (1e7, -1e7, 1e7)), inside(octant(), 50, depth=0.1), 1.0, 1e-7),  # of control points with 9 digits
+]
+
+
+@pytest.mark.parametrize(("patch", "u", "radius", "digits"), SPHERES, ids=["pole", "no pole", "far away"])
 @pytest.mark.parametrize("parametrization", ["toric", "linear"])
-def test_a_sphere_octant_has_one_over_r_squared_and_one_over_r(parametrization):
-    u = np.concatenate([inside(octant(), 200), [[1, 0], [0, 0], [2, 0], [0, 1.3], [2, 0.01]]])
-    gaussian, mean = curvature(octant(2.5), u, parametrization)
-    np.testing.assert_allclose(gaussian, 1 / 2.5**2, rtol=DIGITS)
-    np.testing.assert_allclose(mean, 1 / 2.5, rtol=DIGITS)
+def test_a_sphere_has_one_over_r_squared_and_one_over_r(patch, u, radius, digits, parametrization):
+    """Inside and on the whole rim, but for the pole."""
+    gaussian, mean = curvature(patch, u, parametrization)
+    np.testing.assert_allclose(gaussian, 1 / radius**2, rtol=digits)
+    np.testing.assert_allclose(mean, 1 / radius, rtol=digits)
 
 
 @pytest.mark.parametrize("place", [(1.3, 2), (1.0, 0), (0, 0), (2, 0), (0, 2), (2, 0.7), (0, 0.7)])
@@ -42,15 +49,6 @@ def test_no_digits_are_lost_near_the_boundary(place):
 
 def test_at_the_pole_there_is_no_formula():
     assert np.isnan(curvature(octant(), [[1, 2], [0, 2], [2, 2]])).all()
-
-
-def test_a_sphere_octant_without_a_pole_has_them_on_its_whole_rim():
-    patch = quartic_octant()
-    u = np.concatenate([inside(patch, 200), rim(patch)])
-    np.testing.assert_allclose(np.linalg.norm(patch.evaluate(u), axis=1), 1, rtol=DIGITS)
-    gaussian, mean = curvature(patch, u)
-    np.testing.assert_allclose(gaussian, 1, rtol=DIGITS)
-    np.testing.assert_allclose(mean, 1, rtol=DIGITS)
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e7])
@@ -282,19 +280,3 @@ def test_units(scale):
     gaussian, mean = curvature(patch, u)
     np.testing.assert_allclose(curvature(large, u).gaussian * scale**2, gaussian, rtol=DIGITS)
     np.testing.assert_allclose(curvature(large, u).mean * scale, mean, rtol=DIGITS)
-
-
-def test_far_from_the_origin():
-    """At 1e7 control points have 9 digits after the point, and the octant's curvature 8."""
-    gaussian, mean = curvature(octant(1.0, (1e7, -1e7, 1e7)), inside(octant(), 50, depth=0.1))
-    np.testing.assert_allclose(gaussian, 1, rtol=1e-7)
-    np.testing.assert_allclose(mean, 1, rtol=1e-7)
-
-
-def test_a_curve_has_neither():
-    with pytest.raises(DomainError, match="this is a curve"):
-        curvature(load(SPECS / "example-3.1.toml"), [0.5])
-    with pytest.raises(DomainError, match="expected toric or linear, got 'polar'"):
-        curvature(octant(), [[1, 1]], "polar")
-    with pytest.raises(DomainError, match="outside the domain"):
-        curvature(octant(), [[1, 3]])
