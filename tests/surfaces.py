@@ -7,6 +7,7 @@ from math import factorial
 import numpy as np
 
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS, load
@@ -111,6 +112,11 @@ def volume(mesh: Mesh) -> float:
 def area(mesh: Mesh) -> float:
     a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def away(points: np.ndarray, mesh: Mesh) -> float:
+    """The largest distance of points from a mesh."""
+    return float(NearestCells(mesh.vertices[mesh.cells]).nearest(points)[0].max())
 
 
 def assert_closed(mesh: Mesh) -> None:

@@ -147,7 +147,12 @@ def test_nodes_of_a_scene_as_trimesh_places_them():
     assert {name for name, _, _ in read.groups} == {"box0", "box1"}
 
 
-# --- OBJ
+# --- text
+
+
+def facet(points: np.ndarray = TRIANGLE) -> str:
+    corners = "".join(f"vertex {x} {y} {z}\n" for x, y, z in points)
+    return f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
 
 
 @pytest.mark.parametrize(
@@ -160,20 +165,29 @@ def test_nodes_of_a_scene_as_trimesh_places_them():
         "v 0 0 0 .1 .2 .3\nv 1 0 0 .1 .2 .3\nv 0 1 0 .1 .2 .3\nf -3 -2 -1\n",
         "mtllib a.mtl\no a_b\nv 0 0 0\nv 1 \\\n0 0\nv 0 1 0\nusemtl m\ns off\nf 1/2/3 2/2/3 3/2/3\n",
         "v 0.0 0.0 0.0\rv 1.0 0.0 0.0\rv 0.0 1.0 0.0\rf 1 2 3\r",
+        f"solid\n{facet()}endsolid\n",
+        f"solid a solid of many words\n{facet()}endsolid a solid of many words",
+        f"  solid x\r\n  {facet()}end solid x\r\n".lstrip(),
+        f"SOLID X\n{facet().upper()}ENDSOLID X\n",
+        f"solid a\nendsolid a\nsolid b\n{facet()}endsolid\n",
     ],
 )
-def test_obj_as_programs_write_it(text):
-    assert is_triangle(text, "obj")
+def test_text_as_programs_write_it(text):
+    assert is_triangle(text, "stl" if "facet" in text.lower() else "obj")
 
 
-def test_obj_polygons_and_references_backwards():
-    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nv 5 5 5\nf -1 1/1 2/2\nf 1 2 3\nf 1 2 3 4 5\n"
-    assert decoded(text).cells.tolist() == [[0, 1, 2], [0, 2, 3], [4, 0, 1], [0, 1, 2], [0, 1, 2], [0, 2, 3], [0, 3, 4]]
-
-
-def test_obj_polylines():
-    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\nl 3/1 1/1\nl 1 2\n"
-    assert decoded(text).cells.tolist() == [[0, 1], [1, 2], [2, 0], [0, 1]]
+@pytest.mark.parametrize(
+    ("text", "cells"),
+    [
+        (
+            "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nv 5 5 5\nf -1 1/1 2/2\nf 1 2 3\nf 1 2 3 4 5\n",
+            [[0, 1, 2], [0, 2, 3], [4, 0, 1], [0, 1, 2], [0, 1, 2], [0, 2, 3], [0, 3, 4]],
+        ),
+        ("v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\nl 3/1 1/1\nl 1 2\n", [[0, 1], [1, 2], [2, 0], [0, 1]]),
+    ],
+)
+def test_obj_polygons_polylines_and_references_backwards(text, cells):
+    assert decoded(text).cells.tolist() == cells
 
 
 def test_obj_blocks_do_not_matter():
@@ -283,25 +297,6 @@ def test_ply_of_32_bit_numbers_as_text_holds_no_more():
 
 
 # --- STL
-
-
-def facet(points: np.ndarray = TRIANGLE) -> str:
-    corners = "".join(f"vertex {x} {y} {z}\n" for x, y, z in points)
-    return f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        f"solid\n{facet()}endsolid\n",
-        f"solid a solid of many words\n{facet()}endsolid a solid of many words",
-        f"  solid x\r\n  {facet()}end solid x\r\n".lstrip(),
-        f"SOLID X\n{facet().upper()}ENDSOLID X\n",
-        f"solid a\nendsolid a\nsolid b\n{facet()}endsolid\n",
-    ],
-)
-def test_stl_text_as_programs_write_it(text):
-    assert is_triangle(text, "stl")
 
 
 @pytest.mark.parametrize("start", [b"solid x", b"\xef\xbb\xbf"])

@@ -70,15 +70,8 @@ SHAPES = {
     "lamp": (walls(LAMP, 6), [0, 100]),
     "cone": (walls(CONE, 24), [0, 20]),
 }
-CASES = [
-    ("dish", 2, 12),
-    ("lamp", -5, 8),
-    ("dish", -2, 12),
-    ("lamp", 2, 12),
-    ("lamp", -3, 16),
-    ("cone", 5, 4),
-    ("cone", -3, 6),
-]
+CASES = [("dish", 2, 12), ("lamp", -5, 8), ("dish", -2, 12), ("lamp", 2, 12), ("lamp", -3, 16), ("cone", 5, 4),
+         ("cone", -3, 6)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "thickness", "n"), mostly_long(CASES, 2))

@@ -1,7 +1,6 @@
 """Thickness: closed, looking outwards, of the right volume, and folds where they are."""
 
 import math
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +25,6 @@ DIGITS = 1e-12  # a few thousand roundings
 SPHERE = 4 / 3 * math.pi
 
 CORNERS = [[0, 0], [1, 0], [0, 1], [1, 1]]
-
-
-@cache
-def meshed(path: Path, n: int) -> Mesh:
-    return tessellate(load(path), n)
 
 
 SURFACES = [path for path in GOOD_SPECS if not is_curve(load(path))]
@@ -101,7 +95,7 @@ def test_a_closed_body_gets_a_second_shell():
 @pytest.mark.parametrize("path", mostly_long(SURFACES, 3), ids=lambda path: path.stem)
 def test_every_surface_becomes_a_solid(path):
     """Its volume is about its area times the thickness, where that is small."""
-    surface = meshed(path, 12)
+    surface = tessellate(load(path), 12)
     size = float(np.ptp(surface.vertices, axis=0).max())
     for thickness in (2e-3 * size, -2e-3 * size, 0.3 * size):
         solid = thicken(surface, thickness)

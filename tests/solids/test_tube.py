@@ -369,16 +369,15 @@ def pipe(patch: Patch, radius: float, n: int, sides: int) -> np.ndarray:
     return (center + radius * around).reshape(-1, 3)
 
 
-@pytest.mark.parametrize(
-    ("name", "radius", "tolerance"),
-    mostly_long(
-        [
-            *(("example-3.1", 0.2, 0.03), ("cubic-bezier", 0.01, 0.1)),
-            *(("cubic-bezier", 0.3, 0.01), ("example-2.1", 0.05, 0.01)),
-        ],
-        2,
-    ),
-)
+TUBES = [
+    ("example-3.1", 0.2, 0.03),
+    ("cubic-bezier", 0.01, 0.1),
+    ("cubic-bezier", 0.3, 0.01),
+    ("example-2.1", 0.05, 0.01),
+]
+
+
+@pytest.mark.parametrize(("name", "radius", "tolerance"), mostly_long(TUBES, 2))
 def test_the_tolerance_is_that_of_the_tube(name, radius, tolerance):
     patch = load(SPECS / f"{name}.toml")
     mesh = Recipe(tolerance=tolerance, radius=radius).mesh(patch)[0]

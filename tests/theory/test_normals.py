@@ -66,12 +66,10 @@ def approached(patch, place, inward):
         return exact.normal(patch, u)
 
 
-@pytest.mark.parametrize(
-    "name",
-    mostly_long(
-        ["pentagon", "trapezoid", "repeated_knots", "bezier_triangle", "irrational_hexagon", "plain_triangle"], 3
-    ),
-)
+KINDS = ["pentagon", "trapezoid", "repeated_knots", "bezier_triangle", "irrational_hexagon", "plain_triangle"]
+
+
+@pytest.mark.parametrize("name", mostly_long(KINDS, 3))
 def test_normals_on_edges_are_limits(name):
     patch = named(name)
     v = patch.domain.vertices
