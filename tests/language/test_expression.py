@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, example, given, strategies as st
 
 from gtb_cli.errors import SpecError
-from gtb_cli.language.expression import MAX_CHARACTERS, MAX_NESTING, evaluate_expression
+from gtb_cli.language.expression import MAX_CHARACTERS, MAX_NESTING, degrees_in, evaluate_expression
 from tests.specs import quickly
 
 VALUES, REFUSED = (
@@ -95,6 +95,10 @@ def test_depth_is_of_the_deepest_part_not_of_all_parts_together() -> None:
         assert len(text) <= MAX_CHARACTERS
         assert math.isfinite(evaluate_expression(text))
     assert evaluate_expression("+".join(["(-1)**2"] * 30)) == 30
+
+
+def test_angles_near_a_whole_number_of_degrees_are_not_doubted() -> None:
+    assert [bool(degrees_in("cos(x)", {"x": x})) for x in (7.0, 7.0005, 6.0)] == [True, False, False]
 
 
 def test_length_limit() -> None:

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,6 +91,19 @@ def test_vertices_without_faces_do_not_count_nor_the_order_far_from_the_origin()
     for one, other in ((mesh, more), (far, shuffled(far)[0])):
         found = difference(known_exactly(one), known_exactly(other))
         assert (found.same, found.method, found.distance) == (True, "vertices", 0.0)
+
+
+def test_a_value_that_stands_for_none_hides_no_difference_of_others():
+    heat, off = np.append(np.linspace(0.5, 1, 24), -9999.0), 1e-4 * (np.arange(25) == 3)
+    one, other = (known_exactly(replace(surface(4), attributes={"heat": values})) for values in (heat, heat + off))
+    assert not difference(one, other).same
+
+
+@pytest.mark.parametrize(("far", "is_told"), [(20.0, False), (1000.0, True)])
+def test_a_few_vertices_that_make_a_mesh_a_hundred_times_as_large_are_told(far, is_told):
+    vertices = np.concatenate([surface(4).vertices, surface(4).vertices[[0, 1, 5]] + far])
+    mesh = known_exactly(Mesh(vertices, np.concatenate([surface(4).cells, [[25, 26, 27]]])))
+    assert (difference(mesh, mesh).stray is not None) == is_told
 
 
 def test_beyond_the_tolerance_another_order_or_other_faces_are_another_surface():

@@ -31,9 +31,10 @@ def test_an_edge_is_joined_with_the_same_curve_of_a_higher_degree():
     assert not joints.almost
 
 
-def test_where_half_of_the_patches_face_the_other_way_the_first_one_stays():
-    row = [Patch(SQUARE[:, :: (1, -1)[k % 2]], patch.control_points) for k, patch in enumerate(squares(4, 1.0))]
-    assert find_joints(row).flipped == (False, True, False, True)
+@pytest.mark.parametrize(("turned", "flipped"), [((1, 3), (1, 3)), ((0,), (0,)), ((0, 1, 3), (2,))])
+def test_the_smaller_half_of_the_patches_is_flipped_or_the_later_one(turned, flipped):
+    row = [Patch(SQUARE[:, :: -1 if k in turned else 1], p.control_points) for k, p in enumerate(squares(4, 1.0))]
+    assert find_joints(row).flipped == tuple(k in flipped for k in range(4))
 
 
 def curve_of(knots: np.ndarray, logs: np.ndarray, points: np.ndarray) -> Curve:

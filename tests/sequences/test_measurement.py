@@ -210,3 +210,8 @@ def test_knots_merge_linearly():
     found = knot_sequence(load(SPECS / "example-3.1.toml"), {1: 2}, [0.9, 0.99, 0.999], resolution=1)
     assert found.predicted_rate == 1
     assert np.log10(found.distances[1] / found.distances[2]) == pytest.approx(1, rel=0.01)
+
+
+def test_a_degeneration_from_1_on_goes_upwards():
+    found = degeneration(load(SPECS / "example-3.4.toml"), [5, 1], resolution=1, distances=False)
+    assert found.values == (1, 5, np.inf)

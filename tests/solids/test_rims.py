@@ -113,6 +113,11 @@ def test_faces_beyond_the_plane_become_parts_of_the_rim():
     np.testing.assert_allclose(normals[:, :, 2], np.tile(up[:, None], 3), atol=1e-12)
 
 
+def test_parts_beyond_the_plane_of_a_rim_that_do_not_reach_it_stay_where_they_are():
+    apart = Model((*walls(DISH, 5), *walls(CONE, 5, shift=200)))
+    assert Recipe(3, thickness=2, rim="flat").mesh(apart)[1] == []
+
+
 @pytest.mark.parametrize("thickness", [2, -2])
 def test_around_a_hole_in_a_floor_the_rim_stays_along_the_normals(thickness):
     floor = walls([(8, 0), (16, 0), (25, 0)], 5)

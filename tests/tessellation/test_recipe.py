@@ -50,6 +50,7 @@ def test_remarks_say_where_a_solid_folds():
 def test_an_edge_between_two_equal_points_may_be_a_loop():
     knots, points = [[0, 0], [2, 0], [0, 1], [2, 1]], [[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 1]]
     assert len(doubtful_corners(Patch(knots, points))) == 2
+    assert len(doubtful_corners(Patch(knots, [*points[:3], [0, 1e-12, 1]]))) == 1
     assert doubtful_corners(Patch([*knots, [1, 0], [1, 1]], [*points, [1, 1, 0], [1, 1, 1]])) == []
 
 

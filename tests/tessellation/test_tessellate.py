@@ -151,6 +151,16 @@ def test_the_last_patch_may_lose_all_its_faces(resolution):
     assert [stop - start for _, start, stop in mesh.groups] == [resolution**2, resolution**2, 0]
 
 
+@pytest.mark.parametrize(("slope", "count"), [(1e-5, 8), (1e-9, 6)])
+def test_normals_that_files_can_tell_apart_are_not_one(slope, count):
+    sides = [
+        Patch([[0, 0], [1, 0], [0, 1], [1, 1]], [[k + x, y, slope * k * x] for y in (0, 1) for x in (0, 1)])
+        for k in (0, 1)
+    ]
+    mesh = tessellate(Model(tuple(sides)), 1)
+    assert len(np.unique(mesh.normal_of)) == count
+
+
 def test_missing_normals_are_the_mean_of_adjacent_faces():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, -1, 0], [5, 5, 5.0]])
     faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1]])
