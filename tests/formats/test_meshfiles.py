@@ -67,9 +67,6 @@ def test_text_may_begin_with_a_byte_order_mark(format):
         assert (decoded(b"\xef\xbb\xbf" + data, said).vertices == decoded(data).vertices).all()
 
 
-# --- our own files
-
-
 @pytest.mark.parametrize(("format", "options"), OPTIONS)
 @pytest.mark.parametrize("make", [surface, curve, model, two_curves])
 def test_what_we_write_reads_back(format, options, make):
@@ -111,9 +108,6 @@ def test_at_any_size_and_place(scale, shift):
         assert (error <= known.half_steps).all()
 
 
-# --- files of others, and what others read
-
-
 @pytest.mark.parametrize("format", ["obj", "ply", "stl"])
 @pytest.mark.parametrize("binary", [False, True])
 def test_files_that_meshio_writes(format, binary, tmp_path):
@@ -145,9 +139,6 @@ def test_nodes_of_a_scene_as_trimesh_places_them():
     ours, places = read.vertices[read.cells].mean(axis=1), with_z_up(theirs.triangles.mean(axis=1))
     assert np.allclose(np.sort(ours, axis=0), np.sort(places, axis=0), atol=1e-6)
     assert {name for name, _, _ in read.groups} == {"box0", "box1"}
-
-
-# --- text
 
 
 def facet(points: np.ndarray = TRIANGLE) -> str:
@@ -212,9 +203,6 @@ def test_obj_blocks_do_not_matter():
 def test_digits_tell_what_a_text_can_hold(text, step):
     known = decode_mesh(text.encode(), "file")
     assert 0.09 * step <= known.half_steps.max() <= 1.01 * step + 1e-14
-
-
-# --- PLY
 
 
 def ply(body: bytes | str, *lines: str, format: str = "ascii") -> bytes:
@@ -296,16 +284,10 @@ def test_ply_of_32_bit_numbers_as_text_holds_no_more():
     assert decode_mesh(ply(body, *XYZ, *FACE), "file").half_steps.max() == pytest.approx(SINGLE, rel=1e-6)
 
 
-# --- STL
-
-
 @pytest.mark.parametrize("start", [b"solid x", b"\xef\xbb\xbf"])
 def test_a_binary_stl_may_begin_like_a_text(start):
     data = encoded(surface(), "stl")
     assert np.array_equal(decoded(start + data[len(start) :]).cells, decoded(data).cells)
-
-
-# --- GLB
 
 
 def glb(tree: dict, binary: bytes) -> bytes:
@@ -384,9 +366,6 @@ def test_mirrored_glb_nodes_keep_their_outer_sides():
     read = decoded(glb(tree, TRIANGLE.astype("<f4").tobytes()))
     a, b, c = read.vertices[read.cells[0]]
     assert np.cross(b - a, c - a).tolist() == [0, -1, 0]  # z of the file is −y here
-
-
-# --- damage
 
 
 def little(body: bytes, *lines: str) -> bytes:

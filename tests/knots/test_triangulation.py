@@ -32,11 +32,6 @@ def area(shape):
     return (v[:, 0] * w[:, 1] - v[:, 1] * w[:, 0]).sum() / 2
 
 
-def rounding(shape):
-    """Relative error of an area."""
-    return 64 * EPS * (1 + np.abs(shape.vertices).max() / shape.size)
-
-
 @pytest.mark.parametrize("make", [triangulation, central_triangulation])
 @pytest.mark.parametrize("shift", [0.0, SHIFT])
 @pytest.mark.parametrize("n", NUMBERS)
@@ -46,7 +41,8 @@ def test_triangles_tile_the_domain(sides, n, shift, make):
     parts = make(shape, n)
     found = areas(shape, parts)
     assert (found > 0).all()
-    assert found.sum() == pytest.approx(area(shape), rel=n * n * rounding(shape))
+    rounding = 64 * EPS * (1 + np.abs(shape.vertices).max() / shape.size)
+    assert found.sum() == pytest.approx(area(shape), rel=n * n * rounding)
     assert sorted(set(parts.cells.ravel().tolist())) == list(range(len(parts.parameters)))
 
 

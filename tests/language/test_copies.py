@@ -29,10 +29,6 @@ def model(text: str) -> Model:
     return found
 
 
-def copy(text: str) -> Patch:
-    return model(f'{PATCH}[[patches]]\ncopy = "wall"\n{text}').patches[1]
-
-
 def faults(text: str, source: str = "x.toml") -> list[str]:
     with quickly(), pytest.raises(SpecError) as caught:
         parse(text, source)
@@ -79,9 +75,8 @@ def test_long_chains_of_names_are_judged_quickly():
 
 
 def test_copies_are_mirrored_scaled_rotated_and_translated_in_this_order():
-    found = copy(
-        'mirror = "x"\nscale = 2\nrotate = {axis = "z", degrees = 90, about = [1, 0]}\ntranslate = [0, 0, 5]\n'
-    )
+    moves = 'mirror = "x"\nscale = 2\nrotate = {axis = "z", degrees = 90, about = [1, 0]}\ntranslate = [0, 0, 5]\n'
+    found = model(f'{PATCH}[[patches]]\ncopy = "wall"\n{moves}').patches[1]
     # (1, 0, 0) → (−1, 0, 0) → (−2, 0, 0) → about (1, 0): (1, −3, 0) → (1, −3, 5)
     assert found.control_points.tolist() == [[1, -1, 5], [1, -3, 5], [-1, -1, 7]]
     assert found.name == "wall-1"

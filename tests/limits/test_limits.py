@@ -328,6 +328,12 @@ def test_where_knots_arrive(patch, moves, faces):
     assert bool(limit.films) == bool(faces)
 
 
+@pytest.mark.parametrize(("off", "count"), [(0.0, 0), (1e-7, 1)])
+def test_knots_that_arrive_along_one_line_make_no_film_of_a_corner(off, count):
+    knots = [[0, 0], [4, 0], [4, 4], [0, 4], [1, 1], [2, 2 + off]]
+    assert sum(film.face.is_corner for film in knot_limit(Patch(knots, np.eye(6, 3)), {4: 0, 5: 0}).films) == count
+
+
 def test_the_film_of_one_knot_at_an_end_is_a_segment():
     patch = irrational_curve()
     limit = knot_limit(patch, {1: 0})

@@ -148,8 +148,9 @@ def farthest(mesh, others):
 def test_the_film_alone_is_measured():
     """Without a step there is only the merged patch, from which the film reaches as far as ever."""
     patch = inner_knots()
-    distances = [knot_sequence(patch, {6: 3}, steps, resolution=1).film_distances[-1] for steps in ([], [0.5])]
-    assert 0.4 < distances[0] == pytest.approx(distances[1], rel=2 * THREE_DIGITS)
+    ends = [knot_sequence(patch, {6: 3}, steps, resolution=1).members[-1] for steps in ([], [0.5])]
+    assert 0.4 < ends[0].film_distance == pytest.approx(ends[1].film_distance, rel=2 * THREE_DIGITS)
+    assert ends[0].distance_error < 3e-3 * np.linalg.norm(np.ptp(patch.control_points, axis=0))
 
 
 @pytest.mark.parametrize("seed", mostly_long((3, 6, 1, 9, 11, 16, 24, 27), 0))

@@ -41,9 +41,6 @@ def dented(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.cells[:, ::-1], normals=-mesh.normals, groups=mesh.groups)
 
 
-# --- volumes
-
-
 @pytest.mark.parametrize("thickness", [0.5, -0.5, 1e-3, 100.0])
 @pytest.mark.parametrize(("scale", "shift"), [(1.0, 0.0), (1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
 def test_a_plane_becomes_a_box(thickness, scale, shift):
@@ -113,9 +110,6 @@ def test_any_rim_is_closed(seed, sides, outwards):
     knots = np.concatenate([corners, 0.5 * random.uniform(-1, 1, (3, 2))])
     patch = Patch(knots, random.uniform(-1, 1, (len(knots), 3)), random.uniform(0.1, 10, len(knots)))
     assert_closed(thicken(tessellate(patch, 5), 0.1 if outwards else -0.1))
-
-
-# --- edges between patches
 
 
 @pytest.mark.parametrize("thickness", [0.25, -0.25])
@@ -193,9 +187,6 @@ def test_parts_of_a_model_stay_together():
     assert sorted(sizes) == [16, 20, 20, 20, 20]  # the rim's quadrilaterals are of the faces beside it
 
 
-# --- folds
-
-
 def test_folds_are_where_the_curvature_exceeds_the_thickness():
     sphere = tessellate(quartic_octant(), 16)
     assert len(folded_faces(sphere, -0.98)) == 0
@@ -238,9 +229,6 @@ def test_folds_are_found_face_by_face():
         folded = middle[folded_faces(surface, sign / (largest * 0.97))]
         assert (side * folded > 0.2).all()
         assert (side * folded < 0.6).all()
-
-
-# --- what is kept, and what is refused
 
 
 def test_normals_and_attributes():

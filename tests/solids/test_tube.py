@@ -69,9 +69,6 @@ def swept(patch: Patch, n: int, radius: float, parametrization: str = "linear", 
     return tube(mesh, radius, tangents=tangents(patch, mesh.parameters, parametrization)[mesh.cells], **options)
 
 
-# --- tangents
-
-
 @pytest.mark.parametrize("path", CURVES, ids=lambda path: path.stem)
 def test_tangents_are_those_of_difference_quotients(path):
     patch = load(path)
@@ -129,9 +126,6 @@ def test_tangents_at_any_scale(scale, shift):
     # Shifted by 1e7, knots and points keep 8 or 9 digits.
     expected = tangents(patch, t, "linear")
     np.testing.assert_allclose(tangents(moved, scale * t + shift, "linear"), expected, atol=1e-6 if shift else 1e-9)
-
-
-# --- closed, oriented, of the right volume
 
 
 @pytest.mark.parametrize("path", CURVES, ids=lambda path: path.stem)
@@ -200,9 +194,6 @@ def test_a_closed_curve_makes_a_torus():
     assert errors[1] < 0.01 * 2 * math.pi * polygon_area(0.3)
 
 
-# --- the frame
-
-
 def test_the_frame_does_not_rotate():
     """On a helix the angle to the principal normal is −τ s; double reflection misses it by an error of fourth order."""
     errors = []
@@ -241,9 +232,6 @@ def test_a_closed_tube_closes_without_a_seam(sides):
     # The whole miss is at most half a side.
     assert np.abs(rate).max() * lengths.sum() <= 1.05 * math.pi / sides
     np.testing.assert_allclose(rate, rate.mean(), atol=0.02 * math.pi / sides / lengths.sum() + 1e-4)
-
-
-# --- corners
 
 
 def test_a_right_angle_is_mitred():
@@ -301,9 +289,6 @@ def test_cusps_and_ends_that_face_each_other():
         assert np.abs(mesh.vertices[:, 2]).max() <= 0.05 * math.sqrt(2)
 
 
-# --- several curves
-
-
 def test_curves_that_follow_each_other_make_one_tube():
     """Whichever way each of them runs."""
     points = np.array([[0, 0, 0], [1, 0, 0], [2, 1, 0], [2, 2, 1.0]])
@@ -340,9 +325,6 @@ def test_branches_and_separate_curves_make_a_tube_each():
     assert_closed(mesh)
     assert [name for name, _, _ in mesh.groups] == list("abcd")
     assert volume(mesh) == pytest.approx(polygon_area(0.1) * (3 + math.sqrt(3)), rel=1e-9)
-
-
-# --- numbers
 
 
 def test_rings_are_as_fine_as_the_tolerance_asks():

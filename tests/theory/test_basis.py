@@ -158,10 +158,6 @@ def minors(matrix):
                 yield mpmath.det(mpmath.matrix([[matrix[i][j] for j in columns] for i in rows]))
 
 
-def exact_collocation(knots, parameters):
-    return [[mpmath.mpf(t) ** a * (knots[-1] - mpmath.mpf(t)) ** (knots[-1] - a) for a in knots] for t in parameters]
-
-
 @pytest.mark.parametrize(
     ("knots", "parameters"),
     [(ROOTS, [0.1, 0.3, 0.55, 0.7, 0.9]), ([0, 1, 3], [0.25, 1.5, 2.75]), ([0, 0.5, 4, 5], [0.5, 1, 3, 4.5])],
@@ -170,7 +166,8 @@ def test_collocation_matrices_are_strictly_totally_positive_inside(knots, parame
     # Thm 2.2, for interior parameters and distinct knots; entries of the program, minors in 50 digits.
     matrix = gt_bernstein(domain(knots), np.ones(len(knots)), parameters)
     with mpmath.workdps(50):
-        exact = exact_collocation([mpmath.mpf(a) for a in knots], parameters)
+        places = [mpmath.mpf(t) for t in parameters]
+        exact = [[t ** mpmath.mpf(a) * (knots[-1] - t) ** (knots[-1] - mpmath.mpf(a)) for a in knots] for t in places]
         assert all(minor > 0 for minor in minors(exact))
         for row, exact_row in zip(matrix.tolist(), exact, strict=True):
             assert row == pytest.approx([float(x) for x in exact_row], rel=4 * EPS * 10)
