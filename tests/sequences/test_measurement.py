@@ -6,6 +6,7 @@ from scipy.spatial import Delaunay, cKDTree
 
 from gtb_cli import (
     Patch,
+    ToleranceError,
     convergence_rate,
     degenerate,
     load,
@@ -216,3 +217,10 @@ def test_knots_merge_linearly():
 def test_a_degeneration_from_1_on_goes_upwards():
     found = degeneration(load(SPECS / "example-3.4.toml"), [5, 1], resolution=1, distances=False)
     assert found.values == (1, 5, np.inf)
+
+
+def test_what_does_not_converge_has_no_rate_and_faces_of_all_meshes_count():
+    patch = load(SPECS / "example-3.4.toml")
+    assert degeneration(patch, [5], np.zeros(5), resolution=1, distances=False).predicted_rate is None
+    with pytest.raises(ToleranceError, match="3 meshes of 2 faces have more than 5"):
+        degeneration(patch, [3, 5], resolution=1, max_faces=5)
