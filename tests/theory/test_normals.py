@@ -122,6 +122,11 @@ def test_control_points_in_one_place_or_on_a_line_have_no_normal(points, count):
     assert np.isnan(patch.normals(u)).all()
 
 
+def test_edges_at_a_tiny_angle_span_a_plane():
+    thin = Patch([[0, 0], [1, 0], [0, 1]], [[0, 0, 0], [1, 0, 0], [1, 1e-10, 0]])
+    np.testing.assert_allclose(thin.normals([[0, 0], [0.3, 0.3]]), [[0, 0, 1]] * 2, atol=1e-9)
+
+
 def test_an_edge_that_is_a_point_has_the_limits_of_its_surroundings():
     patch = collapsed_edge()
     u = np.array([[1, 0], [0, 0], [3, 0], [2.2, 0]])
