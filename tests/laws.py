@@ -318,20 +318,9 @@ def clipped(patch: Patch, p: np.ndarray) -> np.ndarray:
 
 
 LAWS: tuple[Callable[[Patch], None], ...] = (
-    basis_is_nonnegative,
-    basis_is_a_partition_of_unity,
-    corners_belong_to_their_knots,
-    edges_belong_to_their_knots,
-    edges_are_curves,
-    points_are_in_the_convex_hull,
-    points_are_combinations_of_control_points,
-    affine_maps_commute,
-    weights_and_coefficients_act_as_a_product,
-    edge_scale_changes_no_image,
-    affine_liftings_translate,
-    linear_parametrization_is_linear,
-    linear_parametrization_is_affine_in_the_domain,
-    order_of_knots_is_free,
-    coincident_knots_merge,
-    normals_are_unit_and_perpendicular,
-)
+    basis_is_nonnegative, basis_is_a_partition_of_unity, corners_belong_to_their_knots, edges_belong_to_their_knots,
+    edges_are_curves, points_are_in_the_convex_hull, points_are_combinations_of_control_points, affine_maps_commute,
+    weights_and_coefficients_act_as_a_product, edge_scale_changes_no_image, affine_liftings_translate,
+    linear_parametrization_is_linear, linear_parametrization_is_affine_in_the_domain, order_of_knots_is_free,
+    coincident_knots_merge, normals_are_unit_and_perpendicular,
+)  # fmt: skip

@@ -131,53 +131,8 @@ def sixty_knots() -> Patch:
     return Patch(knots / 4, bumps(knots), [10.0 ** (12 * math.sin(7 * i)) for i in range(60)])
 
 
-def extreme_weights() -> Patch:
-    """The bicubic patch with weights 1e-12 and 1e12 side by side."""
-    patch = bicubic()
-    return Patch(patch.knots, patch.control_points, [10.0 ** (12 if i % 3 else -12) for i in range(16)])
-
-
-def beyond_floats() -> Patch:
-    """Weights x^λ, x = 1e300, that no float holds."""
-    patch = pentagon()
-    lifting = np.array([1, 0, 3, 2, 0, 1, 3, 1])
-    return Patch(patch.knots, patch.control_points, log_weights=lifting * math.log(1e300))
-
-
-def large_knots() -> Patch:
-    """Exponents in the hundreds."""
-    patch = irrational_hexagon()
-    return Patch(patch.knots * 500, patch.control_points, patch.weights)
-
-
-def small_knots() -> Patch:
-    """Exponents of a thousandth."""
-    patch = irrational_hexagon()
-    return Patch(patch.knots / 1000, patch.control_points, patch.weights)
-
-
-def far_pentagon() -> Patch:
-    """Knots far from the origin."""
-    patch = pentagon()
-    return Patch(patch.knots + np.array([SHIFT, -SHIFT]), patch.control_points, patch.weights, edge_normals="unit")
-
-
-def tiny_pentagon() -> Patch:
-    """Knots and control points of size 1e-9."""
-    patch = pentagon()
-    return Patch(patch.knots * 1e-9, patch.control_points * 1e-9, patch.weights)
-
-
-def huge_pentagon() -> Patch:
-    """Knots and control points of size 1e9; edge functions of size 1."""
-    patch = pentagon()
-    return Patch(patch.knots * 1e9, patch.control_points * 1e9, patch.weights, edge_normals="unit", edge_scale=1e-9)
-
-
-def scaled_edges() -> Patch:
-    """The pentagon with another scale of every edge."""
-    patch = pentagon()
-    return Patch(patch.knots, patch.control_points, patch.weights, edge_scale=[1, 0.5, 3, 0.1, 2])
+def resized_pentagon(size: float) -> Patch:
+    return pentagon().replace(knots=pentagon().knots * size, control_points=pentagon().control_points * size)
 
 
 def collapsed_edge() -> Patch:
@@ -196,14 +151,22 @@ def regular(sides: int, turn: float) -> np.ndarray:
 
 
 CURVES = {make.__name__: make for make in (cubic_curve, basis_curve, irrational_curve, repeated_curve, far_curve)}
-SURFACES = {
-    make.__name__: make
-    for make in (
-        bezier_triangle, bicubic, pentagon, integer_pentagon, irrational_hexagon, nonagon, trapezoid, plain_triangle,
-        repeated_knots, sixty_knots, extreme_weights, beyond_floats, large_knots, small_knots, far_pentagon,
-        tiny_pentagon, huge_pentagon, scaled_edges, collapsed_edge,
-    )
-}  # fmt: skip
+KNOWN = (bezier_triangle, bicubic, pentagon, integer_pentagon, irrational_hexagon, nonagon, trapezoid, plain_triangle)
+SURFACES = {make.__name__: make for make in (*KNOWN, repeated_knots, sixty_knots)} | {
+    # Weights of 1e-12 and 1e12 side by side, and x^λ with x = 1e300, which no float holds
+    "extreme_weights": lambda: bicubic().replace(
+        weights=[10.0 ** (12 if i % 3 else -12) for i in range(16)], coefficients=None
+    ),
+    "beyond_floats": lambda: pentagon().replace(log_weights=np.array([1, 0, 3, 2, 0, 1, 3, 1]) * math.log(1e300)),
+    # Exponents in the hundreds, and of a thousandth
+    "large_knots": lambda: irrational_hexagon().replace(knots=irrational_hexagon().knots * 500),
+    "small_knots": lambda: irrational_hexagon().replace(knots=irrational_hexagon().knots / 1000),
+    "far_pentagon": lambda: pentagon().replace(knots=pentagon().knots + np.array([SHIFT, -SHIFT]), edge_normals="unit"),
+    "tiny_pentagon": lambda: resized_pentagon(1e-9),
+    "huge_pentagon": lambda: resized_pentagon(1e9).replace(edge_normals="unit", edge_scale=1e-9),
+    "scaled_edges": lambda: pentagon().replace(edge_scale=[1, 0.5, 3, 0.1, 2]),
+    "collapsed_edge": collapsed_edge,
+}
 NAMES = [*CURVES, *SURFACES]
 
 

@@ -1,6 +1,10 @@
 """Specs for tests: the good ones of `specs/`, the bad ones of `bad_specs/`, and small ones as text."""
 
 import re
+import time
+import tracemalloc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -17,6 +21,25 @@ GOOD_SPECS = sorted(SPECS.glob("*.toml"))
 
 # What takes longer hangs: bad input takes up to two on a slow machine; minutes, where time outgrows size
 SECONDS = 15.0
+
+
+@contextmanager
+def quickly() -> Iterator[None]:
+    """Fail where the processor takes longer than `SECONDS`."""
+    start = time.process_time()
+    yield
+    assert time.process_time() - start < SECONDS
+
+
+@contextmanager
+def memory_below(most: float) -> Iterator[None]:
+    """Fail where more bytes are in use at one time."""
+    tracemalloc.start()
+    yield
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < most
+
 
 ARC = "knots = [0, 1, 2]\ncontrol_points = [[0, 0], [1, 1], [2, 0]]\n"
 TRIANGLE = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, 1]]\n"

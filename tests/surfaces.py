@@ -1,11 +1,15 @@
 """Surfaces whose shape is known, parameters to look at them, and what a closed mesh is."""
 
+from collections.abc import Sequence
+from itertools import product as product_of
 from math import factorial
 
 import numpy as np
 
 from gtb_cli.fairing.energy import energy_matrix
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells
+from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS, load
 
@@ -67,6 +71,21 @@ def quartic_octant() -> Patch:
     return Patch([(i, k) for i, k, _, _ in entries], [b for *_, b, _ in entries], [w for *_, w in entries], c)
 
 
+def eightfold(part: Patch, name: str | None = None) -> Model:
+    """A patch and its seven mirror images in the planes of the coordinates."""
+    signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
+    return Model(tuple(part.replace(control_points=part.control_points * sign) for sign in signs), name)
+
+
+def box(low: Sequence[float] = (0, 0, 0), high: Sequence[float] = (1, 1, 1), name: str = "box") -> Model:
+    """Six flat patches with faces outwards."""
+    square, faces = [[0, 0], [1, 0], [1, 1], [0, 1]], []
+    for axis, side in product_of(range(3), (0, 1)):
+        places = [np.roll([side, *uv[:: 2 * side - 1]], axis) for uv in square]
+        faces.append(Patch(square, np.add(low, places * np.subtract(high, low)), name=f"{name}-{axis}{side}"))
+    return Model(tuple(faces), name)
+
+
 def inside(patch: Patch, count: int, seed: int = 0, depth: float = 0.0) -> np.ndarray:
     """Random parameters, not nearer to the boundary than a fraction of the domain."""
     corners = patch.domain.vertices
@@ -94,6 +113,11 @@ def volume(mesh: Mesh) -> float:
 def area(mesh: Mesh) -> float:
     a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def away(points: np.ndarray, mesh: Mesh) -> float:
+    """The largest distance of points from a mesh."""
+    return float(NearestCells(mesh.vertices[mesh.cells]).nearest(points)[0].max())
 
 
 def assert_closed(mesh: Mesh) -> None:

@@ -26,18 +26,22 @@ def plane(n: int) -> Mesh:
     return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)
 
 
-def model() -> Mesh:
-    """Two bent squares of different sizes, apart from each other."""
-    one, two = surface(3), surface(5)
-    count = len(one.vertices)
+def together(one: Mesh, two: Mesh, shift: object, names: tuple[str, str], **more: str) -> Mesh:
+    """Two meshes as one, of which the second is moved."""
+    count, cells = len(one.cells), np.vstack([one.cells, two.cells + len(one.vertices)])
     return Mesh(
-        np.vstack([one.vertices, two.vertices + np.array([3.0, 0.0, 0.0])]),
-        np.vstack([one.cells, two.cells + count]),
+        np.vstack([one.vertices, two.vertices + np.array(shift)]),
+        cells,
         np.vstack([one.parameters, two.parameters]),
-        np.vstack([one.normals, two.normals]),
-        groups=(("left half", 0, len(one.cells)), ("right", len(one.cells), len(one.cells) + len(two.cells))),
-        name="two",
+        None if one.normals is None else np.vstack([one.normals, two.normals]),
+        groups=((names[0], 0, count), (names[1], count, len(cells))),
+        **more,
     )
+
+
+def model(left: int = 3, right: int = 5) -> Mesh:
+    """Two bent squares, of different sizes unless others are asked for, apart from each other."""
+    return together(surface(left), surface(right), [3.0, 0.0, 0.0], ("left half", "right"), name="two")
 
 
 def curve(n: int = 10) -> Mesh:
@@ -47,13 +51,7 @@ def curve(n: int = 10) -> Mesh:
 
 
 def two_curves() -> Mesh:
-    one, two = curve(4), curve(7)
-    return Mesh(
-        np.vstack([one.vertices, two.vertices + 2.0]),
-        np.vstack([one.cells, two.cells + 5]),
-        np.vstack([one.parameters, two.parameters]),
-        groups=(("a", 0, 4), ("b", 4, 11)),
-    )
+    return together(curve(4), curve(7), 2.0, ("a", "b"))
 
 
 def encoded(mesh: Mesh, format: str, **options: bool) -> bytes:

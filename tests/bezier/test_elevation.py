@@ -126,8 +126,9 @@ def test_weights_beyond_floats():
     elevated = elevate(patch)
     np.testing.assert_allclose(elevated.log_weights, [0, 2000, 2000, -3000])
     assert_same_image(patch, elevated)
-    huge = Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], [1e200, 1, 1e-200])
-    assert_same_image(huge, elevate(huge))
+    for weights in ([1e200, 1, 1e-200], [1, 1.5e308, 1.5e308]):  # of which sums are no floats
+        huge = Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], weights)
+        assert_same_image(huge, elevate(huge))
 
 
 def test_settings_stay_where_they_can():

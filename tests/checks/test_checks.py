@@ -11,7 +11,7 @@ import pytest
 from gtb_cli.checks import ends
 from gtb_cli.checks.probe import Probe
 from gtb_cli.checks.properties import PROPERTIES, check, check_patch
-from gtb_cli.checks.report import Finding
+from gtb_cli.checks.report import Finding, within_rounding
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.limits.degeneration import MAX_WEIGHT_LOG, degenerate, regular_control_surface
@@ -435,3 +435,8 @@ def test_patches_without_common_edges():
     report = check(model)
     assert report.joints[0].status == "not applicable"
     assert report.joints[1].value == 10
+
+
+def test_a_bound_for_rounding_that_proves_nothing_decides_nothing():
+    found = [within_rounding(value, bound, "").status for value, bound in ((0.0, 0.001), (0.0, 0.1), (0.2, 0.1))]
+    assert found == ["holds", "not decided", "fails"]

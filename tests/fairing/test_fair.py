@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
+from gtb_cli.fairing.descent import is_fairer
 from gtb_cli.fairing.energy import energy_at, energy_samples
 from gtb_cli.fairing.fair import agreed, fair, kept_knots
 from gtb_cli.language.loading import parse
@@ -294,3 +295,7 @@ def test_quadratures_are_refined_until_they_agree_to_three_thousandths():
     """Of the pentagon the first two differ by 0.0035 outside its corners."""
     patch = load(PENTAGON)
     assert agreed(patch, [patch.control_points])[1][0] <= 3e-3
+
+
+def test_fairer_is_what_is_less_by_a_tenth():
+    assert [is_fairer(np.array([2, 3 * share]), np.array([2.0, 3.0])) for share in (0.89, 0.91, 1.05)] == [1, 0, 0]

@@ -32,9 +32,6 @@ def test_no_picture_library_is_needed(tmp_path):
     assert run_process([sys.executable, "-c", BARE], tmp_path).status == 0
 
 
-# --- refusals and warnings -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_no_number_that_is_not_finite_is_written(format, value, tmp_path):
@@ -107,6 +104,8 @@ def test_warned_where_32_bits_move_or_merge_vertices():
         assert "32-bit numbers move vertices by up to 0.4" in moved
         assert "32-bit numbers merge the corners of 32 of 32 triangles" in merged
         assert ("`ascii`" in moved) == (format != "glb")
+    (moved,) = warnings_for(replace(surface(), vertices=surface().vertices + 1e4), "stl")
+    assert moved.startswith("STL: 32-bit numbers move vertices by up to 0.0004")
     for format in ("ply", "stl"):
         assert warnings_for(far, format, ascii=True) == []
     assert warnings_for(far, "obj") == []
@@ -138,6 +137,7 @@ def test_warned_of_readers_that_refuse(tmp_path, capsys):
     with pytest.raises(SystemExit):  # so it does
         meshio.read(tmp_path / "c.ply")
     assert "element edge" in capsys.readouterr().out
+    assert warnings_for(Mesh(np.eye(4, 3), np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])), "stl") == []
     assert warnings_for(surface(1), "stl") == ["STL: admesh reads no file of fewer than 4 facets, and this has 2"]
 
 
@@ -147,9 +147,6 @@ def test_warned_of_what_is_left_out():
     small = replace(surface(), parameters=surface().parameters * 1e-9)
     assert len(warnings_for(small, "obj", uv=True)) == 1
     assert warnings_for(surface(), "obj", uv=True) == warnings_for(small, "ply", uv=True) == []
-
-
-# --- places to write to ----------------------------------------------------------------------------------------------
 
 
 def test_the_suffix_decides_the_format(tmp_path):

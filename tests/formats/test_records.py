@@ -23,9 +23,6 @@ from tests.tiny_meshes import curve, encoded, model, surface, two_curves
 UNIT = 1e-7  # error of a unit vector in 32 bits
 
 
-# --- PLY -------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("ascii", [False, True])
 def test_ply_holds_normals_uv_and_attributes(ascii, tmp_path):
     mesh = replace(surface(), attributes={"chord error": np.linspace(0, 1, 25)})
@@ -53,9 +50,6 @@ def test_ply_refuses_an_attribute_named_like_a_property(name):
         encode_mesh(replace(surface(), attributes={name: np.zeros(25)}), "ply")
 
 
-# --- STL -------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("scale", [1.0, 1e-9, 1e9])
 @pytest.mark.parametrize("ascii", [False, True])
 def test_stl_normals_are_those_of_the_triangles_at_any_size(ascii, scale, tmp_path):
@@ -76,9 +70,6 @@ def test_stl_as_text_has_a_name_and_no_blank_lines():
     assert all(text.split("\n")[:-1])
 
 
-# --- GLB -------------------------------------------------------------------------------------------------------------
-
-
 def tree_of(glb: bytes) -> dict:
     size = int.from_bytes(glb[12:16], "little")
     assert int.from_bytes(glb[8:12], "little") == len(glb)
@@ -87,14 +78,7 @@ def tree_of(glb: bytes) -> dict:
 
 def twins() -> Mesh:
     """Two bent squares that are the same but for their place, whose faces and normals a file holds once."""
-    one, count = surface(3), 16
-    return Mesh(
-        np.vstack([one.vertices, one.vertices + np.array([3.0, 0.0, 0.0])]),
-        np.vstack([one.cells, one.cells + count]),
-        np.vstack([one.parameters, one.parameters]),
-        np.vstack([one.normals, one.normals]),
-        groups=(("a", 0, 18), ("b", 18, 36)),
-    )
+    return model(3, 3)
 
 
 @pytest.mark.parametrize("options", [{}, {"normals": True}, {"normals": True, "uv": True}], ids="-".join)

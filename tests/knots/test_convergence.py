@@ -44,6 +44,13 @@ def test_three_knots_around_another_may_decide():
     assert convergence_rate(regular_decomposition(knots, [0, 0, 0, 2])) == pytest.approx(2)
 
 
+def test_the_roof_above_a_segment_is_highest_where_two_planes_cross():
+    start, ends, share = *np.random.default_rng(0).random((2, 9, 50)), np.linspace(0, 1, 2001)
+    start[0], ends[1] = 0, 0
+    roofs = (start[:, 0, None, None] + share[:, None] * (ends - start[:, :1])[:, None]).min(axis=0).max(axis=0)
+    np.testing.assert_allclose(convergence._highest_above_segments(start[:, 0], ends), roofs, atol=1e-3)
+
+
 def test_a_single_cell_is_its_own_limit():
     assert convergence_rate(regular_decomposition([0.0, 1.0, 4.0], [1.0, 2.0, 5.0])) == np.inf
 

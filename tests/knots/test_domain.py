@@ -180,11 +180,6 @@ def test_a_curves_edge_functions_have_scales_of_their_own():
     assert shape.edge_functions([[1]]).tolist() == [[3, 1.5]]
 
 
-def test_a_curve_of_one_point_is_refused():
-    with pytest.raises(DomainError, match="a curve needs two different knots, all are 2"):
-        domain([2, 2, 2])
-
-
 @pytest.mark.parametrize("edge_normals", ["auto", "unit", "primitive"])
 def test_a_curve_has_one_convention_of_normals(edge_normals):
     assert domain([0.5, 2.25], edge_normals).normals.tolist() == [[1], [-1]]
@@ -244,6 +239,7 @@ def test_normals_point_inwards_and_heights_are_edge_functions(name):
         ((SQUARE, "auto", math.nan), "edge_scale: must be finite, got nan"),
         ((SQUARE, "auto", 1e200), "edge_scale: expected factors between 1e-100 and 1e"),
         (([0, 1], "auto", [1, 2, 3]), "edge_scale: must be one number or 2"),
+        (([2, 2, 2],), "knots: a curve needs two different knots, all are 2"),
         (([],), "knots: expected shape"),
         (([1],), "knots: expected shape"),
         ((3.0,), "knots: expected shape"),

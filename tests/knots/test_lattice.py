@@ -112,8 +112,8 @@ def test_other_knots_are_refused(knots: list, message: str) -> None:
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
 def test_knots_equally_far_to_rounding_are_one_layer(scale):
-    heights = np.array([1.0, 0.0, 0.3, 0.1 * 3, 1 + 1e-12, 2.0]) * scale
-    assert [layer.tolist() for layer in layers(heights)] == [[2, 3], [0, 4], [5]]
+    heights = np.array([1.0, 0.0, 0.3, 0.1 * 3, 1 + 1e-12, 2.0, 2 + 1e-7]) * scale
+    assert [layer.tolist() for layer in layers(heights)] == [[2, 3], [0, 4], [5], [6]]
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e7])

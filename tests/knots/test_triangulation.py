@@ -32,11 +32,6 @@ def area(shape):
     return (v[:, 0] * w[:, 1] - v[:, 1] * w[:, 0]).sum() / 2
 
 
-def rounding(shape):
-    """Relative error of an area."""
-    return 64 * EPS * (1 + np.abs(shape.vertices).max() / shape.size)
-
-
 @pytest.mark.parametrize("make", [triangulation, central_triangulation])
 @pytest.mark.parametrize("shift", [0.0, SHIFT])
 @pytest.mark.parametrize("n", NUMBERS)
@@ -46,15 +41,21 @@ def test_triangles_tile_the_domain(sides, n, shift, make):
     parts = make(shape, n)
     found = areas(shape, parts)
     assert (found > 0).all()
-    assert found.sum() == pytest.approx(area(shape), rel=n * n * rounding(shape))
+    rounding = 64 * EPS * (1 + np.abs(shape.vertices).max() / shape.size)
+    assert found.sum() == pytest.approx(area(shape), rel=n * n * rounding)
     assert sorted(set(parts.cells.ravel().tolist())) == list(range(len(parts.parameters)))
 
 
 @pytest.mark.parametrize("n", NUMBERS)
 @pytest.mark.parametrize("sides", SIDES)
-def test_triangles_meet_edge_to_edge(sides, n):
+def test_triangles_meet_edge_to_edge_and_their_number_is_known_beforehand(sides, n):
     shape = polygon(sides)
     parts = triangulation(shape, n)
+    cells = {3: n * n, 4: 2 * n * n}.get(sides, sides * n * n)
+    vertices = {3: (n + 1) * (n + 2) // 2, 4: (n + 1) ** 2}.get(sides, 1 + sides * n * (n + 1) // 2)
+    assert len(parts.cells) == cell_count(shape, n) == cells
+    assert (len(parts.parameters), parts.boundary.shape) == (vertices, (sides, n))
+    assert cell_count(domain([0, 2]), n) == len(triangulation(domain([0, 2]), n).cells) == n
     edges = parts.cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     assert len(np.unique(edges, axis=0)) == len(edges)
     found, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
@@ -64,19 +65,6 @@ def test_triangles_meet_edge_to_edge(sides, n):
     following = np.append(parts.boundary.ravel()[1:], parts.boundary[0, 0])
     outline = np.sort(np.stack([parts.boundary.ravel(), following], axis=1), axis=1)
     assert found[counts == 1].tolist() == sorted(outline.tolist())
-
-
-@pytest.mark.parametrize("n", NUMBERS)
-@pytest.mark.parametrize("sides", SIDES)
-def test_counts_are_known_beforehand(sides, n):
-    shape = polygon(sides)
-    parts = triangulation(shape, n)
-    cells = {3: n * n, 4: 2 * n * n}.get(sides, sides * n * n)
-    vertices = {3: (n + 1) * (n + 2) // 2, 4: (n + 1) ** 2}.get(sides, 1 + sides * n * (n + 1) // 2)
-    assert len(parts.cells) == cell_count(shape, n) == cells
-    assert len(parts.parameters) == vertices
-    assert parts.boundary.shape == (sides, n)
-    assert cell_count(domain([0, 2]), n) == len(triangulation(domain([0, 2]), n).cells) == n
 
 
 @pytest.mark.parametrize("scale", SCALES)

@@ -3,7 +3,6 @@
 import math
 import os
 import re
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.patches import pentagon
-from tests.specs import SECONDS, TRIANGLE, arrays
+from tests.specs import TRIANGLE, arrays, quickly
 
 PATCH = f'[[patches]]\nname = "wall"\n{TRIANGLE}'
 
@@ -30,15 +29,9 @@ def model(text: str) -> Model:
     return found
 
 
-def copy(text: str) -> Patch:
-    return model(f'{PATCH}[[patches]]\ncopy = "wall"\n{text}').patches[1]
-
-
 def faults(text: str, source: str = "x.toml") -> list[str]:
-    start = time.process_time()
-    with pytest.raises(SpecError) as caught:
+    with quickly(), pytest.raises(SpecError) as caught:
         parse(text, source)
-    assert time.process_time() - start < SECONDS
     return str(caught.value).splitlines()
 
 
@@ -82,9 +75,8 @@ def test_long_chains_of_names_are_judged_quickly():
 
 
 def test_copies_are_mirrored_scaled_rotated_and_translated_in_this_order():
-    found = copy(
-        'mirror = "x"\nscale = 2\nrotate = {axis = "z", degrees = 90, about = [1, 0]}\ntranslate = [0, 0, 5]\n'
-    )
+    moves = 'mirror = "x"\nscale = 2\nrotate = {axis = "z", degrees = 90, about = [1, 0]}\ntranslate = [0, 0, 5]\n'
+    found = model(f'{PATCH}[[patches]]\ncopy = "wall"\n{moves}').patches[1]
     # (1, 0, 0) → (−1, 0, 0) → (−2, 0, 0) → about (1, 0): (1, −3, 0) → (1, −3, 5)
     assert found.control_points.tolist() == [[1, -1, 5], [1, -3, 5], [-1, -1, 7]]
     assert found.name == "wall-1"
@@ -274,10 +266,9 @@ def test_copies_of_copied_files_are_bounded(tmp_path, monkeypatch):
     doubles = {f"f{i}": f'include = [{{file = "f{i + 1}.toml", repeat = 2}}]\n' for i in range(98)}
     twice = {f"f{i}": f'include = ["f{i + 1}.toml", {{file = "f{i + 1}.toml", name = "b"}}]\n' for i in range(98)}
     for files, words in ((doubles, "repeat: must be a whole number from 1 to 1,"), (twice, "at most 100 files")):
-        start = time.process_time()
-        lines = refusal(folder(tmp_path, main='include = ["f0.toml"]\n', f98=PATCH, **files))
+        with quickly():
+            lines = refusal(folder(tmp_path, main='include = ["f0.toml"]\n', f98=PATCH, **files))
         assert words in "\n".join(lines)
-        assert time.process_time() - start < SECONDS
 
 
 def test_standard_input_includes_nothing():

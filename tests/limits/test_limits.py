@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
 
@@ -90,26 +89,21 @@ def test_what_is_no_number_of_a_limit(change, message):
         change()
 
 
-def exact_points(patch: Patch, u: Sequence[float]) -> list[float]:
-    """P(u) in 50 digits."""
-    return [float(x) for x in exact.point(patch, u)]
+PLACES = {
+    "example-4.4": [(0.5, 0.5), (1.1, 1.1), (0.01, 1.99), (1.2, 0.3), (1.999, 0.5), (1e-9, 1.0)],
+    "example-3.4": [(1e-12,), (0.1,), (0.25,), (0.5,), (0.7,), (0.999,)],
+}
+DEGENERATE = [
+    *(("example-4.4", x, 18 * ROUNDING) for x in (5, 600, 1e6, 1e30, 1e-30)),
+    *(("example-4.4", 1e300, 18 * HUGE), *(("example-3.4", x, 4 * ROUNDING) for x in (1.3, 3, 1e30))),
+]
 
 
-@pytest.mark.parametrize("x", ["5", "600", "1e6", "1e30", "1e-30", "1e300"])
-def test_points_of_a_degenerating_surface(x):
-    patch = spec("example-4.4")
-    u = [(0.5, 0.5), (1.1, 1.1), (0.01, 1.99), (1.2, 0.3), (1.999, 0.5), (1e-9, 1.0)]
-    expected = [exact_points(degenerate(patch, float(x)), place) for place in u]
-    tolerance = HUGE if x == "1e300" else ROUNDING
-    np.testing.assert_allclose(degenerate(patch, float(x)).evaluate(u), expected, rtol=0, atol=18 * tolerance)
-
-
-@pytest.mark.parametrize("x", ["1.3", "3", "1e30"])
-def test_points_of_a_degenerating_curve(x):
-    patch = spec("example-3.4")
-    t = [1e-12, 0.1, 0.25, 0.5, 0.7, 0.999]
-    expected = [exact_points(degenerate(patch, float(x)), [place]) for place in t]
-    np.testing.assert_allclose(degenerate(patch, float(x)).evaluate(t), expected, rtol=0, atol=4 * ROUNDING)
+@pytest.mark.parametrize(("name", "x", "tolerance"), DEGENERATE)
+def test_points_of_a_degenerating_patch(name, x, tolerance):
+    patch = degenerate(spec(name), x)
+    expected = [[float(x) for x in exact.point(patch, place)] for place in PLACES[name]]  # of 50 digits
+    np.testing.assert_allclose(patch.evaluate(PLACES[name]), expected, rtol=0, atol=tolerance)
 
 
 # --- the limit of degeneration
@@ -332,6 +326,12 @@ def test_where_knots_arrive(patch, moves, faces):
     limit = knot_limit(patch, moves)
     assert limit.arrivals == faces
     assert bool(limit.films) == bool(faces)
+
+
+@pytest.mark.parametrize(("off", "count"), [(0.0, 0), (1e-7, 1)])
+def test_knots_that_arrive_along_one_line_make_no_film_of_a_corner(off, count):
+    knots = [[0, 0], [4, 0], [4, 4], [0, 4], [1, 1], [2, 2 + off]]
+    assert sum(film.face.is_corner for film in knot_limit(Patch(knots, np.eye(6, 3)), {4: 0, 5: 0}).films) == count
 
 
 def test_the_film_of_one_knot_at_an_end_is_a_segment():

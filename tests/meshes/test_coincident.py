@@ -1,12 +1,11 @@
 """Points at the same place become one number, in the order in which they appear."""
 
-import time
-
 import numpy as np
 from hypothesis import given, strategies as st
 
 from gtb_cli.meshes import coincident
 from gtb_cli.meshes.coincident import merged, numbered_places
+from tests.specs import quickly
 
 COORDINATES = st.sampled_from([0.0, -0.0, 1.0, 1.0 + 2**-52, -1.0, 1e-300, 1e300])
 
@@ -48,6 +47,5 @@ def test_what_pairs_connect_has_its_smallest_index(pairs):
 def test_a_long_way_in_any_order_takes_little_time():
     """Each smallest index once went one step in a round: a way through 20,000 took seconds, and a large mesh, too."""
     way = np.random.default_rng(0).permutation(50_000)
-    begun = time.process_time()
-    assert not merged(len(way), np.stack([way[:-1], way[1:]], axis=1)).any()
-    assert time.process_time() - begun < 5.0
+    with quickly():
+        assert not merged(len(way), np.stack([way[:-1], way[1:]], axis=1)).any()

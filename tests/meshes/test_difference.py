@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,11 +84,26 @@ def test_any_order_of_vertices_and_faces_is_the_same_mesh(mesh):
     assert (found.vertex, found.other_vertex) == (place[7], 7)
 
 
-def test_vertices_without_faces_do_not_count():
-    mesh = surface(4)
-    other = Mesh(np.vstack([[[9.0, 9, 9]], mesh.vertices]), mesh.cells[::-1] + 1)
-    found = difference(known_exactly(mesh), known_exactly(other))
-    assert (found.same, found.method, found.distance) == (True, "vertices", 0.0)
+def test_vertices_without_faces_do_not_count_nor_the_order_far_from_the_origin():
+    """There, in 32-bit numbers all vertices are at one place, and tell nothing."""
+    mesh, far = surface(4), Mesh(surface(4).vertices + 1e8, surface(4).cells)
+    more = Mesh(np.vstack([[[9.0, 9, 9]], mesh.vertices]), mesh.cells[::-1] + 1)
+    for one, other in ((mesh, more), (far, shuffled(far)[0])):
+        found = difference(known_exactly(one), known_exactly(other))
+        assert (found.same, found.method, found.distance) == (True, "vertices", 0.0)
+
+
+def test_a_value_that_stands_for_none_hides_no_difference_of_others():
+    heat, off = np.append(np.linspace(0.5, 1, 24), -9999.0), 1e-4 * (np.arange(25) == 3)
+    one, other = (known_exactly(replace(surface(4), attributes={"heat": values})) for values in (heat, heat + off))
+    assert not difference(one, other).same
+
+
+@pytest.mark.parametrize(("far", "is_told"), [(20.0, False), (1000.0, True)])
+def test_a_few_vertices_that_make_a_mesh_a_hundred_times_as_large_are_told(far, is_told):
+    vertices = np.concatenate([surface(4).vertices, surface(4).vertices[[0, 1, 5]] + far])
+    mesh = known_exactly(Mesh(vertices, np.concatenate([surface(4).cells, [[25, 26, 27]]])))
+    assert (difference(mesh, mesh).stray is not None) == is_told
 
 
 def test_beyond_the_tolerance_another_order_or_other_faces_are_another_surface():
@@ -266,13 +282,6 @@ def test_the_order_of_faces_does_not_decide():
         for cells in (mesh.cells, mesh.cells[::-1], np.roll(mesh.cells, 1, axis=1))
     ]
     assert {(found.method, found.distance) for found in results} == {("vertices", results[0].distance)}
-
-
-def test_another_order_far_from_the_origin():
-    """In 32-bit numbers all vertices are at one place, and tell nothing."""
-    far = Mesh(surface(4).vertices + 1e8, surface(4).cells)
-    found = difference(known_exactly(far), known_exactly(shuffled(far)[0]))
-    assert (found.same, found.method) == (True, "vertices")
 
 
 @pytest.mark.parametrize("exponent", [-280, 280])

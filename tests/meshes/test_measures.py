@@ -8,21 +8,17 @@ import pytest
 import trimesh
 
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.measures import measure
+from gtb_cli.meshes.measures import measure, moments
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.tessellate import tessellate
 from tests.specs import GOOD_SPECS, is_curve, load
-from tests.tiny_meshes import curve, model, surface
+from tests.tiny_meshes import curve, model, plane, surface
 
 ROUNDING = 1e-12  # relative; sums of up to some thousand terms
 
 
 def of(shape: trimesh.Trimesh) -> Mesh:
     return Mesh(np.array(shape.vertices), np.array(shape.faces))
-
-
-def without(mesh: Mesh, faces: list[int]) -> Mesh:
-    return Mesh(mesh.vertices, np.delete(mesh.cells, faces, axis=0))
 
 
 BOX = of(trimesh.creation.box(extents=(1, 2, 3)))
@@ -55,7 +51,7 @@ def test_far_from_the_origin_and_as_a_soup():
 
 
 def test_holes_and_parts():
-    found = measure(without(BOX, [0]))
+    found = measure(Mesh(BOX.vertices, BOX.cells[1:]))
     corners = BOX.vertices[BOX.cells[0]]
     assert (found.volume, found.open_edges, found.euler_characteristic) == (None, 3, 1)
     assert found.boundary_length == pytest.approx(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum())
@@ -64,6 +60,12 @@ def test_holes_and_parts():
     two = Mesh(np.vstack([BOX.vertices, torus.vertices + 9]), np.vstack([BOX.cells, torus.cells + 8]))
     assert (measure(two).components, measure(two).euler_characteristic) == (2, 2)
     assert measure(two).volume == pytest.approx(6 + measure(torus).volume)
+
+
+def test_mean_squares_of_a_segment_and_a_rectangle():
+    assert moments(Mesh(np.array([[-1.0, 0, 0], [1, 0, 0]]), np.array([[0, 1]])))[1] == pytest.approx([1 / 3, *[0] * 5])
+    centroid, squares = moments(plane(4))
+    assert (centroid, squares) == (pytest.approx([0.5, 1, 0]), pytest.approx([1 / 12, 1 / 3, *[0] * 4]))
 
 
 def test_what_is_turned_has_no_volume():

@@ -19,6 +19,7 @@ def about(axis, degrees):
     [
         (np.eye(3), [3, 0, 0], ["moved by (3, 0, 0)"]),
         (25.4 * np.eye(3), [0, 0, 0], ["25.4 times as large (1 in for 1 mm)"]),
+        (25.41 * np.eye(3), [0, 0, 0], ["25.41 times as large"]),
         (np.eye(3) / 1000, [0, 0, 0], ["0.001 times as large (1 mm for 1 m)"]),
         (2 * np.eye(3), [0, 0, 0], ["2 times as large"]),
         (np.diag([1, -1, 1]), [0, 0, 0], ["mirrored in y"]),

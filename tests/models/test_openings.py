@@ -32,6 +32,7 @@ def pair(weight: float = 1.0, knot: float = 0.5, shift: float = 0.0) -> Model:
                     "against 1 2 1"),
         (pair(1.0, 0.75), "one edge 1 is open: same ends and control points as two edge 3, but knots at 0 0.5 1 "
                           "against 0 0.75 1 of the edge"),
+        (pair(shift=0.015), "one edge 1 is open: 0.015 from two edge 3, `weld` 0.02 joins them"),
         (pair(shift=1.5e-4), "one edge 1 is open: 0.00015 from two edge 3, `weld` 0.0002 joins them"),
     ],
 )  # fmt: skip
@@ -60,6 +61,12 @@ def test_true_openings_have_a_line_each():
     teapot = load(SPECS / "teapot.toml")
     assert len(obstacles(teapot.joints, teapot.patches)) == 6
     assert seam_remarks(teapot) == []
+
+
+def test_a_ring_of_three_edges_can_be_filled():
+    corners = np.eye(3)
+    sides = [Patch([[0, 0], [1, 0], [0, 1]], [corners[k - 1], corners[k], [0, 0, 0]]) for k in range(3)]
+    assert [line[-30:] for line in obstacles(find_joints(sides), sides)] == ["`fill` with `hole` can fill it"]
 
 
 # welding

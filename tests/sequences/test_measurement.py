@@ -6,6 +6,7 @@ from scipy.spatial import Delaunay, cKDTree
 
 from gtb_cli import (
     Patch,
+    ToleranceError,
     convergence_rate,
     degenerate,
     load,
@@ -148,8 +149,9 @@ def farthest(mesh, others):
 def test_the_film_alone_is_measured():
     """Without a step there is only the merged patch, from which the film reaches as far as ever."""
     patch = inner_knots()
-    distances = [knot_sequence(patch, {6: 3}, steps, resolution=1).film_distances[-1] for steps in ([], [0.5])]
-    assert 0.4 < distances[0] == pytest.approx(distances[1], rel=2 * THREE_DIGITS)
+    ends = [knot_sequence(patch, {6: 3}, steps, resolution=1).members[-1] for steps in ([], [0.5])]
+    assert 0.4 < ends[0].film_distance == pytest.approx(ends[1].film_distance, rel=2 * THREE_DIGITS)
+    assert ends[0].distance_error < 3e-3 * np.linalg.norm(np.ptp(patch.control_points, axis=0))
 
 
 @pytest.mark.parametrize("seed", mostly_long((3, 6, 1, 9, 11, 16, 24, 27), 0))
@@ -210,3 +212,15 @@ def test_knots_merge_linearly():
     found = knot_sequence(load(SPECS / "example-3.1.toml"), {1: 2}, [0.9, 0.99, 0.999], resolution=1)
     assert found.predicted_rate == 1
     assert np.log10(found.distances[1] / found.distances[2]) == pytest.approx(1, rel=0.01)
+
+
+def test_a_degeneration_from_1_on_goes_upwards():
+    found = degeneration(load(SPECS / "example-3.4.toml"), [5, 1], resolution=1, distances=False)
+    assert found.values == (1, 5, np.inf)
+
+
+def test_what_does_not_converge_has_no_rate_and_faces_of_all_meshes_count():
+    patch = load(SPECS / "example-3.4.toml")
+    assert degeneration(patch, [5], np.zeros(5), resolution=1, distances=False).predicted_rate is None
+    with pytest.raises(ToleranceError, match="3 meshes of 2 faces have more than 5"):
+        degeneration(patch, [3, 5], resolution=1, max_faces=5)

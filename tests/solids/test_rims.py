@@ -70,15 +70,8 @@ SHAPES = {
     "lamp": (walls(LAMP, 6), [0, 100]),
     "cone": (walls(CONE, 24), [0, 20]),
 }
-CASES = [
-    ("dish", 2, 12),
-    ("lamp", -5, 8),
-    ("dish", -2, 12),
-    ("lamp", 2, 12),
-    ("lamp", -3, 16),
-    ("cone", 5, 4),
-    ("cone", -3, 6),
-]
+CASES = [("dish", 2, 12), ("lamp", -5, 8), ("dish", -2, 12), ("lamp", 2, 12), ("lamp", -3, 16), ("cone", 5, 4),
+         ("cone", -3, 6)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "thickness", "n"), mostly_long(CASES, 2))
@@ -118,6 +111,11 @@ def test_faces_beyond_the_plane_become_parts_of_the_rim():
     up = np.where(corners[in_plane, 0, 2] > 10, 1.0, -1.0)
     normals = solid.normals[solid.normal_of[in_plane]]
     np.testing.assert_allclose(normals[:, :, 2], np.tile(up[:, None], 3), atol=1e-12)
+
+
+def test_parts_beyond_the_plane_of_a_rim_that_do_not_reach_it_stay_where_they_are():
+    apart = Model((*walls(DISH, 5), *walls(CONE, 5, shift=200)))
+    assert Recipe(3, thickness=2, rim="flat").mesh(apart)[1] == []
 
 
 @pytest.mark.parametrize("thickness", [2, -2])

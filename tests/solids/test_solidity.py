@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.solids.solidity import crossing_remarks, inward_faces
+from gtb_cli.solids.solidity import crossing_remarks, folded_places, inward_faces
+from gtb_cli.tessellation.tessellate import tessellate
+from tests.surfaces import box
 
-CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6],
-                  [0, 6, 4], [1, 5, 7], [1, 7, 3]])  # fmt: skip
+CUBE = tessellate(box(), 1)
 
 
 def cubes(*parts) -> Mesh:
     """Cubes (low, size, outwards), one after the other."""
-    vertices = [np.array(low) + size * CUBE for low, size, _ in parts]
-    cells = [(FACES if outwards else FACES[:, ::-1]) + 8 * k for k, (_, _, outwards) in enumerate(parts)]
+    vertices = [np.array(low) + size * CUBE.vertices for low, size, _ in parts]
+    cells = [CUBE.cells[:, :: 1 if outwards else -1] + 8 * k for k, (_, _, outwards) in enumerate(parts)]
     return Mesh(np.concatenate(vertices), np.concatenate(cells))
 
 
@@ -54,3 +54,10 @@ def test_solids_that_touch_in_a_face_or_overlap_cross():
     for height in (2e-9, 5e-10):  # of a tetrahedron
         thin = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, height]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
         assert [line.startswith(lies) for line in crossing_remarks(thin)] == [True] * (height < 1e-9)
+
+
+def test_the_order_of_control_points_is_doubted_where_many_sides_fold():
+    folded = Mesh(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 0]]), np.array([[0, 1, 2], [2, 1, 3]]))
+    assert [line.endswith("control points must have the order of the knots") for line in folded_places(folded)] == [
+        True
+    ]

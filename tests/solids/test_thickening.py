@@ -1,7 +1,6 @@
 """Thickness: closed, looking outwards, of the right volume, and folds where they are."""
 
 import math
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,18 +18,13 @@ from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.shell import CURVE
 from tests.specs import GOOD_SPECS, is_curve, load
-from tests.surfaces import area, assert_closed, cylinder, octant, quartic_octant, volume
+from tests.surfaces import area, assert_closed, box, cylinder, eightfold, octant, quartic_octant, volume
 
 DIGITS = 1e-12  # a few thousand roundings
 
 SPHERE = 4 / 3 * math.pi
 
 CORNERS = [[0, 0], [1, 0], [0, 1], [1, 1]]
-
-
-@cache
-def meshed(path: Path, n: int) -> Mesh:
-    return tessellate(load(path), n)
 
 
 SURFACES = [path for path in GOOD_SPECS if not is_curve(load(path))]
@@ -42,32 +36,9 @@ def square(size: float = 2.0, n: int = 4) -> Mesh:
     return tessellate(Patch(CORNERS, corners), n)
 
 
-def cube(n: int = 3) -> Model:
-    """Six squares with faces outwards, from 0 to 1."""
-    faces = []
-    for axis in range(3):
-        for side in (0, 1):
-            points = np.empty((4, 3))
-            points[:, axis] = side
-            u, v = (axis + 1) % 3, (axis + 2) % 3
-            points[:, u], points[:, v] = [0, 1, 0, 1], [0, 0, 1, 1]
-            faces.append(Patch(CORNERS, points if side else points[[0, 2, 1, 3]]))
-    return Model(tuple(faces), name="cube")
-
-
-def ball() -> Model:
-    """Eight octants without poles."""
-    patch = quartic_octant()
-    signs = [np.array([x, y, z]) for x in (1, -1) for y in (1, -1) for z in (1, -1)]
-    return Model(tuple(Patch(patch.knots, patch.control_points * s, patch.weights, patch.coefficients) for s in signs))
-
-
 def dented(mesh: Mesh) -> Mesh:
     """The same with normals turned over, and faces with them."""
     return Mesh(mesh.vertices, mesh.cells[:, ::-1], normals=-mesh.normals, groups=mesh.groups)
-
-
-# --- volumes
 
 
 @pytest.mark.parametrize("thickness", [0.5, -0.5, 1e-3, 100.0])
@@ -103,7 +74,7 @@ def test_a_sphere_octant_becomes_an_eighth_of_a_shell(make, thickness):
 
 
 def test_a_closed_body_gets_a_second_shell():
-    sphere = tessellate(ball(), 24)
+    sphere = tessellate(eightfold(quartic_octant()), 24)
     whole = SPHERE
     for mesh, thickness, expected in (
         (sphere, 0.5, (1.5**3 - 1) * whole),
@@ -121,7 +92,7 @@ def test_a_closed_body_gets_a_second_shell():
 @pytest.mark.parametrize("path", mostly_long(SURFACES, 3), ids=lambda path: path.stem)
 def test_every_surface_becomes_a_solid(path):
     """Its volume is about its area times the thickness, where that is small."""
-    surface = meshed(path, 12)
+    surface = tessellate(load(path), 12)
     size = float(np.ptp(surface.vertices, axis=0).max())
     for thickness in (2e-3 * size, -2e-3 * size, 0.3 * size):
         solid = thicken(surface, thickness)
@@ -141,13 +112,10 @@ def test_any_rim_is_closed(seed, sides, outwards):
     assert_closed(thicken(tessellate(patch, 5), 0.1 if outwards else -0.1))
 
 
-# --- edges between patches
-
-
 @pytest.mark.parametrize("thickness", [0.25, -0.25])
 def test_a_cube_stays_a_cube(thickness):
     """At its edges and corners the offset is where those of the faces meet."""
-    solid = thicken(tessellate(cube(), 3), thickness)
+    solid = thicken(tessellate(box(), 3), thickness)
     assert_closed(solid)
     inner, outer = sorted([1.0, (1 + 2 * thickness)])
     assert volume(solid) == pytest.approx(outer**3 - inner**3, rel=DIGITS)
@@ -208,18 +176,15 @@ def test_patches_with_normals_nearly_in_a_plane_do_not_tear_a_vertex_away():
 
 
 def test_parts_of_a_model_stay_together():
-    surface = tessellate(cube(), 2)
+    surface = tessellate(box(), 2)
     solid = thicken(surface, 0.1)
     assert [name for name, _, _ in solid.groups] == [name for name, _, _ in surface.groups]
-    open_cube = Model(cube().patches[:5])
+    open_cube = Model(box().patches[:5])
     solid = thicken(tessellate(open_cube, 2), 0.1)
     assert_closed(solid)
     sizes = [stop - start for _, start, stop in solid.groups]
     assert sum(sizes) == 2 * 5 * 8 + 2 * 8
     assert sorted(sizes) == [16, 20, 20, 20, 20]  # the rim's quadrilaterals are of the faces beside it
-
-
-# --- folds
 
 
 def test_folds_are_where_the_curvature_exceeds_the_thickness():
@@ -264,9 +229,6 @@ def test_folds_are_found_face_by_face():
         folded = middle[folded_faces(surface, sign / (largest * 0.97))]
         assert (side * folded > 0.2).all()
         assert (side * folded < 0.6).all()
-
-
-# --- what is kept, and what is refused
 
 
 def test_normals_and_attributes():
@@ -326,14 +288,7 @@ def test_what_makes_no_solid_is_refused():
 @pytest.mark.parametrize("tolerance", mostly_long([0.01, 0.002], 0))
 def test_a_sphere_of_eight_patches_is_as_thick_at_its_poles(tolerance):
     """Slivers there stand upright, alone at their vertex in some patches: walls of 0.069 and 0.088 came of it."""
-    root, knots = 2**-0.5, [(i, j) for j in range(3) for i in range(3)]
-    patches = []
-    for x, y, z in [(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)]:
-        arc, rise = [(x, 0), (x, y), (0, y)], [(1, 0), (1, z), (0, z)]
-        points = [(r * a, r * b, h) for r, h in rise for a, b in arc]
-        weights = [(root if i == 1 else 1) * (root if j == 1 else 1) for i, j in knots]
-        patches.append(Patch(knots, points, weights, [1, 2, 1, 2, 4, 2, 1, 2, 1]))
-    model = Model(tuple(patches))
+    model = eightfold(octant())
     sphere = tessellate(model, tolerance=tolerance)
     outward = (sphere.normals * sphere.vertices).sum(axis=1) / np.linalg.norm(sphere.vertices, axis=1)
     assert np.abs(outward - 1).max() < 1e-9

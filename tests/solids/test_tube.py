@@ -18,7 +18,7 @@ from gtb_cli.theory.normals import tangents
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.marks import mostly_long
-from tests.shell import CURVE, PENTAGON
+from tests.shell import PENTAGON
 from tests.specs import GOOD_SPECS, SPECS, is_curve, load
 from tests.surfaces import area, assert_closed, volume
 from tests.tiny_meshes import encoded
@@ -67,9 +67,6 @@ def circle() -> Patch:
 def swept(patch: Patch, n: int, radius: float, parametrization: str = "linear", **options) -> Mesh:
     mesh = tessellate(patch, n, parametrization=parametrization)
     return tube(mesh, radius, tangents=tangents(patch, mesh.parameters, parametrization)[mesh.cells], **options)
-
-
-# --- tangents
 
 
 @pytest.mark.parametrize("path", CURVES, ids=lambda path: path.stem)
@@ -128,16 +125,6 @@ def test_tangents_at_any_scale(scale, shift):
     # Shifted by 1e7, knots and points keep 8 or 9 digits.
     expected = tangents(patch, t, "linear")
     np.testing.assert_allclose(tangents(moved, scale * t + shift, "linear"), expected, atol=1e-6 if shift else 1e-9)
-
-
-def test_tangents_are_a_curves():
-    with pytest.raises(DomainError, match="a surface has many at a point"):
-        tangents(load(PENTAGON), [[1, 1]])
-    with pytest.raises(DomainError, match="expected toric or linear"):
-        tangents(load(CURVE), [1.0], "polar")
-
-
-# --- closed, oriented, of the right volume
 
 
 @pytest.mark.parametrize("path", CURVES, ids=lambda path: path.stem)
@@ -206,9 +193,6 @@ def test_a_closed_curve_makes_a_torus():
     assert errors[1] < 0.01 * 2 * math.pi * polygon_area(0.3)
 
 
-# --- the frame
-
-
 def test_the_frame_does_not_rotate():
     """On a helix the angle to the principal normal is −τ s; double reflection misses it by an error of fourth order."""
     errors = []
@@ -247,9 +231,6 @@ def test_a_closed_tube_closes_without_a_seam(sides):
     # The whole miss is at most half a side.
     assert np.abs(rate).max() * lengths.sum() <= 1.05 * math.pi / sides
     np.testing.assert_allclose(rate, rate.mean(), atol=0.02 * math.pi / sides / lengths.sum() + 1e-4)
-
-
-# --- corners
 
 
 def test_a_right_angle_is_mitred():
@@ -307,9 +288,6 @@ def test_cusps_and_ends_that_face_each_other():
         assert np.abs(mesh.vertices[:, 2]).max() <= 0.05 * math.sqrt(2)
 
 
-# --- several curves
-
-
 def test_curves_that_follow_each_other_make_one_tube():
     """Whichever way each of them runs."""
     points = np.array([[0, 0, 0], [1, 0, 0], [2, 1, 0], [2, 2, 1.0]])
@@ -348,9 +326,6 @@ def test_branches_and_separate_curves_make_a_tube_each():
     assert volume(mesh) == pytest.approx(polygon_area(0.1) * (3 + math.sqrt(3)), rel=1e-9)
 
 
-# --- numbers
-
-
 def test_rings_are_as_fine_as_the_tolerance_asks():
     assert ring_size(1.0) == RING_SIDES
     for radius in (1e-9, 1.0, 1e9):
@@ -375,16 +350,15 @@ def pipe(patch: Patch, radius: float, n: int, sides: int) -> np.ndarray:
     return (center + radius * around).reshape(-1, 3)
 
 
-@pytest.mark.parametrize(
-    ("name", "radius", "tolerance"),
-    mostly_long(
-        [
-            *(("example-3.1", 0.2, 0.03), ("cubic-bezier", 0.01, 0.1)),
-            *(("cubic-bezier", 0.3, 0.01), ("example-2.1", 0.05, 0.01)),
-        ],
-        2,
-    ),
-)
+TUBES = [
+    ("example-3.1", 0.2, 0.03),
+    ("cubic-bezier", 0.01, 0.1),
+    ("cubic-bezier", 0.3, 0.01),
+    ("example-2.1", 0.05, 0.01),
+]
+
+
+@pytest.mark.parametrize(("name", "radius", "tolerance"), mostly_long(TUBES, 2))
 def test_the_tolerance_is_that_of_the_tube(name, radius, tolerance):
     patch = load(SPECS / f"{name}.toml")
     mesh = Recipe(tolerance=tolerance, radius=radius).mesh(patch)[0]

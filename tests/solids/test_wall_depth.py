@@ -4,21 +4,20 @@ import numpy as np
 import pytest
 
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.models.model import Model
+from gtb_cli.solids.printing import printing
 from gtb_cli.solids.wall_depth import wall_of_faces, wall_of_vertices
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.tessellation.tessellate import tessellate
 from tests.patches import pentagon
+from tests.surfaces import box
 
-FACES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]  # corner 4 x + 2 y + z
-
-
-def box(*sides: float) -> Mesh:
-    corners = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)]) * sides
-    return Mesh(corners, np.array([cell for a, b, c, d in FACES for cell in ([a, b, c], [a, c, d])]))
+CUBE = tessellate(box(), 1)
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1.0, 0.0), (1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
 def test_a_box_is_as_thick_as_it_is_long(scale, shift):
-    mesh = box(40, 30, 2)
+    mesh = tessellate(box(high=(40, 30, 2)), 1)
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
     axis = np.abs(np.cross(b - a, c - a)).argmax(axis=1)
     moved = Mesh(mesh.vertices * scale + shift, mesh.cells)
@@ -28,24 +27,27 @@ def test_a_box_is_as_thick_as_it_is_long(scale, shift):
 
 
 def test_an_open_surface_has_no_walls():
-    cube = box(1, 1, 1)
-    assert wall_of_vertices(cube) == pytest.approx(np.ones(8))
-    cut = Mesh(cube.vertices, cube.cells[1:])
+    assert wall_of_vertices(CUBE) == pytest.approx(np.ones(8))
+    cut = Mesh(CUBE.vertices, CUBE.cells[1:])
     assert wall_of_faces(cut) is None
     assert wall_of_vertices(cut) is None
     twice = Mesh(np.eye(3), np.array([[0, 1, 2], [0, 2, 1]]))
     assert wall_of_vertices(twice) is None
 
 
+def test_only_what_is_flat_on_the_bed_stands():
+    found = printing(tessellate(Model((*box(), *box((3, 0, 2), (4, 1, 3)))), 1), "z", 100)
+    assert (found["bed_area"], found["overhang_area"]) == (pytest.approx(1), pytest.approx(1))
+
+
 def test_each_ray_ends_where_it_first_leaves():
     """Against all triangles, one ray at a time: a shell of 0.1 with a hollow box beside it."""
     shell = Recipe(8, thickness=0.1).mesh(pentagon())[0]
-    cube = box(1, 1, 1)
-    outer, inner = cube.vertices + 5, cube.vertices / 2 + 5.25
+    outer, inner = CUBE.vertices + 5, CUBE.vertices / 2 + 5.25
     count = len(shell.vertices)
     mesh = Mesh(
         np.concatenate([shell.vertices, outer, inner]),
-        np.concatenate([shell.cells, cube.cells + count, cube.cells[:, ::-1] + count + 8]),
+        np.concatenate([shell.cells, CUBE.cells + count, CUBE.cells[:, ::-1] + count + 8]),
     )
     found = wall_of_faces(mesh)
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)

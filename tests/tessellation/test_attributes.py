@@ -1,10 +1,8 @@
 """Attributes of a mesh's vertices: parameters, curvatures and basis functions, and gaps among them."""
 
-import io
 from dataclasses import replace
 
 import numpy as np
-import plyfile
 import pytest
 
 from gtb_cli.errors import DomainError
@@ -16,8 +14,7 @@ from gtb_cli.theory.curvature import curvature
 from gtb_cli.vocabulary import ATTRIBUTES
 from tests.marks import mostly_long
 from tests.specs import SPECS, load
-from tests.surfaces import octant
-from tests.tiny_meshes import encoded
+from tests.surfaces import eightfold, octant
 
 DIGITS = 1e-12  # a few thousand roundings
 
@@ -69,15 +66,6 @@ def test_gaps_are_filled_ring_by_ring():
     assert filled_scalars(line, large)[1] == 1.5e308
 
 
-def test_attributes_reach_the_file_under_their_names():
-    mesh, _ = with_attributes(octant(2.0), tessellate(octant(2.0), 4), ["gaussian_curvature", "u"])
-    for ascii in (False, True):
-        vertex = plyfile.PlyData.read(io.BytesIO(encoded(mesh, "ply", ascii=ascii)))["vertex"]
-        assert [p.name for p in vertex.properties] == ["x", "y", "z", "gaussian_curvature", "u", "quality"]
-        np.testing.assert_allclose(vertex["quality"], 0.25, rtol=1e-6)  # 32-bit
-        np.testing.assert_allclose(vertex["u"], mesh.parameters[:, 0], rtol=1e-6)
-
-
 def test_a_curve_has_its_parameter():
     curve = load(SPECS / "example-3.1.toml")
     mesh, _ = with_attributes(curve, tessellate(curve, 8), ["u"])
@@ -99,9 +87,7 @@ def test_what_there_is_not_is_refused():
 @pytest.mark.parametrize("parametrization", mostly_long(["linear", "toric"]))
 def test_a_closed_model_has_the_curvature_of_its_outside(parametrization):
     """A sphere of eight octants, every other one a mirror image, whose own normals look inwards."""
-    part = octant(2.0)
-    signs = [[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)]
-    model = Model(tuple(part.replace(control_points=part.control_points * sign) for sign in signs))
+    model = eightfold(octant(2.0))
     mesh = tessellate(model, 5, parametrization=parametrization)
     assert mesh.origin is not None
     assert len(set(mesh.origin.turned)) == 2

@@ -25,21 +25,17 @@ from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.specs import SPECS, load
-from tests.surfaces import area, assert_closed, product, quartic_octant, volume
+from tests.surfaces import area, assert_closed, product, volume
 from tests.tiny_meshes import encoded
 
 DIGITS = 1e-11  # the linear parametrisation's residual, ten times over, as a fraction of a model's size
 RANDOM_DIGITS = 1e-9  # the same for random patches, whose points may move a hundred times faster than their parameters
-
-# Relative error of volumes of fine meshes after one step of Richardson's extrapolation: h⁴ at h = 1/18
-EXTRAPOLATED = 2e-5
 
 # Degrees between normals across edges of the closed solid: its six digits, over ribbons a tenth of an edge wide
 CREASE = 3e-3
 
 NAMES = ("teapot", "hebesphenorotunda", "box-corner")
 MODELS = {name: load(SPECS / f"{name}.toml") for name in NAMES}
-SOLID = MODELS["hebesphenorotunda"]
 
 CUBIC = [[i, j] for j in range(4) for i in range(4 - j)]
 BICUBIC = [[i, j] for j in range(4) for i in range(4)]
@@ -171,22 +167,6 @@ def test_open_models_are_open_at_their_openings_only(name, options):
         assert len(rim) == options["resolution"] * open_edges(name).total()
 
 
-def extrapolated(model: Model, measure, n: int, **options) -> float:
-    """Richardson's extrapolation of meshes with n and 2 n segments to an edge."""
-    coarse, fine = (measure(tessellate(model, k, **options)) for k in (n, 2 * n))
-    return (4 * fine - coarse) / 3
-
-
-def test_eight_quartic_triangles_are_a_ball():
-    one = quartic_octant()
-    signs = [[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)]
-    ball = Model(tuple(one.replace(control_points=one.control_points * sign) for sign in np.array(signs)))
-    assert find_joints(ball.patches).closed
-    assert_closed(tessellate(ball, 5))
-    assert extrapolated(ball, volume, 12) == pytest.approx(4 / 3 * np.pi, rel=EXTRAPOLATED)
-    assert extrapolated(ball, area, 12) == pytest.approx(4 * np.pi, rel=EXTRAPOLATED)
-
-
 def test_files_of_the_closed_solid_are_solids_to_another_program():
     mesh = meshed("hebesphenorotunda", tolerance=0.1)
     for format in ("stl", "ply", "obj"):
@@ -198,10 +178,6 @@ def test_files_of_the_closed_solid_are_solids_to_another_program():
 
 
 # The same model in other words
-
-
-def moved(model: Model, scale: float, shift: float) -> Model:
-    return Model(tuple(p.replace(control_points=scale * p.control_points + shift) for p in model.patches), model.name)
 
 
 def in_other_words(model: Model, rng: np.random.Generator) -> Model:
@@ -250,7 +226,8 @@ def test_other_words_give_the_same_surface(name):
 @pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
 @pytest.mark.parametrize("name", mostly_long(reversed(NAMES)))
 def test_models_may_be_tiny_huge_or_far_away(name, scale, shift):
-    model, other = MODELS[name], moved(MODELS[name], scale, shift)
+    model = MODELS[name]
+    other = Model(tuple(p.replace(control_points=scale * p.control_points + shift) for p in model), model.name)
     rounding = DIGITS * scale * size(model) + 8e-16 * abs(shift)  # of sums of some hundred terms
     mesh, theirs = tessellate(model, 3), tessellate(other, 3)
     assert np.array_equal(mesh.cells, theirs.cells)

@@ -16,6 +16,7 @@ from gtb_cli.theory.patch import Patch
 from tests.marks import long
 from tests.shell import PENTAGON, SPECS, gtb
 from tests.specs import load
+from tests.surfaces import box
 
 CASES = [
     ("pentagon", Recipe(4, thickness=-0.1), ["-n", "4", "--thickness=-0.1"]),
@@ -49,6 +50,7 @@ def test_remarks_say_where_a_solid_folds():
 def test_an_edge_between_two_equal_points_may_be_a_loop():
     knots, points = [[0, 0], [2, 0], [0, 1], [2, 1]], [[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 1]]
     assert len(doubtful_corners(Patch(knots, points))) == 2
+    assert len(doubtful_corners(Patch(knots, [*points[:3], [0, 1e-12, 1]]))) == 1
     assert doubtful_corners(Patch([*knots, [1, 0], [1, 1]], [*points, [1, 1, 0], [1, 1, 1]])) == []
 
 
@@ -141,17 +143,6 @@ def test_an_edge_that_three_patches_share_is_not_confused_with_others():
     assert len(fans.joints.crowded) == 1
     for n in (1, 2):
         assert Recipe(n).mesh(fans)[1] == []
-
-
-def box(low: tuple[float, ...], high: tuple[float, ...], name: str) -> list[Patch]:
-    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
-    faces = []
-    for axis in range(3):
-        for side in (0, 1):
-            places = [np.roll([side, *uv[:: 2 * side - 1]], axis) for uv in square]
-            points = np.add(low, places * np.subtract(high, low))
-            faces.append(Patch(square, points, name=f"{name}-{axis}{side}"))
-    return faces
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Uniform meshes of patches and models, and what holds them together."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,26 +18,19 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.patches import bicubic, collapsed_edge, pentagon
-from tests.surfaces import HALF, assert_closed, octant as sphere_octant, volume
+from tests.surfaces import HALF, assert_closed, eightfold, octant as sphere_octant, quartic_octant, volume
 
 TRIANGLE = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [0, 2]]
 SQUARE = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1], [0, 2], [1, 2], [2, 2]]
 
 
-def octant(x: float, y: float, z: float) -> Patch:
+def octant() -> Patch:
     """A rational quadratic triangle whose edges are quarter circles."""
-    a, b, c = np.diag([x, y, z])
+    a, b, c = np.eye(3)
     return Patch(TRIANGLE, [a, a + b, b, a + c, b + c, c], [1, HALF, 1, HALF, HALF, 1], [1, 2, 1, 2, 2, 1])
 
 
-def ball() -> Model:
-    return Model(tuple(octant(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)), name="ball")
-
-
-def globe() -> Model:
-    """A sphere of eight rational biquadratic patches, each with one edge collapsed to a pole."""
-    one, signs = sphere_octant(), [[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)]
-    return Model(tuple(one.replace(control_points=one.control_points * sign) for sign in np.array(signs)), name="globe")
+ball, globe = partial(eightfold, octant(), "ball"), partial(eightfold, sphere_octant(), "globe")
 
 
 def assert_sphere(mesh) -> None:
@@ -48,7 +42,7 @@ def assert_sphere(mesh) -> None:
 FINE = [{"resolution": 5, "parametrization": "toric"}, {"resolution": 7}, {"tolerance": 0.03}, {"tolerance": 0.005}]
 
 
-@pytest.mark.parametrize("make", [ball, globe])
+@pytest.mark.parametrize("make", [ball, globe], ids=["ball", "globe"])
 @pytest.mark.parametrize("options", [{"resolution": 2}, {"tolerance": 0.2}, *mostly_long(FINE)], ids=str)
 def test_a_closed_model_is_watertight_and_looks_outwards(make, options):
     mesh = tessellate(make(), **options)
@@ -57,10 +51,12 @@ def test_a_closed_model_is_watertight_and_looks_outwards(make, options):
     assert outward.min() > 0.5
 
 
-def test_the_globe_is_a_sphere_to_rounding_and_its_volume_converges():
+@pytest.mark.parametrize("make", [sphere_octant, quartic_octant])
+def test_a_globe_is_a_sphere_to_rounding_and_its_volume_converges(make):
     errors = []
     for resolution in (8, 16, 32):
-        mesh = tessellate(globe(), resolution)
+        mesh = tessellate(eightfold(make()), resolution)
+        assert_closed(mesh)
         assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 1).max() < 4e-16 * 4
         errors.append(4 / 3 * np.pi - volume(mesh))
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -128,7 +124,7 @@ def test_a_curve_model_joins_at_its_ends():
     assert [group[1:] for group in mesh.groups] == [(0, 4), (4, 8), (8, 12)]
 
 
-@pytest.mark.parametrize("shape", [octant(1, 1, 1), ball()], ids=["patch", "model"])
+@pytest.mark.parametrize("shape", [octant(), ball()], ids=["patch", "model"])
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -153,6 +149,16 @@ def test_the_last_patch_may_lose_all_its_faces(resolution):
     sides = [Patch(knots, [point, corners[k], corners[k - 2]]) for k in (0, 1)]
     mesh = tessellate(Model((*sides, Patch(knots, [point] * 3))), resolution)
     assert [stop - start for _, start, stop in mesh.groups] == [resolution**2, resolution**2, 0]
+
+
+@pytest.mark.parametrize(("slope", "count"), [(1e-5, 8), (1e-9, 6)])
+def test_normals_that_files_can_tell_apart_are_not_one(slope, count):
+    sides = [
+        Patch([[0, 0], [1, 0], [0, 1], [1, 1]], [[k + x, y, slope * k * x] for y in (0, 1) for x in (0, 1)])
+        for k in (0, 1)
+    ]
+    mesh = tessellate(Model(tuple(sides)), 1)
+    assert len(np.unique(mesh.normal_of)) == count
 
 
 def test_missing_normals_are_the_mean_of_adjacent_faces():

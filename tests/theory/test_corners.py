@@ -134,6 +134,9 @@ def test_a_knot_below_the_line_of_the_next_ones_makes_several_limits():
     np.testing.assert_allclose(found.normals[[0, -1]], expected, atol=1e-12)
     assert np.isnan(patch.normals([0, 0])).all()
     assert np.isnan(patch.curvature([0, 0])).all()
+    for height, several in ((2.5e-5, True), (1e-8, False)):  # of 1e-2 and 4e-6 degrees
+        low = corner_limits(patch.replace(control_points=patch.control_points * [1, 1, height]), 0)
+        assert np.isnan(low.normal).any() == several
     for slope, limit in zip((1e-6, 1e6), expected, strict=True):
         steps = np.array([1, slope]) / max(1, slope) * 1e-9
         np.testing.assert_allclose(patch.normals(steps), limit, atol=1e-3)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.special import softmax
 
-from gtb_cli.errors import DomainError
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.language.loading import load_patch
 from gtb_cli.theory.patch import Patch
@@ -212,13 +211,6 @@ def test_steep_weights_nearer_to_an_edge_than_the_solver_is_exact():
         away = knots - shares @ knots
         expected = np.linalg.solve((away.T * shares) @ away, (away.T * shares) @ patch.control_points).T
         assert found == pytest.approx(expected, rel=1e-9)
-
-
-def test_other_orders_are_refused():
-    with pytest.raises(DomainError, match="order: expected 1 or 2, got 3"):
-        named("bicubic").derivatives([[1, 1]], 3)
-    with pytest.raises(DomainError, match="parametrization: expected toric or linear, got 'polar'"):
-        named("bicubic").derivatives([[1, 1]], 1, "polar")
 
 
 @pytest.mark.parametrize("parametrization", ["toric", "linear"])

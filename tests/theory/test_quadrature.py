@@ -44,10 +44,6 @@ def test_products_of_bernstein_polynomials():
     np.testing.assert_allclose(np.einsum("m,mi,mj->ij", weights, t, t), expected, rtol=1e-13)
 
 
-def slope(orders, errors):
-    return np.polyfit(np.log(orders), np.log(errors), 1)[0]
-
-
 def test_errors_fall_with_the_stated_power_of_the_order():
     """h^α at an end of a curve: −10 (α + 1); r^β at a corner of a triangle: −10 (β + 2)."""
     curve, triangle = Patch([0, 1], [[0, 0], [1, 1]]), Patch([[0, 0], [1, 0], [0, 1]], np.eye(3))
@@ -61,7 +57,9 @@ def test_errors_fall_with_the_stated_power_of_the_order():
         # Of u, or u + v: ∫ is then that of w^(power + 1)
         values = [rule.weights @ rule.parameters.sum(axis=1) ** power for rule in rules]
         errors = np.abs(np.array(values) * (power + patch.dimension) - 1)
-        assert slope(orders, errors) == pytest.approx(-10 * (power + patch.dimension), rel=0.1)
+        assert np.polyfit(np.log(orders), np.log(errors), 1)[0] == pytest.approx(
+            -10 * (power + patch.dimension), rel=0.1
+        )
 
 
 def area_in_torus_coordinates(patch: Patch, step: float, reach: float) -> float:

@@ -54,8 +54,3 @@ def test_calls_do_not_learn_from_each_other():
     first = patch.evaluate(u, "linear")
     patch.evaluate(u[::3], "linear")
     assert (patch.evaluate(u, "linear") == first).all()
-
-
-def test_neither_toric_nor_linear():
-    with pytest.raises(DomainError, match="parametrization: expected toric or linear, got 'conic'"):
-        pentagon().evaluate([[1, 1]], "conic")
