@@ -85,8 +85,10 @@ $(INSTALLED): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	@# Groups of dependencies, below, are known to pip from 25.1 on.
 	$(RUN) pip install -qq --disable-pip-version-check --upgrade 'pip>=25.1'
-	$(RUN) pip install -qq --disable-pip-version-check --editable '.[$(EXTRAS)]'
+	@# To compile all of scipy takes longer than to install it: a first picture compiles what it imports, if it can.
+	$(RUN) pip install -qq --disable-pip-version-check --no-compile --editable '.[$(EXTRAS)]'
 	@$(RUN) compileall -q gtb_cli
+	@PYTHONDONTWRITEBYTECODE= $(RUN) gtb_cli plot specs/pentagon.toml -q >/dev/null 2>&1 || true
 	@touch $@
 
 # Each dependency is installed at its lower bound; what only tests need is the newest.

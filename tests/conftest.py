@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from functools import partial
+from itertools import product
 from multiprocessing import get_context
 from types import SimpleNamespace
 
@@ -62,8 +63,9 @@ def probed_here(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def measured_roughly(monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands make their sequences with rough distances, whose accuracy is tested elsewhere."""
+    from gtb_cli.plots import panels
     from gtb_cli.sequences import sequence
 
     rough = sequence.Accuracy(chord_error=0.02, cells=16, points_in_all=100)
-    for name in ("degeneration", "knot_sequence"):
-        monkeypatch.setattr(sequence, name, partial(getattr(sequence, name), accuracy=rough))
+    for name, room in product(("degeneration", "knot_sequence"), (sequence, panels)):
+        monkeypatch.setattr(room, name, partial(getattr(room, name), accuracy=rough))

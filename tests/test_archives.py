@@ -73,7 +73,7 @@ def test_tests_run_in_the_source_archive(unpacked):
     places = "import gtb_cli, tests; print(gtb_cli.__file__, tests.__file__)"
     found = python("-c", places, folder=unpacked, path=unpacked).split()
     assert found == [str(unpacked / name / "__init__.py") for name in ("gtb_cli", "tests")]
-    some = ("tests/test_golden.py", "tests/language/test_bad_specs.py", "tests/theory/test_examples.py")
+    some = ("--assert=plain", "tests/test_golden.py", "tests/theory/test_examples.py")
     assert "[100%]" in python("-m", "pytest", "-m", "not long", *some, folder=unpacked, path=unpacked)
 
 

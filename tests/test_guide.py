@@ -15,9 +15,9 @@ from tests.tools.guide import GUIDE, LARGEST, PICTURES, PREFIX, Step, pictures, 
 from tests.transcripts import matches
 
 
-def ran(folder: Path, *options: str) -> list[Step]:
+def ran(folder: Path) -> list[Step]:
     """Run its commands with what `make mesh` installs; each does what the guide shows."""
-    command = [sys.executable, "-m", "tests.tools.guide", str(folder), *options]
+    command = [sys.executable, "-m", "tests.tools.guide", str(folder)]
     done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     expected = {step.command: step for step in steps()}
@@ -34,18 +34,11 @@ def ran(folder: Path, *options: str) -> list[Step]:
 @long
 def test_its_commands_do_what_it_shows(tmp_path):
     assert len(ran(tmp_path)) >= len(steps()) - 2 > 25  # those of OpenSCAD
+    assert {frozenset(), frozenset({"cad"})} <= {step.extras for step in steps()}
     for name in pictures():
         there, drawn = (pixels(path.read_bytes()) for path in (PICTURES / f"{PREFIX}{name}", tmp_path / name))
         assert there.shape == drawn.shape
         assert (np.abs(there.astype(int) - drawn).max(axis=2) > 60).mean() <= 0.03  # other fonts change 1 or 2 %
-
-
-@long
-def test_its_kinds_of_commands_need_no_extra_that_it_does_not_name(tmp_path):
-    done = ran(tmp_path, "--kinds")
-    assert len(done) >= 10
-    assert {step.command.split()[1] for step in done} >= {"plot", "view", "mesh", "new", "info", "import"}
-    assert any(step.extras == {"cad"} for step in steps())
 
 
 def test_its_pictures_are_there_and_small():

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from gtb_cli.commands.cli import COMMANDS
-from tests.marks import long, mostly_long
+from tests.marks import long
 from tests.shell import REPOSITORY, SPECS, script, shell
 
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
@@ -61,16 +61,21 @@ def test_it_is_short():
     assert len(README.splitlines()) <= lines
 
 
+@pytest.mark.usefixtures("measured_roughly")
 @pytest.mark.parametrize("block", shell_blocks())
 def test_its_commands_run(block, workplace):
+    (workplace / "specs").unlink()
+    for path in {path for name in re.findall(r"specs/([\w.*-]+)", block) for path in SPECS.glob(name)}:
+        (workplace / "specs").mkdir(exist_ok=True)  # has what is named only, which `gtb info specs` measures, too
+        (workplace / "specs" / path.name).symlink_to(path)
     result = script(block, workplace)
     assert result.status == 0, result.err
     assert "error" not in result.err
 
 
-@pytest.mark.parametrize("names", mostly_long(["pentagon", "bicubic hexagon pentagon"], 0))
-def test_its_ways_to_share_work_without_a_scheduler_do(names, workplace):
-    names = names.split()
+@long
+def test_its_ways_to_share_work_without_a_scheduler_do(workplace):
+    names = ["bicubic", "hexagon"]
     lines = re.findall(r"^    (printf .*xargs.*|gtb .*SLURM.*)", COMMANDS_PAGE, re.MULTILINE)
     lines = ["make -s -j8", lines[0], f"for SLURM_ARRAY_TASK_ID in $(seq {len(names)}); do {lines[1]}; done"]
     (workplace / "parts").mkdir()

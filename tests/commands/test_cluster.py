@@ -149,7 +149,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @long
-def test_the_work_of_a_worker_that_dies_is_done_by_another(cluster, specs, tmp_path):
+def test_the_work_of_a_worker_that_dies_is_done_by_another_and_so_is_one_mesh(cluster, specs, tmp_path):
     mesh = ["mesh", specs, "-n", 150, "-q", "--resume"]
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
@@ -168,14 +168,8 @@ def test_the_work_of_a_worker_that_dies_is_done_by_another(cluster, specs, tmp_p
     assert expected.status == 2  # as of a broken spec
     assert contents(out) == contents(here / "out")
     assert (there / "manifest.json").read_bytes() == (here / "manifest.json").read_bytes()
-
-
-@long
-def test_one_mesh_may_be_made_elsewhere_too(cluster):
-    cluster.worker()
-    expected = process("mesh", PENTAGON, "-n", 4)
-    result = process("mesh", PENTAGON, "-n", 4, "--cluster", cluster.file)
-    assert result == expected
-    refused = process("mesh", PENTAGON, "-n", 4, "--require", "watertight", "--cluster", cluster.file)
-    assert refused == process("mesh", PENTAGON, "-n", 4, "--require", "watertight")
+    one = "mesh", PENTAGON, "-n", 4
+    assert process(*one, "--cluster", cluster.file) == gtb(*one)
+    refused = process(*one, "--require", "watertight", "--cluster", cluster.file)
+    assert refused == gtb(*one, "--require", "watertight")
     assert refused.status == 1

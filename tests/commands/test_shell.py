@@ -115,10 +115,10 @@ def names(folder: Path) -> list[str]:
 # --- commands
 
 
-@pytest.mark.parametrize(
-    "name",
-    mostly_long(sorted(COMMANDS, key=("degenerate", "knot-limit", "fill", "fair").__contains__), len(COMMANDS) - 4),
-)
+SLOW = {"degenerate", "knot-limit", "fill", "fair", "plot"}  # whose examples take long
+
+
+@pytest.mark.parametrize("name", mostly_long(sorted(COMMANDS, key=SLOW.__contains__), len(COMMANDS) - len(SLOW)))
 def test_the_example_in_the_help_runs(name, workplace):
     result = script(example_of(name), workplace)
     assert result.status == 0

@@ -104,7 +104,7 @@ def curved(patch: Patch) -> np.ndarray:
     return found
 
 
-SURFACES = ("pentagon", "hexagon", "nonagon", "example-4.4", "bicubic", "repeated-knot", "vase", "trapezoid")
+SURFACES = ("pentagon", "nonagon", "example-4.4", "bicubic", "repeated-knot", "vase", "trapezoid")
 
 
 @pytest.mark.parametrize("name", mostly_long(SURFACES, 0))
@@ -116,7 +116,7 @@ def test_a_fair_patch_bends_less_by_an_independent_integral_and_than_a_thin_plat
     before, after = curved(patch), curved(made.patch)
     assert after[1] < 0.8 * before[1]
     assert after[0] < (0.05 * before[1] if name == "trapezoid" else 0.8 * before[0])
-    if name in ("trapezoid", "hexagon", "vase"):
+    if name in ("trapezoid", "vase"):
         plate = fair(patch, "thin-plate").after
         assert made.after.energy < 0.8 * made.before.energy
         assert made.after.variation < min(plate.variation, made.before.variation)

@@ -69,6 +69,6 @@ def test_the_end_of_a_pipe_is_closed():
 
 
 def test_a_surface_that_a_patch_comes_no_nearer_to_is_not_followed(monkeypatch):
-    plain = fill_loop(random_sides(5, 0)).patch
+    plain = fill_loop(random_sides(5, 0), raises=0).patch
     monkeypatch.setattr(fairest, "algebraic_surface", lambda _: SimpleNamespace(ways=np.zeros_like))
-    assert fill_loop(random_sides(5, 0)).patch == plain
+    assert fill_loop(random_sides(5, 0), raises=0).patch == plain

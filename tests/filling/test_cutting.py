@@ -82,7 +82,7 @@ def test_a_concave_hole_in_a_graph_is_cut_and_its_parts_meet_with_exact_planes()
         assert np.abs(z - graph(x, y)[0]).max() < 3e-3
 
 
-@pytest.mark.parametrize(("corners", "planes"), mostly_long([(star(5), False), (star(4, 0.3), True)], 0))
+@pytest.mark.parametrize(("corners", "planes"), mostly_long([(star(3), False), (star(4, 0.3), True)], 0))
 def test_plane_holes_with_concave_corners_stay_plane(corners, planes):
     sides = plane_sides(np.column_stack([corners, np.zeros(len(corners))]), [1] * len(corners))
     given = sides if planes else [replace(side, across=None) for side in sides]
@@ -92,13 +92,13 @@ def test_plane_holes_with_concave_corners_stay_plane(corners, planes):
         np.testing.assert_allclose(patch.control_points[:, 2], 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", mostly_long([3, 9], 0))
-def test_random_stars_are_filled_without_folds(seed):
-    rng = np.random.default_rng([seed, 7])
+@long
+def test_a_random_star_is_filled_without_folds():
+    rng = np.random.default_rng([9, 7])
     n = int(rng.integers(5, 12))
     angles, radii = (np.arange(n) + 0.7 * rng.random(n)) * 2 * np.pi / n, rng.uniform(0.3, 1, n)
     corners = radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    filling = filled(graph_sides(corners), None, None, raises=None if seed == 3 else ONCE)
+    filling = filled(graph_sides(corners), None, None, raises=ONCE)
     if filling.fault is None:
         assert_not_folded(filling)
         assert filling.angle < PLANES

@@ -84,7 +84,7 @@ def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
 
 
 # Seeds of loops by their number of sides: few of many sides, which take long. Some patches turn sharply.
-SEEDS = {3: range(3), 4: range(3), 5: range(2), 6: (0, 2), 9: (7,)}
+SEEDS = {3: range(3), 4: (0, 2), 5: (0,), 6: (2,), 9: (7,)}
 
 
 @pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
@@ -140,20 +140,9 @@ def test_a_ribbon_that_points_out_of_the_hole_makes_no_corner_concave():
     assert concave_corners(plane_sides(L[[0, 1, 2, 5]], [1, 1, -1, 1])) == []
 
 
-@long
 @pytest.mark.parametrize(
-    ("corners", "sign", "what", "way_out"),
-    [
-        (L, 1, r"folds at \d+ of some thousand places", "cut the hole with curves from its concave corners"),
-        (L[[0, 1, 2, 5]], -1, "is turned over along an edge", "let the ribbons point into the hole"),
-    ],
+    ("tilt", "scale", "shift"), mostly_long([(0.6, 1e-6, 1), (0, 1, 0), (0.6, 1e9, 0), (0.6, 1, 1e7)])
 )
-def test_a_refusal_names_what_turns_the_patch_over(corners, sign, what, way_out):
-    filling = fill_loop(plane_sides(corners, [sign] * len(corners)), raises=0 if sign > 0 else None)
-    assert re.match(f"the patch {what}: {way_out}", filling.fault)
-
-
-@pytest.mark.parametrize(("tilt", "scale", "shift"), [(0, 1, 0), (0.6, 1e-6, 1), (0.6, 1e9, 0), (0.6, 1, 1e7)])
 def test_a_flat_hole_is_filled_flat(tilt, scale, shift):
     """Long sides and blunt corners: with rows that keep to the planes the patch was turned over."""
     x, y = np.array([[8.0, 10, 10, 8, -8, -10, -10, -8], [-3, -2.9, 2.9, 3, 3, 2.9, -2.9, -3]])
@@ -166,7 +155,7 @@ def test_a_flat_hole_is_filled_flat(tilt, scale, shift):
     assert np.ptp(filling.patch.control_points @ up) < 1e-9 * (20 * scale + shift * (tilt > 0)) * tilt + 1e-300
 
 
-@pytest.mark.parametrize("change", [{"across": np.tile([-1, 0, 0.5], (96, 1))}, {"across": None}])
+@pytest.mark.parametrize("change", mostly_long([{"across": np.tile([-1, 0, 0.5], (96, 1))}, {"across": None}]))
 def test_a_hole_whose_sides_or_planes_leave_the_plane_is_not_flat(change):
     sides = plane_sides(L[[0, 1, 2, 5]], [1] * 4)
     if change["across"] is None:
@@ -174,7 +163,7 @@ def test_a_hole_whose_sides_or_planes_leave_the_plane_is_not_flat(change):
     assert fill_loop([sides[0], replace(sides[1], **change), *sides[2:]]).angle < 1e-6
 
 
-@pytest.mark.parametrize("seed", mostly_long([2, 1, 0, 3], 0))  # refused, as 1 is, and not
+@pytest.mark.parametrize("seed", mostly_long([2, 1], 0))  # not refused, and refused
 def test_no_plane_patch_that_passes_is_folded(seed):
     """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
     rng = np.random.default_rng(seed)
@@ -200,8 +189,8 @@ def test_rational_sides_without_ribbons_stay_as_they_are():
 @pytest.mark.parametrize(
     ("n", "seed", "degrees", "kind"),
     [
-        *mostly_long([(n, 0, (1, 3), {"noise": 0.01}) for n in (12, 16)], quick=0),
-        *mostly_long([(n, 1, (2, 4), {"rational": True}) for n in (3, 4, 6, 9)], quick=1),
+        *mostly_long([(12, 0, (1, 3), {"noise": 0.01})], quick=0),
+        *mostly_long([(n, 1, (2, 4), {"rational": True}) for n in (3, 4, 6)], quick=1),
         *mostly_long([(4, 2, (degree, degree), {}) for degree in (1, 10)], quick=0),
     ],
 )
@@ -470,11 +459,11 @@ def test_the_order_and_direction_of_sides_do_not_matter():
 def test_sides_without_ribbons_are_met():
     sides = random_sides(5, 7)
     bare = [HoleSide(side.name, side.curve) for side in sides]
-    filling = fill_loop(bare)
+    filling = fill_loop(bare, raises=ONCE)
     assert math.isnan(filling.angle)
-    mixed = fill_loop([bare[0], *sides[1:]])
+    mixed = fill_loop([bare[0], *sides[1:]], raises=ONCE)
     assert mixed.angle < PLANES
-    met = fill_loop(sides, raises=mixed.raises[0])
+    met = fill_loop(sides, raises=ONCE)
     assert filling.bending.energy < mixed.bending.energy < met.bending.energy
 
 
@@ -482,7 +471,8 @@ def test_sides_without_ribbons_are_met():
 def test_options_of_energy_and_fullness():
     """Flat has less Dirichlet energy and fair less of a plate; fullness goes on along the planes."""
     sides = random_sides(4, 8)
-    fair, flat, full = fill_loop(sides), fill_loop(sides, inner="flat"), fill_loop(sides, fullness=1.5)
+    options = {}, {"inner": "flat"}, {"fullness": 1.5}
+    fair, flat, full = (fill_loop(sides, raises=ONCE, **each) for each in options)
     assert energy(flat.patch, "dirichlet") < energy(fair.patch, "dirichlet")
     assert energy(fair.patch, "thin-plate") < energy(flat.patch, "thin-plate")
     assert full.angle < PLANES
@@ -683,12 +673,12 @@ control_points = [[0, 1, 0], [0, 0, 0]]
 def test_a_spec_of_curves_is_filled():
     sides, _ = read_loop(TRIANGLE.encode(), "x.toml")
     assert [side.across is None for side in sides] == [False, True, True]
-    result = gtb("fill", "-", stdin=TRIANGLE.encode())
+    result = gtb("fill", "-", "--elevate", ONCE, stdin=TRIANGLE.encode())
     assert result.status == 0
     assert "3 sides" in result.err
     patch = parse(result.text)
     assert len(patch.domain.vertices) == 3
-    assert gtb("fill", "-", stdin=TRIANGLE.encode()).out == result.out
+    assert gtb("fill", "-", "--elevate", ONCE, stdin=TRIANGLE.encode()).out == result.out
 
 
 def test_a_loop_may_have_names_copies_and_included_files(tmp_path):

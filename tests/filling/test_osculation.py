@@ -88,7 +88,7 @@ def assert_osculates(filling: Filling, found: Strips) -> None:
     assert filling.folds == 0
 
 
-@pytest.mark.parametrize(("n", "degree"), mostly_long([(3, 2), (4, 3), (5, 1), (6, 3), (8, 2)]))
+@pytest.mark.parametrize(("n", "degree"), mostly_long([(3, 2), (4, 3), (6, 1)]))
 def test_curvatures_are_those_of_polynomial_strips(n: int, degree: int) -> None:
     found = strips(n, 0, degree)
     filling = fill_loop(sides(found), continuity="g2")
@@ -99,10 +99,10 @@ def test_curvatures_are_those_of_polynomial_strips(n: int, degree: int) -> None:
 @pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e9, 0), (1e-9, 0), (1, 1e7)], 0))
 def test_any_size_and_place_with_curvatures(scale: float, shift: float) -> None:
     found = {name: rows.copy() for name, rows in strips(4, 1, 2).items()}
-    plain = fill_loop(sides(found), continuity="g2")
+    plain = fill_loop(sides(found), continuity="g2", raises=0)
     for rows in found.values():
         rows[..., :3] = rows[..., :3] * scale + shift
-    filling = fill_loop(sides(found), continuity="g2")
+    filling = fill_loop(sides(found), continuity="g2", raises=0)
     back, rounding = (filling.patch.control_points - shift) / scale, 1e-9 * shift or 1e-6
     np.testing.assert_allclose(back, plain.patch.control_points, atol=rounding)
     differences = [contact.bend * scale for contact in filling.contacts]
@@ -161,7 +161,7 @@ def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
     curves, ribbons, ribbons2 = ([rows[k, :, :3] for rows in found.values()] for k in range(3))
     named = zip(found, curves, strict=True)
     loop = Model([Patch(np.arange(3.0), curve, np.array([1, 2, 1]), name=name) for name, curve in named])
-    filling = fill(loop, ribbons, ribbons2, continuity="g2")
+    filling = fill(loop, ribbons, ribbons2, continuity="g2", raises=0)
     assert_osculates(filling, found)
     with pytest.raises(DomainError, match=r"^ribbons2\[0\]: is the row after a ribbon, and there is none"):
         fill(loop, None, ribbons2)
@@ -172,10 +172,8 @@ def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
         lines += [f"{key} = {row.tolist()}" for key, row in rows.items()]
     spec = tmp_path / "loop.toml"
     spec.write_text("\n".join(lines), encoding="utf-8")
-    run = gtb("fill", spec, "--continuity", "g2", status=0)
-    assert run.err.count("curvatures across differ by up to") == 3
-    kinds = ["--continuity", "g2", "--continuity", "side 1=g1"]
-    assert gtb("fill", spec, *kinds, status=0).err.count("curvatures across differ") == 2
+    kinds = ["--elevate", 0, "--continuity", "g2", "--continuity", "side 1=g1"]
+    assert gtb("fill", spec, *kinds, status=0).err.count("curvatures across differ by up to") == 2
     spec.write_text("\n".join(line for line in lines if not line.startswith("ribbon ")), encoding="utf-8")
     assert "ribbon2: is the row after ribbon, which is missing" in gtb("fill", spec, status=2).err
     spec.write_text("\n".join(lines).replace(str(ribbons2[0].tolist()), str(ribbons[0].tolist())), encoding="utf-8")
@@ -225,7 +223,8 @@ def test_neighbours_of_one_surface_agree_at_corners_and_others_are_named() -> No
     assert np.abs(z - (x**2 + y**2) / 20).max() < 6e-4  # there are fairer surfaces than the paraboloid
     assert max(contact.bend_inside for contact in filling.contacts) < 0.06 * 0.1  # of its curvature
     found["side 1"][2, :, 2] += 0.05
-    named = [remark for remark in fill_loop(sides(found), continuity="g2").remarks if "mean curvatures" in remark]
+    other = fill_loop(sides(found), continuity="g2", raises=0)
+    named = [remark for remark in other.remarks if "mean curvatures" in remark]
     assert [remark.split(":")[0] for remark in named] == ["side 0 and side 1", "side 1 and side 2"]
 
 

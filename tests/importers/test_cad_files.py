@@ -132,6 +132,7 @@ def test_pieces_are_points_at_smooth_corners_and_follow_a_part_from_which_the_pa
         assert max(body.seams.gap, body.seams.inner_gap) < 1e-8
 
 
+@long
 def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_path, monkeypatch):
     part, out = written(box_without_a_corner((2, 2, 2)), tmp_path), tmp_path / "filled.brep"
     fill = "fill", part, "--elevate", 0, "--continuity", "g2", "-o", out

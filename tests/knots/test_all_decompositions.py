@@ -94,8 +94,7 @@ def test_two_concentric_triangles_have_two_triangulations_that_are_not_regular(s
 
 
 @pytest.mark.parametrize(
-    ("map_of", "shift"),
-    mostly_long([(np.eye(2), 1e4), (1e9 * np.eye(2), 0), (0.1 * TURN, 0), (np.array([[1, 0.3], [0, 1 / 3]]), 1e4)]),
+    ("map_of", "shift"), mostly_long([(np.eye(2), 1e4), (1e9 * TURN, 0), (np.array([[1, 0.3], [0, 1 / 3]]), 1e4)])
 )
 def test_lattices_scaled_turned_and_shifted(map_of, shift):
     assert sum(1 for _ in islice(regular_decompositions(GRID @ map_of + shift, triangulations=True), 400)) == 387
@@ -173,7 +172,7 @@ def triangulations_by_brute_force(knots):
     return regular
 
 
-@pytest.mark.parametrize(("n", "seed"), mostly_long([(5, 0), (6, 1), (7, 2), (6, 4)]))
+@pytest.mark.parametrize(("n", "seed"), mostly_long([(5, 0), (6, 1), (6, 4)]))
 @pytest.mark.parametrize("whole", [False, True])
 def test_brute_force(n, seed, whole):
     rng = np.random.default_rng(seed)

@@ -28,7 +28,7 @@ from tests.shell import SPECS
 THREE_DIGITS = 5e-4
 SAMPLES = 200  # along each side: neighbours are 1 % of the size apart, and distances 0.1 % too large
 ROUGH = 3e-3
-CELLS = 60  # of meshes, likewise, whose nearest points are searched for in cells
+CELLS = 40  # of meshes, likewise, whose nearest points are searched for in cells
 
 
 @pytest.mark.parametrize("x", mostly_long([100, 5, 600, 1e8]))
@@ -53,7 +53,7 @@ def grid(patch):
     return patch.evaluate(np.concatenate([u[inside], edges]), "linear")
 
 
-@pytest.mark.parametrize(("seed", "x"), mostly_long([(3, 30), (3, 1.5), (4, 1.5)], 0))
+@pytest.mark.parametrize(("seed", "x"), mostly_long([(3, 30), (3, 1.5)], 0))
 def test_points_between_vertices_may_be_farthest(seed, x):
     """On ridges, where two points of the other surface are equally near."""
     rng = np.random.default_rng(seed)
@@ -89,9 +89,7 @@ def inner_knots():
     return Patch(knots, rng.normal(size=(8, 3)), np.exp(rng.normal(size=8)))
 
 
-@pytest.mark.parametrize(
-    ("moves", "step"), mostly_long([({6: 3}, 0.6), ({6: 7}, 0.3), ({6: 1}, 0.95), ({6: 3, 7: 1}, 0), ({7: 5}, 0.9)], 0)
-)
+@pytest.mark.parametrize(("moves", "step"), mostly_long([({6: 7}, 0.3), ({6: 1}, 0.95), ({6: 3, 7: 1}, 0)], 0))
 def test_moving_knots_against_dense_samples(moves, step):
     assert_distances_of_dense_samples(inner_knots(), moves, step)
 
@@ -108,7 +106,7 @@ def test_a_layer_of_a_knot_near_an_edge_is_not_missed():
 def crowded_at_edges(patch):
     """A mesh of rings around the middle of Δ, the nearer to edges and corners the denser, up to 1e-7 of its size."""
     layer, v = np.append(0, np.geomspace(1e-7, 0.02, CELLS // 3 - 1)), patch.domain.vertices
-    half, ring = np.append(layer, np.linspace(0.04, 0.5, CELLS)), 1 - np.append(layer, np.linspace(0.03, 0.99, 99))
+    half, ring = np.append(layer, np.linspace(0.04, 0.5, CELLS)), 1 - np.append(layer, np.linspace(0.03, 0.99, 66))
     along = np.append(half, 1 - half[-2::-1])
     outer = v[:, None] + along[:, None] * (np.roll(v, -1, axis=0) - v)[:, None]
     u = v.mean(axis=0) + ring[:, None, None] * (outer - v.mean(axis=0))[:, None]
@@ -154,7 +152,7 @@ def test_the_film_alone_is_measured():
     assert ends[0].distance_error < 3e-3 * np.linalg.norm(np.ptp(patch.control_points, axis=0))
 
 
-@pytest.mark.parametrize("seed", mostly_long((3, 6, 1, 9, 11, 16, 24, 27), 0))
+@pytest.mark.parametrize("seed", mostly_long((3, 6, 9, 11, 24), 0))
 def test_small_distances_are_as_exact_as_said(seed):
     """Of knots inside that move onto others or corners, by points of meshes and the nearest ones, found from grids."""
     rng = np.random.default_rng(seed)

@@ -309,7 +309,7 @@ def gap(model: Model, joint: Joint, count: int = 17) -> float:
     return float(np.abs(one - (other[::-1] if joint.opposite else other)).max())
 
 
-@pytest.mark.parametrize("seed", mostly_long(range(4)))
+@pytest.mark.parametrize("seed", mostly_long(range(3)))
 def test_a_hundred_random_closed_pairs_have_no_crack(seed):
     """All cells fit; for some pairs so do the mesh, and the points of each patch alone on its edges."""
     rng = np.random.default_rng(seed)

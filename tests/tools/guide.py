@@ -1,7 +1,7 @@
 """specs/GUIDE.md: its files, and its commands with what they print.
 
 `python -m tests.tools.guide FOLDER` runs the commands with what `make mesh` installs, and after `EXTRAS=` in the text
-with these extras as well; it prints a JSON object for each. `--kinds` leaves out what another command stands for.
+with these extras as well; it prints a JSON object for each.
 """
 
 import json
@@ -52,16 +52,6 @@ def steps() -> list[Step]:
             line, *lines = command.rstrip("\n").split("\n")
             found.append(Step(line, tuple(lines), extras))
     return found
-
-
-def one_of_each_kind() -> list[Step]:
-    """The first command of each name and formats of files that needs no extra; fills of specs take seconds."""
-    found: dict[object, Step] = {}
-    for step in steps():
-        kind = (step.command.split()[1], *re.findall(r"\w(\.[a-z]\w*)", step.command))
-        if not step.extras and kind != ("fill", ".toml", ".toml"):
-            found.setdefault(kind if step.command.startswith("gtb") else step.command, step)
-    return list(found.values())
 
 
 class OnlyInstalled:
@@ -119,15 +109,15 @@ def draw() -> int:
     return failed
 
 
-def main(folder: str, *options: str) -> None:
+def main(folder: str) -> None:
     """Run commands with what is installed when they come."""
     default = re.search(r"^EXTRAS \?= (\S+)$", (REPOSITORY / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)[1]
-    chosen, there = one_of_each_kind() if "--kinds" in options else steps(), OnlyInstalled()
+    there = OnlyInstalled()
     probed = SimpleNamespace(returncode=0)  # its parts are whole: no process need read them first
     cad_files.subprocess = SimpleNamespace(run=lambda *_, **__: probed)
 
     def prepared() -> Iterator[Step]:
-        for step in chosen:
+        for step in steps():
             there.choose({*default.split(","), *step.extras})
             yield step
 
