@@ -123,7 +123,7 @@ BASIS = "basis:"  # prefix of the index of a basis function, whose values are a 
 PARAMETRIZATIONS = ("linear", "toric")  # placements of the vertices of a mesh, the default first
 # Starter specs, and how many sides at most where a number may be given
 TEMPLATES: dict[str, int | None] = dict.fromkeys(("curve", "triangle", "rectangle", "pentagon"))
-TEMPLATES |= {"n-gon": 100, "model": None, "bowl": 24, "shade": 24, "joint": 8, "handle": None}
+TEMPLATES |= {"n-gon": 100, "model": None, "bowl": 24, "ring": 12, "shade": 24, "joint": 8, "handle": None}
 CONTINUITIES = ("g1", "g0", "g2")  # of a filling: planes are met, the default, curves alone, or curvatures too
 SHELLS = ("bash", "zsh", "fish")  # shells that complete names and options
 RESOLUTION = 32  # segments along each edge of the domain if neither a number nor a tolerance is given

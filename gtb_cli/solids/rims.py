@@ -20,7 +20,7 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
     Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, it ends in the
     plane: vertices next to the plane move there along edges, and those beyond are projected onto it, as parts of the
     rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers. Where the surface
-    lies in the plane, as around a hole in a floor or at a corner, the rim changes smoothly to the normals; it is said.
+    lies in the plane, as around a hole in a floor or at a corner, the rim changes smoothly to the normals; of corners it is said.
 
     Raises `DomainError` if a rim does not lie in a plane, if the surface leaves this plane to both sides, if the offset
     goes beyond the plane only where the surface does not lie in it, or if the wall reaches another rim.
@@ -43,10 +43,10 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         near = f"near {point_text(surface[rim.argmax()], surface)}"
         height = (offset - centre) @ normal
         share, way = _continuation(solid, rim, normal)
-        if not share.all():
-            kept.append(near if not share.any() else f"in part {near}")
-        if not share.any():
+        if not share.any():  # as around a hole in a floor
             continue
+        if not share.all():
+            kept.append(f"in part {near}")
         if ((share < 1) & (height[rim] > nearly)).any():
             what = f"almost in its rim's plane near {point_text(surface[rim][share.argmin()], surface)}"
             other = f'beyond which the wall would go: `thickness` {-thickness:g} does not, or take `rim="normal"`'

@@ -20,7 +20,7 @@ from gtb_cli.vocabulary import SHELLS, TEMPLATES
 from tests.marks import mostly_long
 from tests.shell import gtb
 
-THINGS = [("bowl", 5), ("shade", 6), ("joint", 3), ("handle", None)]
+THINGS = [("bowl", 5), ("ring", 4), ("shade", 6), ("joint", 3), ("handle", None)]
 PATCHES = ["curve", "triangle", "rectangle", "pentagon", "model"]
 ALL = [*THINGS, *((name, None) for name in PATCHES), *(("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100))]
 
@@ -81,7 +81,7 @@ def test_things_are_solid_by_their_own_command(name, sides, coarse, tmp_path, mo
     assert coarse or "warning" not in done.err
     mesh = read_mesh(f"{name}.stl")
     low, high = mesh.bounds
-    height = {"bowl": 45, "shade": 110, "joint": 17, "handle": 37}[name]
+    height = {"bowl": 45, "ring": 44.7, "shade": 110, "joint": 17, "handle": 37}[name]
     assert high[2] - low[2] == pytest.approx(height, abs=0.8)
     feet = np.isclose(mesh.vertices[:, 2], low[2], atol=1e-5)[mesh.faces].all(axis=1)
     assert feet.sum() > 4 or name == "joint"  # an area, not a line

@@ -370,7 +370,7 @@ def test_bounds_are_met_with_the_least_multipliers(seed):
 @pytest.mark.parametrize(("score", "is_round", "more"), [(99.0, False, 0), (101.0, False, 3), (99.0, True, 3)])
 def test_plans_end_where_none_of_their_patches_can_win(score, is_round, more, monkeypatch):
     """The first plan has a second patch without faults, and sharp: others may be better, or smooth in a round hole."""
-    tried, sides = [], [replace(s, across=s.across + [0, 0, 0.1]) for s in plane_sides(L[[0, 1, 2, 5]], [1] * 4)]
+    tried, sides = [], [replace(s, across=np.add(s.across, [0, 0, 0.1])) for s in plane_sides(L[[0, 1, 2, 5]], [1] * 4)]
     good = fill_loop(sides, raises=0).patch
     points = good.control_points.copy()
     points[4:] += np.random.default_rng(0).normal(size=points[4:].shape)
