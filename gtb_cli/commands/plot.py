@@ -159,7 +159,7 @@ def plot(
         pass
     from gtb_cli.plots.animation import encoded_animation
     from gtb_cli.plots.figures import Variation, figure_of, frames_of_picture, picture_of
-    from gtb_cli.plots.panels import animation_of_frames
+    from gtb_cli.plots.panels import figure_of_members
 
     is_animation = kind == ANIMATION_FORMAT
     if is_animation and what not in (None, "sequence"):
@@ -180,7 +180,8 @@ def plot(
         else:
             figure = figure_of(shape, picture)
     if is_animation:
-        data = encoded_animation(animation_of_frames(frames, picture.look))
+        members = range(len(frames.meshes))
+        data = encoded_animation(figure_of_members(frames, [member], picture.look) for member in members)
     else:
         with settings():
             data = encoded_figure(figure, kind)

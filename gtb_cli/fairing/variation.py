@@ -30,11 +30,6 @@ class Bending:
     variation: float  # the area times ∫ |∇H|² dA
     curvature: float  # largest absolute value of a principal curvature
 
-    @property
-    def sharpness(self) -> float:
-        """Largest curvature, relative to that of a sphere with the same area."""
-        return self.curvature * math.sqrt(self.area / (4 * math.pi))
-
     def scaled(self, size: float) -> "Bending":
         """Return the integrals of the surface times a size."""
         return Bending(self.area * size * size, self.energy, self.variation, self.curvature / size)

@@ -116,6 +116,11 @@ class Filling:
         return max((each.angle for each in self.contacts if not math.isnan(each.angle)), default=math.nan)
 
     @property
+    def sharpness(self) -> float:
+        """Largest curvature, relative to that of a sphere with the same area."""
+        return self.bending.curvature * math.sqrt(self.bending.area / (4 * math.pi))
+
+    @property
     def sharp(self) -> list[str]:
         """Sentences that say where the patch turns sharply, and where it is curved most; none if it is smooth."""
         said, ends = [], np.array([side.ends[0] for side in self.sides])
@@ -123,9 +128,9 @@ class Filling:
             corner = int(np.linalg.norm(ends - np.concatenate([*map(turns, self.patches)])[0], axis=1).argmin())
             where = f"{self.sharp_turns} of some thousand places, the first nearest to corner {corner}"
             said = [f"the patch turns sharply at {where}, {self.at(ends[corner])}: coarse meshes fold there"]
-        if self.bending.sharpness > SPIKE:
+        if self.sharpness > SPIKE:
             part = max(self.parts or (self,), key=lambda part: part.bending.curvature)
-            much = f"{self.bending.sharpness:.2g} times as much as a sphere of its area"
+            much = f"{self.sharpness:.2g} times as much as a sphere of its area"
             said.append(f"the patch is curved {much} near {self.at(most_curved(part.patch))}")
         return said
 
@@ -153,10 +158,8 @@ class Filling:
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
             way_out = f"{'try a fullness of 0.8 or 0.5,' if planes else 'raise degrees more, or try'} {others}"
-        elif self.bending.sharpness > 2000 or (corners and (self.sharp_turns or self.bending.sharpness > SPIKE)):
-            what = (
-                f"turns sharply: its curvature is up to {self.bending.sharpness:.2g} times that of a sphere of its area"
-            )
+        elif self.sharpness > 2000 or (corners and (self.sharp_turns or self.sharpness > SPIKE)):
+            what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
             way_out = f"raise degrees more, or try {others}"
         else:
             return None

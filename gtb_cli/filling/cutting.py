@@ -54,7 +54,7 @@ def fill_parts(
     def one_part(sides: Sequence[HoleSide]) -> Parts | None:
         """Fill a loop with one patch, unless that has a fault or a spike, or too much has been tried."""
         with suppress(DomainError):  # too many sides, or planes that no field follows
-            if next(trials, None) is not None and not ((one := fill(sides)).fault or one.bending.sharpness > SPIKE):
+            if next(trials, None) is not None and not ((one := fill(sides)).fault or one.sharpness > SPIKE):
                 return [one], []
         return None
 

@@ -61,7 +61,7 @@ class FairSearch:
     def is_sharp(self, points: FloatArray) -> bool:
         """Tell whether a surface turns sharply where it is seen."""
         ((seen,),) = bendings(self._inside, self._zones[0], [points])
-        return seen.sharpness > SPIKE
+        return seen.curvature * math.sqrt(seen.area / (4 * math.pi)) > SPIKE
 
     def fairest(self) -> list[_Scored]:
         """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""

@@ -185,23 +185,20 @@ def closed(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
 def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, bool]]:
     """Return how often edges are raised at least, and whether each has a single field, in the order of trial."""
     planes, least = any(side.across is not None for side in sides), raises
+    angles = [corner.angle for corner in corners(sides)]
     if least is None:
         # Of all edges together: with more, inner knots would be too few, and where planes alone are given they are free
         most_knots = 45 if any(side.bend is not None for side in sides) else 36
         least = 4 if planes and sum(side.degree + 4 for side in sides) <= most_knots else 1 + planes
-        if _is_round(sides) and all(side.bend is None for side in sides):
+        if min(angles) > 150 and all(side.bend is None for side in sides):
             least = min(least, len(sides) - 1)  # rows with more fields follow a round side of few by huge points
     plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
         plans.insert(0 if len(sides) > 12 else 1, (least - 1, False))
-        if any(corner.angle > 150 for corner in corners(sides)):  # rows that cross smooth corners need more knots
-            plans.insert(1, (4, True) if _is_round(sides) and len(sides) < 5 else (5, False))
+        if max(angles) > 150:  # rows that cross smooth corners need more knots
+            plans.insert(1, (4, True) if min(angles) > 150 and len(sides) < 5 else (5, False))
     return plans
-
-
-def _is_round(sides: Sequence[HoleSide]) -> bool:
-    return all(corner.angle > 150 for corner in corners(sides))
 
 
 def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -> _Attempt:
@@ -246,14 +243,14 @@ def _attempt(
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     much = 100.0  # times the score of the fairest: with less, other plans have little to win
-    found: list[_Attempt] = []
+    is_round, found = all(corner.angle > 150 for corner in corners(sides)), list[_Attempt]()
     for patch, score, is_sharp in islice(_solved(edges, inner, fullness, samples_along), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
         turns = len(sharp_turns(patch))
         faults = turns + 1000 * (folds + turned)
         worse = bool(found) and score > much * found[0].score
-        found.append(_Attempt(faults, score, worse or (is_sharp and _is_round(sides)), folds, turns, raises, patch))
+        found.append(_Attempt(faults, score, worse or (is_sharp and is_round), folds, turns, raises, patch))
         if not found[-1].faults:
             break
     return min(found, key=lambda each: each[:2])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -68,16 +68,10 @@ def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
     max_panels = 24  # panels of one figure
     if len(frames.meshes) > max_panels:
         raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
-    return _figure_of_members(frames, range(len(frames.meshes)), look)
+    return figure_of_members(frames, range(len(frames.meshes)), look)
 
 
-def animation_of_frames(frames: Frames, look: Look) -> Iterator[Figure]:
-    """Draw the meshes one by one, all with one camera and one scale."""
-    for member in range(len(frames.meshes)):
-        yield _figure_of_members(frames, [member], look)
-
-
-def _figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
+def figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
     """Draw some meshes of a sequence side by side, with a scale that suits all of them."""
     clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points, *frames.own_net]
     limit, film = frames.meshes[-1], frames.film

@@ -367,8 +367,8 @@ def test_bounds_are_met_with_the_least_multipliers(seed):
     assert np.abs(room * found * np.sqrt(np.diag(form))).max() < 1e-9
 
 
-@pytest.mark.parametrize(("score", "is_round", "more"), [(99.0, False, 0), (101.0, False, 3), (99.0, True, 3)])
-def test_plans_end_where_none_of_their_patches_can_win(score, is_round, more, monkeypatch):
+@pytest.mark.parametrize(("score", "angle", "more"), [(99.0, 90, 0), (101.0, 90, 3), (99.0, 180, 3)])
+def test_plans_end_where_none_of_their_patches_can_win(score, angle, more, monkeypatch):
     """The first plan has a second patch without faults, and sharp: others may be better, or smooth in a round hole."""
     tried, sides = [], [replace(s, across=np.add(s.across, [0, 0, 0.1])) for s in plane_sides(L[[0, 1, 2, 5]], [1] * 4)]
     good = fill_loop(sides, raises=0).patch
@@ -381,7 +381,7 @@ def test_plans_end_where_none_of_their_patches_can_win(score, is_round, more, mo
             yield found
 
     monkeypatch.setattr(one_patch, "_solved", patches)
-    monkeypatch.setattr(one_patch, "_is_round", lambda _: is_round)
+    monkeypatch.setattr(one_patch, "corners", lambda _: [SimpleNamespace(angle=angle)])
     assert fill_loop(sides, raises=1).raises == (1, 1, 1, 1)
     assert tried == [(1, False), (1, False), (1, True), (2, False), (3, True)][: 2 + more]
 
