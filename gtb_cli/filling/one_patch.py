@@ -186,18 +186,19 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
     """Return how often edges are raised at least, and whether each has a single field, in the order of trial."""
     planes, least = any(side.across is not None for side in sides), raises
     angles = [corner.angle for corner in corners(sides)]
+    is_round = 150 < min(angles) <= max(angles) < 181
     if least is None:
         # Of all edges together: with more, inner knots would be too few, and where planes alone are given they are free
         most_knots = 45 if any(side.bend is not None for side in sides) else 36
         least = 4 if planes and sum(side.degree + 4 for side in sides) <= most_knots else 1 + planes
-        if min(angles) > 150 and all(side.bend is None for side in sides):
+        if is_round and all(side.bend is None for side in sides):
             least = min(least, len(sides) - 1)  # rows with more fields follow a round side of few by huge points
     plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
         plans.insert(0 if len(sides) > 12 else 1, (least - 1, False))
         if max(angles) > 150:  # rows that cross smooth corners need more knots
-            plans.insert(1, (4, True) if min(angles) > 150 and len(sides) < 5 else (5, False))
+            plans.insert(1, (4, True) if is_round and len(sides) < 5 else (5, False))
     return plans
 
 
@@ -243,7 +244,7 @@ def _attempt(
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     much = 100.0  # times the score of the fairest: with less, other plans have little to win
-    is_round, found = all(corner.angle > 150 for corner in corners(sides)), list[_Attempt]()
+    is_round, found = all(150 < corner.angle < 181 for corner in corners(sides)), list[_Attempt]()
     for patch, score, is_sharp in islice(_solved(edges, inner, fullness, samples_along), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)

@@ -24,19 +24,13 @@ THINGS = [("bowl", 5), ("ring", 4), ("shade", 6), ("joint", 3), ("handle", None)
 PATCHES = ["curve", "triangle", "rectangle", "pentagon", "model"]
 ALL = [*THINGS, *((name, None) for name in PATCHES), *(("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100))]
 
-LINE = 110  # characters of a line that people read
-
-
-def arguments(name: str, sides: int | None) -> list[object]:
-    return [name] if sides is None else [name, sides]
-
 
 # --- new
 
 
 @pytest.mark.parametrize(("name", "sides"), mostly_long(ALL[len(THINGS) :] + THINGS, len(ALL) - len(THINGS)))
 def test_a_template_meshes_and_has_the_properties(name, sides):
-    result = gtb("new", *arguments(name, sides))
+    result = gtb("new", *filter(None, (name, sides)))
     assert result.status == 0
     assert result.err == ""
     shape = parse(result.text)
@@ -49,13 +43,8 @@ def test_a_template_meshes_and_has_the_properties(name, sides):
     assert result.text.startswith("#:schema ./spec-schema.json\n# ")
     assert re.search(r"^# .*Mesh it with: gtb mesh \S+\.toml( .*)? -o \S+\.(obj|stl)$", result.text, re.MULTILINE)
     if sides != 100:
-        assert max(map(len, result.text.splitlines())) <= LINE
+        assert max(map(len, result.text.splitlines())) <= 110  # that people read
     assert result.text.count("#") >= 4
-
-
-def command_of(text: str) -> list[str]:
-    """The words of the command in the first line of a template."""
-    return re.search(r"Mesh it with: gtb (.*)$", text, re.MULTILINE)[1].split()
 
 
 def test_things_are_named_with_the_numbers_of_sides_that_they_may_have():
@@ -74,8 +63,8 @@ EXTREMES = [(name, n, COARSE) for name, most in TEMPLATES.items() if most and na
 def test_things_are_solid_by_their_own_command(name, sides, coarse, tmp_path, monkeypatch):
     """With the thickness or radius of their first line they are of the height of their table, and stand level."""
     monkeypatch.chdir(tmp_path)
-    made = gtb("new", *arguments(name, sides), "-o", f"{name}.toml", status=0)
-    words = command_of(Path(f"{name}.toml").read_text(encoding="utf-8"))
+    made = gtb("new", *filter(None, (name, sides)), "-o", f"{name}.toml", status=0)
+    words = re.search(r"Mesh it with: gtb (.*)", Path(f"{name}.toml").read_text(encoding="utf-8"))[1].split()
     assert made.err.strip().endswith(f": gtb {' '.join(words)} meshes it")
     done = gtb(*words, *coarse, "--require", "solid", status=0)
     assert coarse or "warning" not in done.err
