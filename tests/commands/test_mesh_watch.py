@@ -5,11 +5,11 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from gtb_cli.errors import GtbError
-from gtb_cli.language.reading import AS_SEEN
 from gtb_cli.shell.messages import Console
 from gtb_cli.shell.streams import Streams
 from gtb_cli.shell.watching import Files, watched
@@ -51,13 +51,8 @@ def test_an_edit_of_an_included_file_renews_the_mesh_and_an_error_leaves_it(tmp_
 
 def test_an_error_is_said_only_if_it_stays(monkeypatch, capfd):
     """An editor may leave a file empty for a moment. The third run is ended by Ctrl-C."""
-    ends = iter([None, GtbError("is empty"), KeyboardInterrupt()])
-
-    def run(**_):
-        if (end := next(ends)) is not None:
-            raise end
-
+    run = Mock(side_effect=[None, GtbError("is empty"), KeyboardInterrupt])
     monkeypatch.setattr(Files, "changed", lambda _: True)
     with pytest.raises(KeyboardInterrupt):
-        watched(run)(watch=True, specs=["x"], streams=Streams(Console(), "y"))
+        watched(lambda **_: run())(watch=True, specs=["x"], streams=Streams(Console(), "y"))
     assert "empty" not in capfd.readouterr().err

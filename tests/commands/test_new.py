@@ -21,17 +21,16 @@ from tests.marks import mostly_long
 from tests.shell import gtb
 
 THINGS = [("bowl", 5), ("ring", 4), ("shade", 6), ("joint", 3), ("handle", None)]
-PATCHES = ["curve", "triangle", "rectangle", "pentagon", "model"]
-ALL = [*THINGS, *((name, None) for name in PATCHES), *(("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100))]
-
-
-# --- new
+ALL = [
+    *THINGS,
+    *((name, None) for name in "curve triangle rectangle pentagon model".split()),
+    *(("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100)),
+]
 
 
 @pytest.mark.parametrize(("name", "sides"), mostly_long(ALL[len(THINGS) :] + THINGS, len(ALL) - len(THINGS)))
 def test_a_template_meshes_and_has_the_properties(name, sides):
-    result = gtb("new", *filter(None, (name, sides)))
-    assert result.status == 0
+    result = gtb("new", *filter(None, (name, sides)), status=0)
     assert result.err == ""
     shape = parse(result.text)
     n = 4 if (sides or 0) < 50 else 1
@@ -126,9 +125,6 @@ def test_the_model_is_a_closed_body():
 def test_an_unknown_template_is_an_error_in_python_too():
     with pytest.raises(SpecError, match="template: expected one of curve, triangle"):
         template("octagon")
-
-
-# --- completion
 
 
 @pytest.mark.parametrize("name", SHELLS)
