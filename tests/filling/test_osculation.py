@@ -172,10 +172,10 @@ def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
         lines += [f"{key} = {row.tolist()}" for key, row in rows.items()]
     spec = tmp_path / "loop.toml"
     spec.write_text("\n".join(lines), encoding="utf-8")
-    run = gtb("fill", spec, "--continuity", "g2", status=0)
+    run = gtb("fill", spec, "--continuity", "g2", "--long", status=0)
     assert run.err.count("curvatures across differ by up to") == 3
     kinds = ["--continuity", "g2", "--continuity", "side 1=g1"]
-    assert gtb("fill", spec, *kinds, status=0).err.count("curvatures across differ") == 2
+    assert gtb("fill", spec, *kinds, "--long", status=0).err.count("curvatures across differ") == 2
     spec.write_text("\n".join(line for line in lines if not line.startswith("ribbon ")), encoding="utf-8")
     assert "ribbon2: is the row after ribbon, which is missing" in gtb("fill", spec, status=2).err
     spec.write_text("\n".join(lines).replace(str(ribbons2[0].tolist()), str(ribbons[0].tolist())), encoding="utf-8")
