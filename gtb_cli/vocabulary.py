@@ -127,7 +127,7 @@ Comparison: TypeAlias = Literal["auto", "vertices", "surface"]  # as what two me
 Aspect: TypeAlias = Literal["orientation", "connectivity", "attributes"]  # what may be no difference
 # Starter specs, and how many sides at most where a number may be given
 TEMPLATES: dict[str, int | None] = dict.fromkeys(("curve", "triangle", "rectangle", "pentagon"))
-TEMPLATES |= {"n-gon": 100, "model": None, "bowl": 24, "shade": 24, "joint": 8, "handle": None}
+TEMPLATES |= {"n-gon": 100, "model": None, "bowl": 24, "ring": 12, "shade": 24, "joint": 8, "handle": None}
 CONTINUITIES = ("g1", "g0", "g2")  # of a filling: planes are met, the default, curves alone, or curvatures too
 SHELLS = ("bash", "zsh", "fish")  # shells that complete names and options
 RESOLUTION = 32  # segments along each edge of the domain if neither a number nor a tolerance is given

@@ -70,6 +70,7 @@ def _kinds(values: tuple[str, ...]) -> dict[str, str]:
     metavar="PERCENT",
     help="With g2, the largest difference of curvatures, of the neighbours' largest.",
 )
+@click.option("--long", "is_long", is_flag=True, help="Say all that was measured, of each side and corner.")
 @weld_option
 @json_option
 @streams_options
@@ -85,6 +86,7 @@ def fill(
     angle: float | None,
     weld: float | str | None,
     g2_tolerance: float,
+    is_long: bool,
     as_json: bool,
     streams: Streams,
 ) -> None:
@@ -104,10 +106,10 @@ def fill(
     that of a neighbour in a model, of a .gbp file of degree 5 or more, or of the strip of a curve, its "ribbon" and its
     "ribbon2", the third row. Where no polynomial rows have it exactly the nearest are taken, within --g2-tolerance.
 
-    A certificate says what was measured: angles between normals along sides, in a model or with g2 also differences of
-    curvature; planes and curvature of corners; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its variation), and folds. With
-    --json it is data, in place of the spec, which -o writes. A patch that folds or is turned over is not written; where
-    neither --fullness nor --elevate is given, less fullness and one degree more are tried before.
+    At most three lines say how well it fills. --long says all: angles between normals along sides, in a model or with
+    g2 also differences of curvature; planes and curvature of corners; ∫ κ₁² + κ₂² (bending), area · ∫ |∇H|² (its
+    variation). --json prints it as data, and -o writes the spec. A patch that folds or is turned over is not written;
+    where neither --fullness nor --elevate is given, less fullness and one degree more are tried before.
 
     A hole with concave corners is cut by curves into parts with a patch each, whose tangent planes along them agree.
     """
@@ -156,7 +158,7 @@ def fill(
         write_json(STANDARD, _certificate(filling))
     if filling.fault:
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
-    _report(filling, streams.console)
+    _report(filling, streams.console, is_long)
     if kind is not None:
         streams.console.report(streams.output, *encoded[1:])
 
@@ -213,19 +215,23 @@ def _bending(bending: Bending, error: float) -> dict[str, float]:
     return integrals | {"curvature": bending.curvature, "relative_error": error}
 
 
-def _report(filling: Filling, console: Console) -> None:
+def _report(filling: Filling, console: Console, is_long: bool) -> None:
+    """Say all that was measured or, in up to three lines, what was done differently, what is doubtful, and the size."""
     from gtb_cli.fairing.fair import agreed_text
 
-    corner_angle = 0.1  # degrees between the tangent planes of two sides at their corner, above which a warning says so
-    for remark in filling.remarks:
+    knots = sum(len(patch.knots) for patch in filling.patches)
+    sides = " + ".join(str(len(part.sides)) for part in filling.parts or (filling,))
+    angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
+    size = f"{sides} sides, {knots} knots, no folds at corners and some thousand places{angle}"
+    plain = [remark for remark in filling.remarks if not remark.startswith("degrees of")][:1]
+    for remark in filling.remarks if is_long else plain:
         console.note(remark)
-    for part in filling.parts or (filling,):
-        for corner, angle in enumerate(part.corner_angles.tolist()):
-            if angle > corner_angle:
-                names = f"{part.sides[corner - 1].name} and {part.sides[corner].name}"
-                console.warn(f"the tangent planes of {names} differ by {angle:.2g} degrees at their corner")
-    for sentence in filling.sharp:
-        console.warn(sentence)
+    if filling.doubts:
+        console.warn("; ".join(filling.doubts))
+    if not is_long:
+        bend = max((each.bend for each in filling.contacts if not math.isnan(each.bend_inside)), default=0.0)
+        more = f", curvatures across sides differ by up to {bend:.2g}" if bend else ""
+        return console.note(f"{size}{more}; --long says more")
     for side, contact in zip(filling.sides, filling.contacts, strict=True):
         if math.isnan(contact.angle):
             continue  # of a side without tangent planes nothing is measured
@@ -236,10 +242,7 @@ def _report(filling: Filling, console: Console) -> None:
             text += f", at 1% of its length inside by {contact.bend_inside:.2g}"
         console.note(text)
     _report_corners(filling, console)
-    knots = sum(len(patch.knots) for patch in filling.patches)
-    sides = " + ".join(str(len(part.sides)) for part in filling.parts or (filling,))
-    angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
-    console.note(f"{sides} sides, {knots} knots, no folds at corners and some thousand places{angle}")
+    console.note(size)
     measured = zip((filling.bending, filling.bending_nearer), filling.bending_errors, strict=True)
     for what, (bending, error) in zip(("hundredth", "thousandth"), measured, strict=True):
         bent, varied = (agreed_text(value, error) for value in (bending.energy, bending.variation))
@@ -264,6 +267,5 @@ def _report_corners(filling: Filling, console: Console) -> None:
             elif max(limits.curvature, near) >= most:
                 most, where = max(limits.curvature, near), f", at {place}"
     if where:
-        console.note(
-            f"corners: tangent planes, curvature at most {round(most, 12):.3g} within a tenth of an edge{where}"
-        )
+        largest = f"curvature at most {round(most, 12):.3g} within a tenth of an edge{where}"
+        console.note(f"corners: tangent planes, {largest}")

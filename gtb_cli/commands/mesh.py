@@ -239,7 +239,7 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             mesh, remarks = options.made(spec, kind)
             blocks = options.encoded(mesh, kind)
         warnings = [in_options(text) for text in (*remarks, *options.warnings(mesh, kind))]
-        assurance = options.recipe.assurance(spec)
+        assurance, kept = options.recipe.assurance(spec), {"certified": "everywhere", "sampled": "where measured"}
         facts: dict[str, object] = {}
         if task.sums is not None:
             from gtb_cli.formats.export import standing
@@ -253,7 +253,7 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         is_open = options.recipe.leaves_open(spec)
         stored = None if is_open else held(mesh, kind, options.ascii)[0]
         unit = options.unit or (next(iter(UNITS)) if kind == "3mf" else None)
-        size = summary(mesh, stored, remarks, unit) + (f", tolerance {assurance}" if assurance else "")
+        size = summary(mesh, stored, remarks, unit) + (f", within the tolerance {kept[assurance]}" if assurance else "")
         size += options.recipe.direction(spec)
         if kind in ("stl", "3mf") and is_open:
             refused = ", which slicers do not read" if kind == "3mf" else ""

@@ -22,7 +22,7 @@ def new(template: str, sides: int | None, streams: Streams) -> None:
     Print a spec with comments, to start from; it can be meshed as it is.
 
     TEMPLATE is curve, triangle, rectangle, pentagon, n-gon with the number N of its sides, or model; or, to hold, in
-    millimetres, bowl and shade, with N sides, joint, for N rods, and handle. An existing file is not overwritten.
+    millimetres, bowl, ring (of arcs) and shade, with N sides, joint, for N rods, and handle. No file is overwritten.
     """
     from gtb_cli.language.starter import template as text_of
 

@@ -39,7 +39,7 @@ FLAT_BEND = 1e-9  # curvature of a flat neighbour, by rounding, of 1 / size
 
 
 class _Attempt(NamedTuple):
-    """A patch in units of the loop's size; its faults, its score, and whether a much fairer one has some."""
+    """A patch in units of the loop's size; its faults, its score, and whether it is sharp or a fairer one has some."""
 
     faults: int
     score: float
@@ -185,16 +185,20 @@ def closed(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
 def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, bool]]:
     """Return how often edges are raised at least, and whether each has a single field, in the order of trial."""
     planes, least = any(side.across is not None for side in sides), raises
+    angles = [corner.angle for corner in corners(sides)]
+    is_round = 150 < min(angles) <= max(angles) < 181
     if least is None:
         # Of all edges together: with more, inner knots would be too few, and where planes alone are given they are free
         most_knots = 45 if any(side.bend is not None for side in sides) else 36
         least = 4 if planes and sum(side.degree + 4 for side in sides) <= most_knots else 1 + planes
+        if is_round and all(side.bend is None for side in sides):
+            least = min(least, len(sides) - 1)  # rows with more fields follow a round side of few by huge points
     plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
         plans.insert(0 if len(sides) > 12 else 1, (least - 1, False))
-        if any(corner.angle > 150 for corner in corners(sides)):  # rows that cross smooth corners need more knots
-            plans.insert(1, (5, False))
+        if max(angles) > 150:  # rows that cross smooth corners need more knots
+            plans.insert(1, (4, True) if is_round and len(sides) < 5 else (5, False))
     return plans
 
 
@@ -240,21 +244,21 @@ def _attempt(
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     much = 100.0  # times the score of the fairest: with less, other plans have little to win
-    found: list[_Attempt] = []
-    for patch, score in islice(_solved(edges, inner, fullness, samples_along), most):
+    is_round, found = all(150 < corner.angle < 181 for corner in corners(sides)), list[_Attempt]()
+    for patch, score, is_sharp in islice(_solved(edges, inner, fullness, samples_along), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
         turns = len(sharp_turns(patch))
         faults = turns + 1000 * (folds + turned)
         worse = bool(found) and score > much * found[0].score
-        found.append(_Attempt(faults, score, worse, folds, turns, raises, patch))
+        found.append(_Attempt(faults, score, worse or (is_sharp and is_round), folds, turns, raises, patch))
         if not found[-1].faults:
             break
     return min(found, key=lambda each: each[:2])
 
 
-def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) -> Iterator[tuple[Patch, float]]:
-    """Yield patches in units of the loop's size, with their scores: the fairest, and others if that folds."""
+def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) -> Iterator[tuple[Patch, float, bool]]:
+    """Yield patches in units of the loop's size, their scores, and whether they are sharp: the fairest, and others."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
     resolution = math.ceil(math.sqrt(max(along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
@@ -263,7 +267,7 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
     patch = partial(Patch, shape.knots, log_weights=shape.log_weights)
     if inner == "flat":  # a membrane is what was asked for
-        yield patch(least(energy_at(*places, "dirichlet"))), 0.0
+        yield patch(least(energy_at(*places, "dirichlet"))), 0.0, False
         return
     start, end, middle = *region.vertices[:2], region.vertices.mean(axis=0)
     first = energy_samples(region, resolution, NEARER)[0][: resolution**2] - start  # all sectors have their depths
@@ -271,6 +275,6 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     depths = np.minimum(np.tile(depths, len(edges)) / VISIBLE, 1)
     search = FairSearch(region, places, depths, least, edges, fullness == 1)
     for score, points in search.fairest():
-        yield patch(points), score
+        yield patch(points), score, search.is_sharp(points)
     points = least(energy_at(*places, "thin-plate"))  # it overshoots least
-    yield patch(points), search.scores([points])[0][0]
+    yield patch(points), search.scores([points])[0][0], search.is_sharp(points)

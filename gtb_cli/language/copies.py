@@ -61,7 +61,7 @@ class Copy:
 def reflected(patch: Patch) -> Patch:
     """Return the surface with Δ reflected, so that its normals point to the other side; a curve is not changed.
 
-    The first coordinate u of knots becomes min u + max u − u, or −u if that is rounded: knots would leave the edges.
+    The first coordinate u of the knots becomes min u + max u − u, or −u where rounding would move knots off the edges.
     """
     if patch.dimension == 1:
         return patch

@@ -70,8 +70,7 @@ def parse(
 
     The stem of `source` names a nameless patch; included files are in its folder. ``-`` and text in angle brackets are
     not files: they give no name and include nothing. `warn` is told what is probably meant otherwise, such as a sine of
-    60; `row` is that of `Reader`. Raises what `load` raises. Any text takes at most about five seconds and 300 MB; 300
-    bicubic patches take a third of a second.
+    60; `row` is that of `Reader`. Raises what `load` raises. Any text takes at most about five seconds and 300 MB.
     """
     library, budget = Library(), Budget()
     files: list[Faults] = []

@@ -105,10 +105,9 @@ def _counts(spec: dict[str, Any], let: dict[str, Any]) -> set[str]:
 
 
 def _slider(name: str, value: float, is_count: bool, label: str, line: int, text: str) -> Slider:
-    size = abs(value) or 1.0
     low, high = (math.ceil(value / 2) if is_count and value > 0 else min(0.0, 2 * value)), max(0.0, 2 * value)
     if value == 0:
-        low, high = -size, size
+        low, high = -1.0, 1.0
     if ends := range_in(label):
         low, high = ends
         label = _RANGE.sub("", label, count=1).strip(" \t,;:()")

@@ -96,9 +96,7 @@ def content_of(
     surface = shape.dimension == 2 and not solid and not quick
     if surface:
         mesh = with_attributes(shape, mesh, ["mean_curvature", "gaussian_curvature"], "linear")[0]
-    net: list[IntArray] = []
-    net_names: list[str] = []
-    knot_names: list[str] = []
+    net, net_names, knot_names = list[IntArray](), list[str](), list[str]()
     for k, patch in enumerate(patches):
         net.append(np.array(net_of(patch)) + len(net_names))
         before = f"{patch.name or f'patch{k}'} " if len(patches) > 1 else ""
@@ -149,7 +147,7 @@ def _fine(shape: Patch | Model) -> Recipe:
     """Return the recipe of a mesh whose outline looks smooth on a screen.
 
     Even meshes show curvature and stripes best, and are taken where twice the resolution that a page has room for is
-    enough. It follows from one of 8: at an edge of length l between normals at an angle α, the error is about l α / 8.
+    enough. It follows from one of 8: the surface is about l α / 8 from edges of length l between normals at an angle α.
     """
     if shape.dimension == 1:
         return Recipe(256)

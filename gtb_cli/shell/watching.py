@@ -57,15 +57,18 @@ def watched(function: Callable[..., object]) -> Callable[..., object]:
         if streams.output == STANDARD or STANDARD in specs:
             raise click.UsageError("--watch follows files and renews files: it needs -o, and no standard input")
         streams.console.note(f"follows {', '.join(specs)}; Ctrl-C ends it")
-        files, runs = Files(functools.partial(_specs, specs)), 0
+        files, runs, is_new = Files(functools.partial(_specs, specs)), 0, False
         while True:
-            if files.changed():
-                runs += 1
+            if is_new or files.changed():
+                runs, is_new = runs + 1, False
                 try:
                     function(**values)
                 except Exception as error:  # whatever it is, the next edit may mend it
                     if runs == 1 and isinstance(error, click.UsageError | ExportError):  # no edit does
                         raise
+                    time.sleep(seconds)
+                    if is_new := files.changed():  # it was being written
+                        continue
                     for fault in faults_about(error):
                         tell(fault, "error")
                     finish(2)

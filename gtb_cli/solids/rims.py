@@ -20,10 +20,10 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
     Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, it ends in the
     plane: vertices next to the plane move there along edges, and those beyond are projected onto it, as parts of the
     rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers. Where the surface
-    lies in the plane, as around a hole in a floor or at a corner, the rim changes smoothly to the normals; it is said.
+    lies in the plane the rim changes smoothly to the normals; at corners it is said.
 
-    Raises `DomainError` if a rim does not lie in a plane, if the surface leaves this plane to both sides, if the offset
-    goes beyond the plane only where the surface does not lie in it, or if the wall reaches another rim.
+    Raises `DomainError` if a rim is not plane, the surface leaves its plane to both sides, the offset goes beyond it
+    only where the surface does not lie in it, or the wall reaches another rim.
     """
     count = len(solid.vertices) // 2
     vertices = solid.vertices.copy()
@@ -43,10 +43,10 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         near = f"near {point_text(surface[rim.argmax()], surface)}"
         height = (offset - centre) @ normal
         share, way = _continuation(solid, rim, normal)
-        if not share.all():
-            kept.append(near if not share.any() else f"in part {near}")
-        if not share.any():
+        if not share.any():  # as around a hole in a floor
             continue
+        if not share.all():
+            kept.append(f"in part {near}")
         if ((share < 1) & (height[rim] > nearly)).any():
             what = f"almost in its rim's plane near {point_text(surface[rim][share.argmin()], surface)}"
             other = f'beyond which the wall would go: `thickness` {-thickness:g} does not, or take `rim="normal"`'
@@ -107,8 +107,7 @@ def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray) -> tuple[Floa
     """(k,) shares of the way from the offset's vertices of a rim to its plane, and (k, 3) ways for a height of 1.
 
     The way is e − m, with the plane's normal m, and e in the plane with ⟨n, e⟩ = ⟨n, m⟩ for the normals n of the
-    patches, by least squares: in the tangent planes of all. Unless the surface leaves the plane everywhere, less than
-    the whole way is gone where the angle is small.
+    patches, by least squares: in the tangent planes of all. Small angles go less than the whole way.
     """
     alike = 0.01  # squared sine of the angle, six degrees, within which normals of patches count as one
     assert solid.normals is not None

@@ -72,9 +72,8 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
 def folded_faces(mesh: Mesh, thickness: float) -> IntArray:
     """(f,) triangles, ascending, whose offset is turned over: a principal radius of curvature is below the thickness.
 
-    The offset of a triangle, seen along its normal, is a linear image of it. The eigenvalues 1 − D κ of this map are
-    positive if it is not folded; past one centre of curvature the determinant is negative, past both the trace is.
-    Triangles without area do not count.
+    The offset of a triangle with area, seen along its normal, is a linear image of it. The eigenvalues 1 − D κ of this
+    map are positive if it is not folded; past one centre of curvature the determinant is negative, past both the trace.
     """
     return _turned_over(mesh, _offset(_checked(mesh, thickness), thickness))
 
@@ -251,7 +250,7 @@ def _displacements(mesh: Mesh) -> FloatArray:
 def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
     """(count, 3) mean unit normals of the facets with corners in each (k, 3) `place`, 0 where they have no area.
 
-    The first mean is weighted by the angles at the corner, whatever the triangulation is; the second, by area.
+    The first mean is weighted by the angle at the corner, whatever the triangulation; the second, by area.
     """
     a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
     sides = [unit(side) for side in (b - a, c - b, a - c)]

@@ -15,7 +15,7 @@ MAX_WALL_FACES = 200_000  # whose walls take 6 s
 def wall_of_vertices(mesh: Mesh) -> FloatArray | None:
     """(m,) thickness of the wall behind each vertex, the mean of its faces' by area; None if it is not closed.
 
-    It is None for a body without inside, too. Vertices at one place are one only for what is closed, not for walls.
+    It is None for a body without inside, too. Vertices in the same place count as one only for what is closed.
     """
     faces = wall_of_faces(mesh)
     if faces is None or np.isnan(faces).all():

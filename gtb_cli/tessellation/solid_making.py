@@ -102,7 +102,8 @@ class WallMaker:
             tolerance = float(f"{min(abs(thickness) / 50, size / 500):.1g}")
             coarse = tessellate(self.spec, None, tolerance, normals=True, max_faces=len(surface.cells))
             if is_solid(thickness, coarse):
-                return f"it is a matter of fineness: `tolerance` {tolerance:g} was tried and is solid"
+                narrow = "beside an inner corner faces are narrower than the thickness"
+                return f"{narrow}: with wider ones, `tolerance` {tolerance:g}, it was tried and is solid"
         found = _smaller("thickness", thickness, is_solid, len(surface.cells))
         is_other = len(surface.cells) < MANY_CELLS and is_solid(-thickness)
         return found + f"; on the other side `thickness` {-thickness:g} is solid" * is_other

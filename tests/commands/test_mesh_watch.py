@@ -5,7 +5,14 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
+import pytest
+
+from gtb_cli.errors import GtbError
+from gtb_cli.shell.messages import Console
+from gtb_cli.shell.streams import Streams
+from gtb_cli.shell.watching import Files, watched
 from tests.shell import command, environment
 
 INNER = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
@@ -40,3 +47,12 @@ def test_an_edit_of_an_included_file_renews_the_mesh_and_an_error_leaves_it(tmp_
             process.communicate(timeout=120)
     assert process.returncode == 130
     assert sorted(path.name for path in tmp_path.iterdir()) == ["inner.toml", "outer.toml", "x.obj"]
+
+
+def test_an_error_is_said_only_if_it_stays(monkeypatch, capfd):
+    """An editor may leave a file empty for a moment. The third run is ended by Ctrl-C."""
+    run = Mock(side_effect=[None, GtbError("is empty"), KeyboardInterrupt])
+    monkeypatch.setattr(Files, "changed", lambda _: True)
+    with pytest.raises(KeyboardInterrupt):
+        watched(lambda **_: run())(watch=True, specs=["x"], streams=Streams(Console(), "y"))
+    assert "empty" not in capfd.readouterr().err

@@ -172,7 +172,7 @@ def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
         lines += [f"{key} = {row.tolist()}" for key, row in rows.items()]
     spec = tmp_path / "loop.toml"
     spec.write_text("\n".join(lines), encoding="utf-8")
-    kinds = ["--elevate", 0, "--continuity", "g2", "--continuity", "side 1=g1"]
+    kinds = ["--elevate", 0, "--continuity", "g2", "--continuity", "side 1=g1", "--long"]
     assert gtb("fill", spec, *kinds, status=0).err.count("curvatures across differ by up to") == 2
     spec.write_text("\n".join(line for line in lines if not line.startswith("ribbon ")), encoding="utf-8")
     assert "ribbon2: is the row after ribbon, which is missing" in gtb("fill", spec, status=2).err
