@@ -11,9 +11,10 @@ import numpy as np
 
 from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.between_shapes import shape_distance
-from gtb_cli.errors import DomainError, GtbError
+from gtb_cli.distances.patches_compared import unlike_patches
+from gtb_cli.errors import DomainError, ExportError, GtbError
 from gtb_cli.files import read_file, read_up_to
-from gtb_cli.formats.export import groups_of
+from gtb_cli.formats.export import encode_mesh, groups_of
 from gtb_cli.formats.file_arrays import FileArrays
 from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES, decode_mesh, format_of, size_limit, values_of
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
@@ -21,13 +22,25 @@ from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
-from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
+from gtb_cli.meshes.mesh import (
+    LIBRARIES,
+    NORMALS,
+    TEXTURE,
+    KnownMesh,
+    Mesh,
+    Values,
+    are_marks,
+    known_exactly,
+    largest_coordinates,
+    rounding,
+)
 from gtb_cli.models.model import Model
+from gtb_cli.tessellation.attributes import QUALITY_NAME
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
+from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, SPEC_FORMATS, suffix_of
 
 BEGINNING_BYTES = 1 << 16  # bytes by which a mesh is told from a spec
 
@@ -63,14 +76,40 @@ class Operand:
             raise (error.within(self.name) if self.name else error) from error
 
     def beside(self, file: KnownMesh) -> KnownMesh:
-        """Its mesh, with normals if it was computed, and the file has some; estimated ones only for as many cells."""
-        if isinstance(self.origin, KnownMesh) or NORMALS not in file.values():
+        """Its mesh, if it was computed with what `gtb mesh` writes of it beside the faces of such a file."""
+        spec, kind = self.spec, file.format
+        if spec is None or kind not in FORMATS:
             return self.known
-        made, has_means = self.made, file.format == "ply"
-        rows, of = (made.vertex_normals, made.cells) if has_means else (made.normals, made.normal_of)
-        if rows is None or not (made.exact_normals or len(made.cells) == len(file.mesh.cells)):
+        held, made = file.values(), self.made
+        names, uv = _options(spec, held) if FORMATS[kind].attributes else ([], TEXTURE in held)
+        if names:
+            recipe = replace(self.recipe, normals=True, attributes=tuple(names))
+            made = recipe.mesh(spec)[0]
+        uv = uv and made.parameters is not None and made.origin is None
+        try:
+            blocks = encode_mesh(made, kind, normals=NORMALS in held or None, uv=uv)
+        except ExportError:  # numbers that the format cannot hold
             return self.known
-        return replace(self.known, values=lambda: {**self.known.values(), NORMALS: (rows, of)})
+        written = decode_mesh(b"".join(blocks), self.name, kind)
+        is_estimated = not made.exact_normals and len(made.cells) != len(file.mesh.cells)
+        doubtful = (*filter(are_marks, held), *[NORMALS] * (is_estimated and NORMALS in held))
+        mesh = replace(self.known.mesh, groups=written.mesh.groups)
+
+        def values() -> Values:  # a file without the attribute that is there again lost nothing
+            return {name: rows for name, rows in written.values().items() if name != QUALITY_NAME or name in held}
+
+        return replace(self.known, mesh=mesh, format=kind, space=file.space, values=values, doubtful=doubtful)
+
+    @cached_property
+    def libraries(self) -> dict[str, bytes | str]:
+        """What its material libraries hold, by their names in the file; the names of those that are not there."""
+        places = partial(os.path.join, os.path.dirname(self.name))
+        lines = ([line] if os.path.isfile(places(line)) else line.split() for line in self.known.libraries)
+        paths = {name: places(name) for line in lines for name in line}
+        return {
+            name: read_file(path, MAX_STREAM_BYTES, GtbError) if os.path.isfile(path) else name
+            for name, path in paths.items()
+        }
 
 
 def diff(
@@ -98,9 +137,9 @@ def diff(
         Whether vertices are compared if the faces are the same, else surfaces; nothing but vertices; or surfaces. Two
         patches or models are compared themselves, and not as meshes, unless vertices are.
     ignore : {"orientation", "connectivity", "attributes"}, or a collection of them
-        What is not a difference between meshes in the same place: faces that are turned over; other holes or parts,
-        vertices shared in another way, and faces that are missing, there twice or without area; other normals, texture
-        coordinates and attributes.
+        What is not a difference between meshes in the same place: faces, or patches of specs, that are turned over;
+        other holes or parts, vertices shared in another way, and faces that are missing, there twice or without area;
+        other normals, texture coordinates, attributes, and names of patches.
     """
     recipe = recipe or Recipe()
     return compared(operand(a, recipe), operand(b, recipe), tolerance, kind, ignore)
@@ -150,16 +189,17 @@ def compared(
         are_held = kind != "surface" and "attributes" not in aspects
         known = (a.beside(b.known), b.beside(a.known)) if are_held else (a.known, b.known)
         result = difference(*known, tolerance, kind, aspects)
-        contents, told = [*map(_libraries, (a, b))], f"{LIBRARIES}: not the same"
-        if are_held and all(contents):  # these count, and no names
-            others = [remark for remark in result.values if remark != told]
-            result = replace(result, values=(*others, *[told] * (contents[0] != contents[1])))
+        if are_held and a.known.libraries and b.known.libraries:  # what they hold counts, and no names
+            one, other = ([*each.libraries.values()] for each in (a, b))
+            others = [remark for remark in result.values if not remark.startswith(LIBRARIES)]
+            result = replace(result, values=(*others, *[f"{LIBRARIES}: not the same"] * (one != other)))
         return result
     found = shape_distance(a.spec, b.spec)
     bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]
     resolution = float(np.linalg.norm(np.sum([rounding(largest_coordinates(each)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
+    turned, values, uncompared = (0, (), "") if found.distance > allowed else unlike_patches(a.spec, b.spec)
     return Difference(
         method="patches",
         distance=found.distance,
@@ -172,6 +212,10 @@ def compared(
         backward=found.backward,
         same_kind=a.spec.patches[0].dimension == b.spec.patches[0].dimension,
         is_curve=a.spec.patches[0].dimension == b.spec.patches[0].dimension == 1,
+        turned=turned,
+        ignored=tuple(sorted(aspects)),
+        values=() if "attributes" in aspects else values,
+        uncompared="" if "attributes" in aspects else uncompared,
     )
 
 
@@ -183,12 +227,19 @@ def _computed(mesh: Mesh) -> KnownMesh:
     return replace(known, mesh=named, values=lambda: {**known.values(), **values_of(content, named, "")})
 
 
-def _libraries(mesh: Operand) -> list[bytes]:
-    """Return what the material libraries of a mesh hold; nothing if one is not there."""
-    places = partial(os.path.join, os.path.dirname(mesh.name))
-    lines = ([line] if os.path.isfile(places(line)) else line.split() for line in mesh.known.libraries)
-    paths = [places(name) for line in lines for name in line]
-    return [read_file(path, MAX_STREAM_BYTES, GtbError) for path in paths] if all(map(os.path.isfile, paths)) else []
+def _options(spec: Patch | Model, held: Values) -> tuple[list[str], bool]:
+    """Return the attributes that a PLY file has of a spec, in the order of its options, and whether it has uv, too."""
+    known = dict.fromkeys(ATTRIBUTES[: 4 if spec.dimension == 2 else 1])
+    if isinstance(spec, Patch):
+        known |= {f"basis_{index}": None for index in range(len(spec.knots))}
+    columns, uv = {name: rows for name, (rows, _) in held.items()}, TEXTURE in held
+    if uv and spec.dimension == 2 and not {"u", "v"} <= columns.keys():  # named u and v, or s and t
+        columns, uv = {"u": columns[TEXTURE][:, :1], "v": columns[TEXTURE][:, 1:], **columns}, False
+    names = [
+        name for name in columns if name in known
+    ]  # the one that is there again as the quality was asked for first
+    names.sort(key=lambda name: not np.array_equal(columns[name], columns.get(QUALITY_NAME, [])))
+    return [name.replace("basis_", BASIS) for name in names], uv
 
 
 def operand(what: Comparable, recipe: Recipe) -> Operand:

@@ -24,17 +24,19 @@ def unlike_values(
     are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have,
     which have to be half of those of one. Also tells where that was.
     """
-    skipped = {FACETS, *left_out, *[GROUPS] * (isinstance(slots, float) and "spec" in (a.format, b.format))}
+    doubtful = {*a.doubtful, *b.doubtful} if isinstance(slots, float) else set[str]()
+    skipped = {FACETS, *left_out, *doubtful}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
     keys, where = list[list[IntArray]](), "vertices in the same place"
+    nowhere = f", {', '.join(sorted(doubtful))} nowhere" if doubtful else ""
     remarks = _remarks(a, b, here, there, slots, keys)
     if keys:
         many, is_there = int(keys[1][0].max()) + 1, np.bincount(keys[1][1]) > 0
         met, fewest = int(is_there[:many].sum()), min(many, int(is_there.sum()))
         where = where if met == fewest else f"{met} of {fewest} places"
-        return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where
+        return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where + nowhere
     if not remarks or isinstance(slots, float):
-        return remarks, where
+        return remarks, where + nowhere
     places = numbered_places(a.mesh.vertices)[1]  # as faces that are there twice may share no vertices
     cells = places[a.mesh.cells]
     return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), where
@@ -47,12 +49,8 @@ def _remarks(
     remarks = []
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
-            is_like = a.format == b.format and (a.format != "stl" or (old and new))  # a binary one has no solids
-            if is_like or ("spec" in (a.format, b.format) and name in here and name in there):
-                lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
-                for which, names in lone:
-                    rest = f" and {len(names) - 5} more" if len(names) > 5 else ""
-                    remarks += [f"{name}: {', '.join(sorted(names)[:5])}{rest} only in the {which}"] if names else []
+            if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
+                remarks += only_in(name, {*old} - {*new}, {*new} - {*old})
         elif name in here and name in there:
             (rows, of), (others, others_of) = here[name], there[name]
             if name.startswith(OTHER):
@@ -71,6 +69,12 @@ def _remarks(
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
+
+
+def only_in(what: str, old: Collection[str], new: Collection[str]) -> list[str]:
+    """Tell which names only one of two meshes has."""
+    told = [(which, sorted(names)[:5], len(names) - 5) for which, names in (("first", old), ("second", new)) if names]
+    return [f"{what}: {', '.join(n)}{f' and {rest} more' * (rest > 0)} only in the {which}" for which, n, rest in told]
 
 
 @np.errstate(all="ignore")  # of huge meshes

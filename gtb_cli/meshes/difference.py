@@ -88,7 +88,9 @@ class Difference:
     @property
     def sides(self) -> tuple[str, ...]:
         """A remark on faces that are turned over, if there are any."""
-        return (f"{self.turned} {'face is' if self.turned == 1 else 'faces are'} turned over",) if self.turned else ()
+        what = "patch" if self.method == "patches" else "face"
+        many = f"{what[:4]}{'es' if what == 'patch' else 's'} are"
+        return (f"{self.turned} {f'{what} is' if self.turned == 1 else many} turned over",) if self.turned else ()
 
     @cached_property
     def measures(self) -> tuple[Measures, ...]:
@@ -109,7 +111,9 @@ class Difference:
     def limits(self) -> tuple[str, ...]:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
-        if self.uncompared:
+        if self.method == "patches":
+            result += [f"names of patches are not compared, as {self.uncompared}"] if self.uncompared else []
+        elif self.uncompared:
             only, why = f"only compared at {self.uncompared}", "the faces are others"
             if self.kind == "surface":
                 only, why = "not compared", "surfaces were asked for"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import filecmp
 import json
+import math
 import os
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -131,17 +132,30 @@ class Comparing:
 def _are_alike(first: str, second: str) -> bool:
     """Tell whether two files of JSON hold the same but for last digits, which other processors find otherwise."""
     from gtb_cli.files import read_file
+    from gtb_cli.formats.meshfiles import read_mesh
     from gtb_cli.language.document import MAX_BYTES
 
-    def rounded(word: str) -> float:
-        """To six digits: distances in a sequence are known to less; and what is next to none is none."""
-        return float(f"{float(word):.6g}") if abs(float(word)) > 1e-14 else 0.0
+    def alike(one: object, other: object, key: str = "") -> bool:
+        match one, other:
+            case dict(), dict():
+                return one.keys() == other.keys() and all(alike(one[key], other[key], key) for key in one)
+            case list(), list():
+                return len(one) == len(other) and all(map(alike, one, other))
+            case float(), float() if key.startswith("distance"):  # known to less than six digits
+                return math.isclose(one, other, rel_tol=1e-5, abs_tol=none)
+            case float(), float():
+                return math.isclose(one, other, rel_tol=1e-12)
+        return one == other
 
+    none = 0.0  # the largest distance that is one of rounding
     try:
-        one, other = (json.loads(read_file(path, MAX_BYTES), parse_float=rounded) for path in (first, second))
+        record, again = (json.loads(read_file(path, MAX_BYTES)) for path in (first, second))
+        with suppress(GtbError, LookupError, TypeError):  # a sequence without files of meshes
+            mesh = read_mesh(os.path.join(os.path.dirname(first), record["meshes"][-1]["file"]))
+            none = 1e-14 * float(abs(mesh.bounds).max())
+        return alike(record, again)
     except (ValueError, RecursionError):
         return False
-    return bool(one == other)
 
 
 def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:
