@@ -87,18 +87,21 @@ class Operand:
             made = recipe.mesh(spec)[0]
         uv = uv and made.parameters is not None and made.origin is None
         try:
-            blocks = encode_mesh(made, kind, normals=NORMALS in held or None, uv=uv)
+            is_text = kind == "stl" and len(file.mesh.groups) > 0
+            blocks = encode_mesh(made, kind, ascii=is_text, normals=NORMALS in held or None, uv=uv)
         except ExportError:  # numbers that the format cannot hold
             return self.known
         written = decode_mesh(b"".join(blocks), self.name, kind)
         is_estimated = not made.exact_normals and len(made.cells) != len(file.mesh.cells)
         doubtful = (*filter(are_marks, held), *[NORMALS] * (is_estimated and NORMALS in held))
-        mesh = replace(self.known.mesh, groups=written.mesh.groups)
+        mesh, space = replace(self.known.mesh, groups=written.mesh.groups), file.space
+        if kind == "3mf":  # any unit, and what the file is for
+            space = ", ".join([space.split(", ")[0], *written.space.split(", ")[1:]])
 
         def values() -> Values:  # a file without the attribute that is there again lost nothing
             return {name: rows for name, rows in written.values().items() if name != QUALITY_NAME or name in held}
 
-        return replace(self.known, mesh=mesh, format=kind, space=file.space, values=values, doubtful=doubtful)
+        return replace(self.known, mesh=mesh, format=kind, space=space, values=values, doubtful=doubtful)
 
     @cached_property
     def libraries(self) -> dict[str, bytes | str]:

@@ -62,6 +62,7 @@ class Difference:
     is_curve: bool = False  # whether both are curves
     kind: Kind = "auto"  # as what they were to be compared
     uncompared: str = ""  # where alone there are such values that were compared, as there are other faces
+    absent: tuple[str, ...] = ()  # what one of two files in other formats lacks, though its format holds such values
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
@@ -111,6 +112,7 @@ class Difference:
     def limits(self) -> tuple[str, ...]:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
+        result += self.absent
         if self.method == "patches":
             result += [f"names of patches are not compared, as {self.uncompared}"] if self.uncompared else []
         elif self.uncompared:
@@ -157,7 +159,7 @@ def difference(
     diagonal, smaller = min(((_diagonal(each.mesh.used), each.mesh) for each in (a, b)), key=itemgetter(0))
     resolution = math.hypot(*(a.half_steps + b.half_steps).tolist())
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
-    matched = None if kind == "surface" else matching(a, b, allowed)
+    matched, nothing = None if kind == "surface" else matching(a, b, allowed), ((), "no place", ())
     if matched is None and kind == "vertices":
         raise DomainError("the meshes have different faces, so that vertices cannot be compared one by one")
     made = partial(
@@ -184,7 +186,7 @@ def difference(
             if distance <= allowed and apart > max(step, finest)
         ]
         left_out = set() if distance <= allowed else {NORMALS}  # which turn with what is turned
-        values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
+        values, _, absent = nothing if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)
         words = told_motion(points, b.mesh.vertices[matched.others], allowed) if distance > allowed else ()
         is_mirrored = words[:1] and words[0].startswith("mirrored")
         return made(
@@ -201,6 +203,7 @@ def difference(
             remarks=matched.remarks,
             words=words,
             values=(*axes, *values),
+            absent=absent,
         )
     lone, found = lone_faces(a.mesh, b.mesh, allowed), None
     if lone is not None and len(lone.absent):
@@ -212,7 +215,8 @@ def difference(
     turned, remarks = 0 if lone is None else lone.turned, tuple[str, ...]()
     close = min(allowed, max(resolution, 1e-6 * diagonal))
     is_told = "attributes" not in ignore and (found.distance <= allowed or lone is not None)
-    values, where = ((), "no place") if "attributes" in ignore or kind == "surface" else unlike_values(a, b, close)
+    is_left_out = "attributes" in ignore or kind == "surface"
+    values, where, absent = nothing if is_left_out else unlike_values(a, b, close)
     if same_kind and found.distance <= allowed:
         turned, remarks = unlike(a, b, allowed, close, lone is None)
     return made(
@@ -227,6 +231,7 @@ def difference(
         remarks=remarks,
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
         values=values,
+        absent=absent,
         uncompared=where if any(each.values().keys() - {FACETS} for each in (a, b)) and is_told else "",
     )
 
