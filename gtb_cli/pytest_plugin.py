@@ -129,7 +129,7 @@ class MeshRegression:
         ----------
         what : Patch, Model, several patches, Mesh, or path of a spec or of a mesh file
             A path is relative to the folder of the test. A mesh file in the format of the golden file is compared in
-            all that it holds, any other in its faces and groups, and normals where ``normals=True`` asks for them.
+            all that it holds, and material libraries beside it hold, any other in its faces and groups, and normals where ``normals=True`` asks for them.
         tolerance : float or str, optional
             Largest distance that is no difference, in model units or as ``"1%"`` of the size. Default: 1e-9 of the
             size, but never less than the digits of the file.

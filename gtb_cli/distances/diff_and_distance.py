@@ -11,7 +11,6 @@ import numpy as np
 
 from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.between_shapes import shape_distance
-from gtb_cli.distances.patches_compared import unlike_patches
 from gtb_cli.errors import DomainError, ExportError, GtbError
 from gtb_cli.files import read_file, read_up_to
 from gtb_cli.formats.export import encode_mesh, groups_of
@@ -20,20 +19,11 @@ from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES, decode_m
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
+from gtb_cli.meshes.corner_values import unlike_values
+from gtb_cli.meshes.correspondence import matching, turned_cells
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
-from gtb_cli.meshes.mesh import (
-    LIBRARIES,
-    NORMALS,
-    TEXTURE,
-    KnownMesh,
-    Mesh,
-    Values,
-    are_marks,
-    known_exactly,
-    largest_coordinates,
-    rounding,
-)
+from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, TEXTURE, KnownMesh, Mesh, Values, are_marks, known_exactly, rounding
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.attributes import QUALITY_NAME
 from gtb_cli.tessellation.recipe import Recipe
@@ -82,37 +72,28 @@ class Operand:
             return self.known
         held, made = file.values(), self.made
         names, uv = _options(spec, held) if FORMATS[kind].attributes else ([], TEXTURE in held)
-        if names:
-            recipe = replace(self.recipe, normals=True, attributes=tuple(names))
-            made = recipe.mesh(spec)[0]
+        made = replace(self.recipe, normals=True, attributes=tuple(names)).mesh(spec)[0] if names else made
         uv = uv and made.parameters is not None and made.origin is None
         try:
-            is_text = kind == "stl" and len(file.mesh.groups) > 0
-            blocks = encode_mesh(made, kind, ascii=is_text, normals=NORMALS in held or None, uv=uv)
+            blocks = encode_mesh(made, kind, normals=NORMALS in held or None, uv=uv)
         except ExportError:  # numbers that the format cannot hold
             return self.known
         written = decode_mesh(b"".join(blocks), self.name, kind)
-        is_estimated = not made.exact_normals and len(made.cells) != len(file.mesh.cells)
-        doubtful = (*filter(are_marks, held), *[NORMALS] * (is_estimated and NORMALS in held))
+        is_exact = made.exact_normals or len(made.cells) == len(file.mesh.cells)
+        doubtful = tuple(name for name in held if are_marks(name) or (name == NORMALS and not is_exact))
         mesh, space = replace(self.known.mesh, groups=written.mesh.groups), file.space
         if kind == "3mf":  # any unit, and what the file is for
             space = ", ".join([space.split(", ")[0], *written.space.split(", ")[1:]])
-
-        def values() -> Values:  # a file without the attribute that is there again lost nothing
-            return {name: rows for name, rows in written.values().items() if name != QUALITY_NAME or name in held}
-
-        return replace(self.known, mesh=mesh, format=kind, space=space, values=values, doubtful=doubtful)
+        values = {name: rows for name, rows in written.values().items() if name != QUALITY_NAME or name in held}
+        return replace(self.known, mesh=mesh, format=kind, space=space, values=lambda: values, doubtful=doubtful)
 
     @cached_property
     def libraries(self) -> dict[str, bytes | str]:
         """What its material libraries hold, by their names in the file; the names of those that are not there."""
-        places = partial(os.path.join, os.path.dirname(self.name))
-        lines = ([line] if os.path.isfile(places(line)) else line.split() for line in self.known.libraries)
-        paths = {name: places(name) for line in lines for name in line}
-        return {
-            name: read_file(path, MAX_STREAM_BYTES, GtbError) if os.path.isfile(path) else name
-            for name, path in paths.items()
-        }
+        place = partial(os.path.join, os.path.dirname(self.name))
+        lines = ([line] if os.path.isfile(place(line)) else line.split() for line in self.known.libraries)
+        names = {name: os.path.isfile(place(name)) for line in lines for name in line}
+        return {name: read_file(place(name), MAX_STREAM_BYTES) if there else name for name, there in names.items()}
 
 
 def diff(
@@ -140,7 +121,7 @@ def diff(
         Whether vertices are compared if the faces are the same, else surfaces; nothing but vertices; or surfaces. Two
         patches or models are compared themselves, and not as meshes, unless vertices are.
     ignore : {"orientation", "connectivity", "attributes"}, or a collection of them
-        What is not a difference between meshes in the same place: faces, or patches of specs, that are turned over;
+        What is not a difference between meshes in the same place: faces that are turned over;
         other holes or parts, vertices shared in another way, and faces that are missing, there twice or without area;
         other normals, texture coordinates, attributes, and names of patches.
     """
@@ -193,16 +174,29 @@ def compared(
         known = (a.beside(b.known), b.beside(a.known)) if are_held else (a.known, b.known)
         result = difference(*known, tolerance, kind, aspects)
         if are_held and a.known.libraries and b.known.libraries:  # what they hold counts, and no names
-            one, other = ([*each.libraries.values()] for each in (a, b))
             others = [remark for remark in result.values if not remark.startswith(LIBRARIES)]
-            result = replace(result, values=(*others, *[f"{LIBRARIES}: not the same"] * (one != other)))
+            are_other = [*a.libraries.values()] != [*b.libraries.values()]
+            result = replace(result, values=(*others, *[f"{LIBRARIES}: not the same"] * are_other))
         return result
     found = shape_distance(a.spec, b.spec)
     bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]
-    resolution = float(np.linalg.norm(np.sum([rounding(largest_coordinates(each)) for each in bounds], axis=0)))
+    resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
-    turned, values, uncompared = (0, (), "") if found.distance > allowed else unlike_patches(a.spec, b.spec)
+    turned, values, unlike = 0, tuple[str, ...](), False
+    if found.distance <= allowed:
+        mesh, other = a.known.mesh, b.known.mesh
+        groups, others = mesh.groups or (("", 0, len(mesh.cells)),), other.groups
+        matched = matching(a.known, b.known, allowed)
+        if matched is not None and matched.distances.max() <= allowed:
+            turned, values = matched.turned, unlike_values(a.known, b.known, matched.slots)[0]
+        elif not mesh.is_curve:  # most faces of a patch tell, as few at an edge may be nearest to others
+            over = turned_cells(mesh, other)
+            turned = sum(stop - start for _, start, stop in groups if 2 * over[start:stop].sum() > stop - start)
+            unlike = len(groups) > 1 < len(others)
+            old, new = ({name for name, *_ in each} for each in (groups, others))
+            if len(groups) == len(others) > 1 and old != new:
+                values = (f"groups: {', '.join(sorted(old - new))} against {', '.join(sorted(new - old))}",)
     return Difference(
         method="patches",
         distance=found.distance,
@@ -218,7 +212,7 @@ def compared(
         turned=turned,
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
-        uncompared="" if "attributes" in aspects else uncompared,
+        uncompared="patches" if unlike and "attributes" not in aspects else "",
     )
 
 

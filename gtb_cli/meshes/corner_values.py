@@ -9,8 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.correspondence import Slots, by_nearness
-from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, TEXTURE, KnownMesh, Mesh, Values, are_marks
-from gtb_cli.vocabulary import FORMATS
+from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, KnownMesh, Mesh, Values, are_marks
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
@@ -18,36 +17,29 @@ VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers
 
 def unlike_values(
     a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = ()
-) -> tuple[tuple[str, ...], str, tuple[str, ...]]:
+) -> tuple[tuple[str, ...], str]:
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
     are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have,
-    which have to be half of those of one. Also tells where that was, and which both formats hold, but one file lacks.
+    which have to be half of those of one. Also tells where that was.
     """
     doubtful = {*a.doubtful, *b.doubtful} if isinstance(slots, float) else set[str]()
     skipped = {FACETS, *left_out, *doubtful}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
     keys, where = list[list[IntArray]](), "vertices in the same place"
     nowhere = f", {', '.join(sorted(doubtful))} nowhere" if doubtful else ""
-    formats = [FORMATS[each.format] for each in (a, b) if each.format in FORMATS and a.format != b.format]
-    held = ((NORMALS, [each.normals != "never" for each in formats]), (TEXTURE, [each.uv for each in formats]))
-    lone = tuple(
-        f"{name}: only in the {'first' if name in here else 'second'}, and not compared"
-        for name, are_held in held
-        if sum(are_held) == 2 and (name in here) != (name in there)
-    )
     remarks = _remarks(a, b, here, there, slots, keys)
     if keys:
         many, is_there = int(keys[1][0].max()) + 1, np.bincount(keys[1][1]) > 0
         met, fewest = int(is_there[:many].sum()), min(many, int(is_there.sum()))
         where = where if met == fewest else f"{met} of {fewest} places"
-        return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where + nowhere, lone
+        return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where + nowhere
     if not remarks or isinstance(slots, float):
-        return remarks, where + nowhere, lone
+        return remarks, where + nowhere
     places = numbered_places(a.mesh.vertices)[1]  # as faces that are there twice may share no vertices
     cells = places[a.mesh.cells]
-    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), where, lone
+    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), where
 
 
 def _remarks(
@@ -58,7 +50,10 @@ def _remarks(
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
             if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
-                remarks += only_in(name, {*old} - {*new}, {*new} - {*old})
+                lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
+                for which, names in lone:
+                    rest = f" and {len(names) - 5} more" if len(names) > 5 else ""
+                    remarks += [f"{name}: {', '.join(sorted(names)[:5])}{rest} only in the {which}"] if names else []
         elif name in here and name in there:
             (rows, of), (others, others_of) = here[name], there[name]
             if name.startswith(OTHER):
@@ -77,12 +72,6 @@ def _remarks(
         elif a.format == b.format:
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
-
-
-def only_in(what: str, old: Collection[str], new: Collection[str]) -> list[str]:
-    """Tell which names only one of two meshes has."""
-    told = [(which, sorted(names)[:5], len(names) - 5) for which, names in (("first", old), ("second", new)) if names]
-    return [f"{what}: {', '.join(n)}{f' and {rest} more' * (rest > 0)} only in the {which}" for which, n, rest in told]
 
 
 @np.errstate(all="ignore")  # of huge meshes

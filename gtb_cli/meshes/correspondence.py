@@ -221,6 +221,24 @@ def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
     return np.lexsort((odd, rank[part], face))
 
 
+def turned_cells(mesh: Mesh, other: Mesh) -> BoolArray:
+    """(k,) true for the faces that look to the other side than the nearest faces of another mesh, if all as near do."""
+    frame = Frame.around(mesh.vertices, other.used)
+    here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
+
+    def nearest(rows: IntArray, there: FloatArray) -> tuple[FloatArray, IntArray, BoolArray]:
+        apart, cells = NearestCells(there).nearest(middles(here[rows]))
+        one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here[rows], there[cells]))
+        return apart, cells, dot(one, second) < 0
+
+    apart, cells, over = nearest(np.arange(len(here)), there)
+    rows, rest = np.flatnonzero(over), np.delete(there, cells[over], axis=0)
+    if len(rows) and len(rest):  # faces may be there twice
+        again, _, still = nearest(rows, rest)
+        over[rows] = still | (again > 2 * apart[rows] + 1e-6)
+    return np.asarray(over)
+
+
 @dataclass(frozen=True)
 class Lone:
     """Faces that only one of two meshes has, or has more often, where it has all faces of the other one."""

@@ -62,7 +62,6 @@ class Difference:
     is_curve: bool = False  # whether both are curves
     kind: Kind = "auto"  # as what they were to be compared
     uncompared: str = ""  # where alone there are such values that were compared, as there are other faces
-    absent: tuple[str, ...] = ()  # what one of two files in other formats lacks, though its format holds such values
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
@@ -89,9 +88,7 @@ class Difference:
     @property
     def sides(self) -> tuple[str, ...]:
         """A remark on faces that are turned over, if there are any."""
-        what = "patch" if self.method == "patches" else "face"
-        many = f"{what[:4]}{'es' if what == 'patch' else 's'} are"
-        return (f"{self.turned} {f'{what} is' if self.turned == 1 else many} turned over",) if self.turned else ()
+        return (f"{self.turned} {'face is' if self.turned == 1 else 'faces are'} turned over",) if self.turned else ()
 
     @cached_property
     def measures(self) -> tuple[Measures, ...]:
@@ -112,9 +109,8 @@ class Difference:
     def limits(self) -> tuple[str, ...]:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
-        result += self.absent
-        if self.method == "patches":
-            result += [f"names of patches are not compared, as {self.uncompared}"] if self.uncompared else []
+        if self.uncompared == "patches":
+            result.append("names of patches are not compared one by one, as patches are described otherwise")
         elif self.uncompared:
             only, why = f"only compared at {self.uncompared}", "the faces are others"
             if self.kind == "surface":
@@ -159,7 +155,7 @@ def difference(
     diagonal, smaller = min(((_diagonal(each.mesh.used), each.mesh) for each in (a, b)), key=itemgetter(0))
     resolution = math.hypot(*(a.half_steps + b.half_steps).tolist())
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
-    matched, nothing = None if kind == "surface" else matching(a, b, allowed), ((), "no place", ())
+    matched = None if kind == "surface" else matching(a, b, allowed)
     if matched is None and kind == "vertices":
         raise DomainError("the meshes have different faces, so that vertices cannot be compared one by one")
     made = partial(
@@ -186,7 +182,7 @@ def difference(
             if distance <= allowed and apart > max(step, finest)
         ]
         left_out = set() if distance <= allowed else {NORMALS}  # which turn with what is turned
-        values, _, absent = nothing if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)
+        values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
         words = told_motion(points, b.mesh.vertices[matched.others], allowed) if distance > allowed else ()
         is_mirrored = words[:1] and words[0].startswith("mirrored")
         return made(
@@ -203,7 +199,6 @@ def difference(
             remarks=matched.remarks,
             words=words,
             values=(*axes, *values),
-            absent=absent,
         )
     lone, found = lone_faces(a.mesh, b.mesh, allowed), None
     if lone is not None and len(lone.absent):
@@ -215,8 +210,7 @@ def difference(
     turned, remarks = 0 if lone is None else lone.turned, tuple[str, ...]()
     close = min(allowed, max(resolution, 1e-6 * diagonal))
     is_told = "attributes" not in ignore and (found.distance <= allowed or lone is not None)
-    is_left_out = "attributes" in ignore or kind == "surface"
-    values, where, absent = nothing if is_left_out else unlike_values(a, b, close)
+    values, where = ((), "no place") if "attributes" in ignore or kind == "surface" else unlike_values(a, b, close)
     if same_kind and found.distance <= allowed:
         turned, remarks = unlike(a, b, allowed, close, lone is None)
     return made(
@@ -231,7 +225,6 @@ def difference(
         remarks=remarks,
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
         values=values,
-        absent=absent,
         uncompared=where if any(each.values().keys() - {FACETS} for each in (a, b)) and is_told else "",
     )
 

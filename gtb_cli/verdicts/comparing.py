@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import filecmp
 import json
-import math
 import os
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import Fault, GtbError
 from gtb_cli.language.reading import AS_SEEN, Reading
@@ -135,27 +134,24 @@ def _are_alike(first: str, second: str) -> bool:
     from gtb_cli.formats.meshfiles import read_mesh
     from gtb_cli.language.document import MAX_BYTES
 
-    def alike(one: object, other: object, key: str = "") -> bool:
-        match one, other:
-            case dict(), dict():
-                return one.keys() == other.keys() and all(alike(one[key], other[key], key) for key in one)
-            case list(), list():
-                return len(one) == len(other) and all(map(alike, one, other))
-            case float(), float() if key.startswith("distance"):  # known to less than six digits
-                return math.isclose(one, other, rel_tol=1e-5, abs_tol=none)
-            case float(), float():
-                return math.isclose(one, other, rel_tol=1e-12)
-        return one == other
+    def near(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        """To six digits where distances are concerned, which are known to less, others to twelve."""
+        for k, (key, value) in enumerate(pairs):
+            if isinstance(value, float):
+                is_far = key.startswith("distance")
+                pairs[k] = key, 0.0 if is_far and abs(value) <= none else float(f"{value:.{6 if is_far else 12}g}")
+        return dict(pairs)
 
-    none = 0.0  # the largest distance that is one of rounding
+    none = 0.0  # the largest distance that is rounding
     try:
-        record, again = (json.loads(read_file(path, MAX_BYTES)) for path in (first, second))
+        texts = [read_file(path, MAX_BYTES) for path in (first, second)]
         with suppress(GtbError, LookupError, TypeError):  # a sequence without files of meshes
-            mesh = read_mesh(os.path.join(os.path.dirname(first), record["meshes"][-1]["file"]))
-            none = 1e-14 * float(abs(mesh.bounds).max())
-        return alike(record, again)
+            name = json.loads(texts[0])["meshes"][-1]["file"]
+            none = 1e-14 * float(abs(read_mesh(os.path.join(os.path.dirname(first), name)).bounds).max())
+        one, other = (json.loads(text, object_pairs_hook=near) for text in texts)
     except (ValueError, RecursionError):
         return False
+    return bool(one == other)
 
 
 def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:
