@@ -129,30 +129,25 @@ class MeshRegression:
         ----------
         what : Patch, Model, several patches, Mesh, or path of a spec or of a mesh file
             A path is relative to the folder of the test. A mesh file in the format of the golden file is compared in
-            all that it holds, and material libraries beside it hold, any other in its faces and groups, and normals where ``normals=True`` asks for them.
+            all that it and its libraries hold, any other in faces, groups, and normals where ``normals=True`` asks.
         tolerance : float or str, optional
             Largest distance that is no difference, in model units or as ``"1%"`` of the size. Default: 1e-9 of the
             size, but never less than the digits of the file.
         n, mesh_tolerance, **options
             How a spec, patch or model is meshed: ``-n`` or ``--tolerance`` of ``gtb mesh``, and other arguments of
             `gtb_cli.Recipe`.
-        kind, ignore
-            As in `gtb_cli.diff`.
+        kind, ignore : as in `gtb_cli.diff`
         format : {"obj", "ply", "stl", "glb"}, optional
-            Format of the golden file. Default: that of the suffix of `fullpath`, else OBJ, whose changes read as text.
+            Format of the golden file. Default: the suffix of `fullpath`, else OBJ, whose changes read as text.
         basename : str, optional
             Name of the golden file, without suffix, in the folder with the name of the test module. Default: the name
             of the test, which holds for one check.
         fullpath : path, optional
             Path of the golden file, relative to the folder of the test.
 
-        Raises
-        ------
-        AssertionError
-            The mesh differs from the golden file; beside that one it is left as ``NAME.obtained.obj``, with a report,
-            ``NAME.obtained.html``, until it differs no more.
-        GtbError
-            A file cannot be read or written, or the arguments make no sense.
+        Raises `AssertionError` if the mesh differs from the golden file; beside that one it is left as
+        ``NAME.obtained.obj``, with a report, ``NAME.obtained.html``, until it differs no more. Raises `GtbError` if a
+        file cannot be read or written, or the arguments make no sense.
         """
         __tracebackhide__ = True
         from gtb_cli.distances.diff_and_distance import operand

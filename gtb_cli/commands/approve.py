@@ -125,9 +125,8 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
 
 def _stamp(path: str) -> object:
     """Return what changes with a file's bytes; None for a link to nowhere."""
-    return (
-        (found.st_ino, found.st_ctime_ns, found.st_size) if os.path.exists(path) and (found := os.stat(path)) else None
-    )
+    found = os.stat(path) if os.path.exists(path) else None
+    return found and (found.st_ino, found.st_ctime_ns, found.st_size)
 
 
 def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, stamps: Mapping[str, object]) -> list[str]:

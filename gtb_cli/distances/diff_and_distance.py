@@ -81,9 +81,10 @@ class Operand:
         written = decode_mesh(b"".join(blocks), self.name, kind)
         is_exact = made.exact_normals or len(made.cells) == len(file.mesh.cells)
         doubtful = tuple(name for name in held if are_marks(name) or (name == NORMALS and not is_exact))
-        mesh, space = replace(self.known.mesh, groups=written.mesh.groups), file.space
-        if kind == "3mf":  # any unit, and what the file is for
-            space = ", ".join([space.split(", ")[0], *written.space.split(", ")[1:]])
+        mesh, units = written.mesh, file.space.split(", ")[: 1 if kind == "3mf" else 2]  # any unit, and any axis
+        if len(mesh.cells) == len(made.cells):  # 3MF leaves out collapsed ones
+            mesh = replace(self.known.mesh, groups=mesh.groups)
+        space = ", ".join([*units, *written.space.split(", ")[len(units) :]])
         values = {name: rows for name, rows in written.values().items() if name != QUALITY_NAME or name in held}
         return replace(self.known, mesh=mesh, format=kind, space=space, values=lambda: values, doubtful=doubtful)
 
@@ -121,9 +122,9 @@ def diff(
         Whether vertices are compared if the faces are the same, else surfaces; nothing but vertices; or surfaces. Two
         patches or models are compared themselves, and not as meshes, unless vertices are.
     ignore : {"orientation", "connectivity", "attributes"}, or a collection of them
-        What is not a difference between meshes in the same place: faces that are turned over;
-        other holes or parts, vertices shared in another way, and faces that are missing, there twice or without area;
-        other normals, texture coordinates, attributes, and names of patches.
+        What is not a difference between meshes in the same place: faces that are turned over; other holes or parts,
+        vertices shared in another way, and faces that are missing, there twice or without area; other normals, texture
+        coordinates, attributes and names of patches.
     """
     recipe = recipe or Recipe()
     return compared(operand(a, recipe), operand(b, recipe), tolerance, kind, ignore)
@@ -138,11 +139,7 @@ def distance(a: Comparable, b: Comparable) -> Distance:
 
     Between meshes, the distance is proved up to its error. Between patches, models and curves it is found on themselves
     by a search to three digits, which is not proved: a nearest point may be missed. Beside a mesh, a patch is meshed
-    with an error of at most a thousandth of its size, seen at samples only.
-
-    Parameters
-    ----------
-    a, b : Mesh, Patch, Model, several patches, or path of a mesh file or of a spec
+    with an error of at most a thousandth of its size, seen at samples only. `a` and `b` are what `diff` takes.
     """
     fine = 1e-3  # of the size: the mesh of a patch that is compared with a mesh
     one, other = (operand(each, Recipe(tolerance=f"{100 * fine}%")) for each in (a, b))
@@ -183,20 +180,22 @@ def compared(
     resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
-    turned, values, unlike = 0, tuple[str, ...](), False
+    turned, values, left_out = 0, tuple[str, ...](), ""
     if found.distance <= allowed:
-        mesh, other = a.known.mesh, b.known.mesh
-        groups, others = mesh.groups or (("", 0, len(mesh.cells)),), other.groups
-        matched = matching(a.known, b.known, allowed)
+        one, other = (replace(each, recipe=Recipe(8)).known for each in (a, b))
+        meshes = one.mesh, other.mesh
+        parts = [mesh.groups or (("", 0, len(mesh.cells)),) for mesh in meshes]
+        old, new = (" ".join(sorted(name for name, *_ in each)) for each in parts)
+        matched = matching(one, other, allowed)
         if matched is not None and matched.distances.max() <= allowed:
-            turned, values = matched.turned, unlike_values(a.known, b.known, matched.slots)[0]
-        elif not mesh.is_curve:  # most faces of a patch tell, as few at an edge may be nearest to others
-            over = turned_cells(mesh, other)
-            turned = sum(stop - start for _, start, stop in groups if 2 * over[start:stop].sum() > stop - start)
-            unlike = len(groups) > 1 < len(others)
-            old, new = ({name for name, *_ in each} for each in (groups, others))
-            if len(groups) == len(others) > 1 and old != new:
-                values = (f"groups: {', '.join(sorted(old - new))} against {', '.join(sorted(new - old))}",)
+            turned, values = matched.turned, unlike_values(one, other, matched.slots)[0]
+        elif len(parts[0]) != len(parts[1]):
+            left_out = "names and sides of patches are not compared, as there are others"
+        else:
+            values = (f"groups: {old} against {new}",) * (old != new and len(parts[0]) > 1)
+            are_faces = not any(mesh.is_curve for mesh in meshes)
+            over = turned_cells(*meshes) if are_faces else np.zeros(0)  # most faces of a patch tell
+            turned = sum(stop - start for _, start, stop in parts[0] if 2 * over[start:stop].sum() > stop - start)
     return Difference(
         method="patches",
         distance=found.distance,
@@ -212,7 +211,7 @@ def compared(
         turned=turned,
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
-        uncompared="patches" if unlike and "attributes" not in aspects else "",
+        uncompared=left_out,
     )
 
 
@@ -232,9 +231,7 @@ def _options(spec: Patch | Model, held: Values) -> tuple[list[str], bool]:
     columns, uv = {name: rows for name, (rows, _) in held.items()}, TEXTURE in held
     if uv and spec.dimension == 2 and not {"u", "v"} <= columns.keys():  # named u and v, or s and t
         columns, uv = {"u": columns[TEXTURE][:, :1], "v": columns[TEXTURE][:, 1:], **columns}, False
-    names = [
-        name for name in columns if name in known
-    ]  # the one that is there again as the quality was asked for first
+    names = [name for name in columns if name in known]  # first the one that is there again as the quality
     names.sort(key=lambda name: not np.array_equal(columns[name], columns.get(QUALITY_NAME, [])))
     return [name.replace("basis_", BASIS) for name in names], uv
 

@@ -222,21 +222,12 @@ def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
 
 
 def turned_cells(mesh: Mesh, other: Mesh) -> BoolArray:
-    """(k,) true for the faces that look to the other side than the nearest faces of another mesh, if all as near do."""
+    """(k,) true for the faces that look to the other side than the nearest faces of another mesh."""
     frame = Frame.around(mesh.vertices, other.used)
     here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
-
-    def nearest(rows: IntArray, there: FloatArray) -> tuple[FloatArray, IntArray, BoolArray]:
-        apart, cells = NearestCells(there).nearest(middles(here[rows]))
-        one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here[rows], there[cells]))
-        return apart, cells, dot(one, second) < 0
-
-    apart, cells, over = nearest(np.arange(len(here)), there)
-    rows, rest = np.flatnonzero(over), np.delete(there, cells[over], axis=0)
-    if len(rows) and len(rest):  # faces may be there twice
-        again, _, still = nearest(rows, rest)
-        over[rows] = still | (again > 2 * apart[rows] + 1e-6)
-    return np.asarray(over)
+    nearest = there[NearestCells(there).nearest(middles(here))[1]]
+    one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, nearest))
+    return np.asarray(dot(one, second) < 0)
 
 
 @dataclass(frozen=True)
