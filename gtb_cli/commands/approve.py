@@ -173,7 +173,7 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
     """Say what changes, old → new; raises `GtbError` if the new file is a mesh that cannot be read."""
     source = verdict.paths[1]
     if suffix_of(source) not in FORMATS:
-        return f"{len(content)} bytes"
+        return ", ".join([*(verdict.found.faults if verdict.found else ()), f"{len(content)} bytes"])
     from gtb_cli.distances.diff_and_distance import decoded
     from gtb_cli.review.changes import change
     from gtb_cli.review.table import rows

@@ -193,8 +193,7 @@ def compared(
             left_out = "names and sides of patches are not compared, as there are others"
         else:
             values = (f"groups: {old} against {new}",) * (old != new and len(parts[0]) > 1)
-            are_faces = not any(mesh.is_curve for mesh in meshes)
-            over = turned_cells(*meshes) if are_faces else np.zeros(0)  # most faces of a patch tell
+            over = np.zeros(0) if any(each.is_curve for each in meshes) else turned_cells(*meshes)  # most of each tell
             turned = sum(stop - start for _, start, stop in parts[0] if 2 * over[start:stop].sum() > stop - start)
     return Difference(
         method="patches",
