@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Collection, Generator, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -128,34 +128,29 @@ class MeshRegression:
         ----------
         what : Patch, Model, several patches, Mesh, or path of a spec or of a mesh file
             A path is relative to the folder of the test. A mesh file in the format of the golden file is compared in
-            all that it holds, any other in its faces and groups, and normals where ``normals=True`` asks for them.
+            all that it and its libraries hold, any other in faces, groups, and normals where ``normals=True`` asks.
         tolerance : float or str, optional
             Largest distance that is no difference, in model units or as ``"1%"`` of the size. Default: 1e-9 of the
             size, but never less than the digits of the file.
         n, mesh_tolerance, **options
             How a spec, patch or model is meshed: ``-n`` or ``--tolerance`` of ``gtb mesh``, and other arguments of
             `gtb_cli.Recipe`.
-        kind, ignore
-            As in `gtb_cli.diff`.
+        kind, ignore : as in `gtb_cli.diff`
         format : {"obj", "ply", "stl", "glb"}, optional
-            Format of the golden file. Default: that of the suffix of `fullpath`, else OBJ, whose changes read as text.
+            Format of the golden file. Default: the suffix of `fullpath`, else OBJ, whose changes read as text.
         basename : str, optional
             Name of the golden file, without suffix, in the folder with the name of the test module. Default: the name
             of the test, which holds for one check.
         fullpath : path, optional
             Path of the golden file, relative to the folder of the test.
 
-        Raises
-        ------
-        AssertionError
-            The mesh differs from the golden file; beside that one it is left as ``NAME.obtained.obj``, with a report,
-            ``NAME.obtained.html``, until it differs no more.
-        GtbError
-            A file cannot be read or written, or the arguments make no sense.
+        Raises `AssertionError` if the mesh differs from the golden file; beside that one it is left as
+        ``NAME.obtained.obj``, with a report, ``NAME.obtained.html``, until it differs no more. Raises `GtbError` if a
+        file cannot be read or written, or the arguments make no sense.
         """
         __tracebackhide__ = True
         from gtb_cli.distances.diff_and_distance import operand
-        from gtb_cli.errors import GtbError
+        from gtb_cli.errors import DomainError, GtbError
         from gtb_cli.formats.export import encode_mesh
         from gtb_cli.tessellation.recipe import Recipe
         from gtb_cli.verdicts.comparing import Comparing
@@ -172,11 +167,19 @@ class MeshRegression:
             self._config.stash.setdefault(_ASKED, set()).update({str(golden), str(path)})
             found = operand(path, recipe)
             mesh = found.made if recipe.normals else found.known.mesh
+            files, kept = dict[str, bytes](), FORMATS.get(format)
             if isinstance(path, Path) and found.known.format == format:  # then it may hold more than a mesh
-                data = path.read_bytes()
+                data, files = (
+                    path.read_bytes(),
+                    {n: held for n, held in found.libraries.items() if isinstance(held, bytes)},
+                )
+                if far := [name for name in files if os.path.dirname(name)]:
+                    raise GtbError(f"{path}: {far[0]} is in another folder, and is not kept beside a golden file")
             else:
+                if mesh.attributes and kept and not kept.attributes:
+                    raise DomainError(f"attributes: {format.upper()} holds none, give format='ply'")
                 data = b"".join(encode_mesh(mesh, format, normals=recipe.normals or None))
-            self._compare(golden, data, Comparing(recipe, tolerance, kind, ignore))
+            self._compare(golden, data, files, Comparing(recipe, tolerance, kind, ignore))
         except GtbError as error:
             raise error.with_traceback(None) from None
 
@@ -199,8 +202,8 @@ class MeshRegression:
                 raise DomainError(f"basename: expected one, as {test} has the golden file {self._shown(path)}")
         return self._file.with_suffix("") / f"{basename}.{format}"
 
-    def _compare(self, golden: Path, data: bytes, comparing: Comparing) -> None:
-        """Compare a golden file with the new bytes, and write what has to be written."""
+    def _compare(self, golden: Path, data: bytes, beside: Mapping[str, bytes], comparing: Comparing) -> None:
+        """Compare a golden file with new bytes and material libraries, and write what has to be written."""
         __tracebackhide__ = True
         from gtb_cli.errors import GtbError
         from gtb_cli.files import replace_file
@@ -210,13 +213,14 @@ class MeshRegression:
         if not os.path.exists(golden):  # `Path.exists` raises an error for names that are too long
             if os.environ.get("CI"):  # a second run would pass by what the first one wrote
                 raise AssertionError(f"{self._shown(golden)} does not exist, and is not written where CI is set")
-            self._renew(golden, data, "did not exist")
+            self._renew(golden, data, beside, "did not exist")
             return
         renews = self._config.getoption("force_regen", False)
         obtained, page = (golden.with_name(f"{golden.stem}.obtained{end}") for end in (golden.suffix, ".html"))
         with TemporaryDirectory() as folder:  # another run may be comparing with the same golden file
             new = os.path.join(folder, obtained.name)
-            Path(new).write_bytes(data)
+            for name, content in {**beside, obtained.name: data}.items():
+                Path(folder, name).write_bytes(content)
             try:
                 verdict = comparing.files(str(golden), new)
             except GtbError as error:
@@ -228,7 +232,7 @@ class MeshRegression:
                 warnings.warn(f"{self._shown(golden)}: {message}", stacklevel=3)
             if not verdict.same:
                 problem = f"could not be compared ({verdict.errors[0]})" if verdict.errors else "differed"
-                self._renew(golden, data, problem)
+                self._renew(golden, data, beside, problem)
             obtained.unlink(missing_ok=True)
             page.unlink(missing_ok=True)
             return
@@ -238,15 +242,16 @@ class MeshRegression:
         ways_out = f"{self._shown(page)} shows it, and pytest --force-regen takes it as golden"
         raise AssertionError("\n".join([verdict.text.rstrip("\n"), *verdict.warnings, ways_out]))
 
-    def _renew(self, golden: Path, data: bytes, reason: str) -> None:
-        """Write a golden file, and note why; not where a failure is expected, which would hide the note."""
+    def _renew(self, golden: Path, data: bytes, beside: Mapping[str, bytes], reason: str) -> None:
+        """Write a golden file and its libraries, and note why; not where a failure is expected, which hides a note."""
         from gtb_cli.files import StagedFiles
 
         if self._test.get_closest_marker("xfail") and not self._config.getoption("runxfail", False):
             told = f"{reason}, and is not written by a test marked xfail but with --runxfail"
             raise AssertionError(f"{self._shown(golden)} {told}")
         with StagedFiles(golden.parent) as files:
-            files.add(str(golden), [data])
+            for name, content in {**beside, golden.name: data}.items():
+                files.add(str(golden.parent / name), [content])
         self._written.append(f"golden file {reason}, written: {self._shown(golden)}; look at it, and run again")
 
     def _shown(self, path: Path) -> str:

@@ -10,31 +10,15 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Finding:
-    """A property, measured.
+    """A property, measured, relative to sizes and without unit. It holds if its value is at most the bound."""
 
-    Attributes
-    ----------
-    status : {"holds", "fails", "not applicable", "not decided", "measured"}
-        "measured" means that the number is not a verdict, "not decided" that rounding is too large for one.
-    value : float or None
-        The largest violation, or the number; relative to sizes, without unit. Infinite or not a number if a patch is
-        broken.
-    bound : float or None
-        What rounding may do to this patch: the property holds if ``value <= bound``.
-    reason : str
-        What was measured, or the condition that the patch does not fulfil.
-    name : str
-        Name of the property, the same in every version, for scripts; empty until it is known.
-    reference : str
-        Where the paper states it.
-    """
-
+    # "measured" means that the number is no verdict, "not decided" that rounding is too large for one
     status: Literal["holds", "fails", "not applicable", "not decided", "measured"]
-    value: float | None
-    bound: float | None
-    reason: str
-    name: str = ""
-    reference: str = ""
+    value: float | None  # the largest violation, or the number; infinite or not a number if a patch is broken
+    bound: float | None  # what rounding may do to this patch
+    reason: str  # what was measured, or the condition that the patch does not fulfil
+    name: str = ""  # of the property, the same in every version, for scripts; empty until it is known
+    reference: str = ""  # where the paper states it
 
 
 def at_most(value: float, bound: float, reason: str) -> Finding:

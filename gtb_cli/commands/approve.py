@@ -119,9 +119,8 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
 
 def _stamp(path: str) -> object:
     """Return what changes with a file's bytes; None for a link to nowhere."""
-    return (
-        (found.st_ino, found.st_ctime_ns, found.st_size) if os.path.exists(path) and (found := os.stat(path)) else None
-    )
+    found = os.stat(path) if os.path.exists(path) else None
+    return found and (found.st_ino, found.st_ctime_ns, found.st_size)
 
 
 def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, stamps: Mapping[str, object]) -> list[str]:
@@ -168,7 +167,7 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
     """Say what changes, old → new; raises `GtbError` if the new file is a mesh that cannot be read."""
     source = verdict.paths[1]
     if suffix_of(source) not in FORMATS:
-        return f"{len(content)} bytes"
+        return ", ".join([*(verdict.found.faults if verdict.found else ()), f"{len(content)} bytes"])
     from gtb_cli.distances.diff_and_distance import decoded
     from gtb_cli.review.changes import change
     from gtb_cli.review.table import rows

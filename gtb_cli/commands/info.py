@@ -201,8 +201,7 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
     if found["kind"] in ("mesh", "part"):
         return mesh_text(found)
     patches = found.get("patches", [])
-    if not in_full and len(patches) > MAX_PATCHES_SHOWN:
-        patches = []
+    patches = patches if in_full or len(patches) <= MAX_PATCHES_SHOWN else []
     lines = [("name", found["name"] or "(none)"), ("kind", _kind(found))]
     if "patches" in found:
         lines += [
@@ -211,18 +210,16 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
             ("shared edges", str(found["shared_edges"])),
             ("open edges", _listed(found["open_edges"], in_full) or "none"),
         ]
-        if found["collapsed_edges"]:
-            lines.append(("collapsed edges", _listed(found["collapsed_edges"], in_full)))
+        collapsed = _listed(found["collapsed_edges"], in_full)
+        lines += [("collapsed edges", collapsed)] if collapsed else []
         lines += [("not joined", reason) for reason in found["not_joined"]]
-        if found["welded_edges"]:
-            lines.append(("welded edges", f"{found['welded_edges']}, up to {found['welded_distance']:.3g} apart"))
-        for crowded in found["crowded_edges"]:
-            lines.append(("crowded edge", "; ".join(crowded)))
+        welded = f"{found['welded_edges']}, up to {found['welded_distance']:.3g} apart"
+        lines += [("welded edges", welded)] if found["welded_edges"] else []
+        lines += [("crowded edge", "; ".join(crowded)) for crowded in found["crowded_edges"]]
         lines += _size_rows(found)
         lines += [("joint", _joint_text(joint, found["control_box"])) for joint in found["joints"]]
-        if not patches:
-            count = found["shared_edges"] if found["dimension"] == 2 else 0
-            lines.append(("and more", f"{count} joints in all, and each patch: with --long"))
+        count = found["shared_edges"] if found["dimension"] == 2 else 0
+        lines += [("and more", f"{count} joints in all, and each patch: with --long")] if not patches else []
     else:
         error = found["linear_precision_error"]
         what = "edge" if found["dimension"] == 2 else "end"
@@ -233,8 +230,7 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
             ("hull vertices", "; ".join(row(corner) for corner in found["hull_vertices"])),
             *((f"knots of {what} {index}", row(edge)) for index, edge in enumerate(found["edges"])),
         ]
-        if found["edge_normals"]:
-            lines.append(("edge normals", found["edge_normals"]))
+        lines += [("edge normals", found["edge_normals"])] if found["edge_normals"] else []
         lines += [("linear precision", f"off by up to {error:.3g}"), *_size_rows(found)]
     text = "".join(f"{indent}{label:17} {value}\n" for label, value in lines)
     return text + "".join("\n" + _text(patch, indent + "  ") for patch in patches)

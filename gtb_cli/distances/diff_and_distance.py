@@ -11,23 +11,26 @@ import numpy as np
 
 from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.between_shapes import shape_distance
-from gtb_cli.errors import DomainError, GtbError
+from gtb_cli.errors import DomainError, ExportError, GtbError
 from gtb_cli.files import read_file, read_up_to
-from gtb_cli.formats.export import groups_of
+from gtb_cli.formats.export import encode_mesh, groups_of
 from gtb_cli.formats.file_arrays import FileArrays
 from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES, decode_mesh, format_of, size_limit, values_of
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
+from gtb_cli.meshes.corner_values import unlike_values
+from gtb_cli.meshes.correspondence import matching, turned_cells
 from gtb_cli.meshes.difference import Difference, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
-from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
+from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, TEXTURE, KnownMesh, Mesh, Values, are_marks, known_exactly, rounding
 from gtb_cli.models.model import Model
+from gtb_cli.tessellation.attributes import QUALITY_NAME
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, Aspect, Comparison, suffix_of
+from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, SPEC_FORMATS, Aspect, Comparison, suffix_of
 
 BEGINNING_BYTES = 1 << 16  # bytes by which a mesh is told from a spec
 
@@ -63,14 +66,35 @@ class Operand:
             raise (error.within(self.name) if self.name else error) from error
 
     def beside(self, file: KnownMesh) -> KnownMesh:
-        """Its mesh, with normals if it was computed, and the file has some; estimated ones only for as many cells."""
-        if isinstance(self.origin, KnownMesh) or NORMALS not in file.values():
+        """Its mesh, if it was computed with what `gtb mesh` writes of it beside the faces of such a file."""
+        spec, kind = self.spec, file.format
+        if spec is None or kind not in FORMATS:
             return self.known
-        made, has_means = self.made, file.format == "ply"
-        rows, of = (made.vertex_normals, made.cells) if has_means else (made.normals, made.normal_of)
-        if rows is None or not (made.exact_normals or len(made.cells) == len(file.mesh.cells)):
+        held, made = file.values(), self.made
+        names, uv = _options(spec, held) if FORMATS[kind].attributes else ([], TEXTURE in held)
+        made = replace(self.recipe, normals=True, attributes=tuple(names)).mesh(spec)[0] if names else made
+        uv = uv and made.parameters is not None and made.origin is None
+        try:
+            blocks = encode_mesh(made, kind, normals=NORMALS in held or None, uv=uv)
+        except ExportError:  # numbers that the format cannot hold
             return self.known
-        return replace(self.known, values=lambda: {**self.known.values(), NORMALS: (rows, of)})
+        written = decode_mesh(b"".join(blocks), self.name, kind)
+        is_exact = made.exact_normals or len(made.cells) == len(file.mesh.cells)
+        doubtful = tuple(name for name in held if are_marks(name) or (name == NORMALS and not is_exact))
+        mesh, units = written.mesh, file.space.split(", ")[: 1 if kind == "3mf" else 2]  # any unit, and any axis
+        if len(mesh.cells) == len(made.cells):  # 3MF leaves out collapsed ones
+            mesh = replace(self.known.mesh, groups=mesh.groups)
+        space = ", ".join([*units, *written.space.split(", ")[len(units) :]])
+        values = {name: rows for name, rows in written.values().items() if name != QUALITY_NAME or name in held}
+        return replace(self.known, mesh=mesh, format=kind, space=space, values=lambda: values, doubtful=doubtful)
+
+    @cached_property
+    def libraries(self) -> dict[str, bytes | str]:
+        """What its material libraries hold, by their names in the file; the names of those that are not there."""
+        place = partial(os.path.join, os.path.dirname(self.name))
+        lines = ([line] if os.path.isfile(place(line)) else line.split() for line in self.known.libraries)
+        names = {name: os.path.isfile(place(name)) for line in lines for name in line}
+        return {name: read_file(place(name), MAX_STREAM_BYTES) if there else name for name, there in names.items()}
 
 
 def diff(
@@ -100,7 +124,7 @@ def diff(
     ignore : {"orientation", "connectivity", "attributes"}, or a collection of them
         What is not a difference between meshes in the same place: faces that are turned over; other holes or parts,
         vertices shared in another way, and faces that are missing, there twice or without area; other normals, texture
-        coordinates and attributes.
+        coordinates, attributes and names of patches.
     """
     recipe = recipe or Recipe()
     return compared(operand(a, recipe), operand(b, recipe), tolerance, kind, ignore)
@@ -115,8 +139,7 @@ def distance(a: Comparable, b: Comparable) -> Distance:
 
     Between meshes, the distance is proved up to its error. Between patches, models and curves it is found on themselves
     by a search to three digits, which is not proved: a nearest point may be missed. Beside a mesh, a patch is meshed
-    with an error of at most a thousandth of its size, seen at samples only. Either may be a mesh, a patch, a model,
-    several patches, or the path of a mesh file or of a spec.
+    with an error of at most a thousandth of its size, seen at samples only. `a` and `b` are what `diff` takes.
     """
     fine = 1e-3  # of the size: the mesh of a patch that is compared with a mesh
     one, other = (operand(each, Recipe(tolerance=f"{100 * fine}%")) for each in (a, b))
@@ -147,16 +170,31 @@ def compared(
         are_held = kind != "surface" and "attributes" not in aspects
         known = (a.beside(b.known), b.beside(a.known)) if are_held else (a.known, b.known)
         result = difference(*known, tolerance, kind, aspects)
-        contents, told = [*map(_libraries, (a, b))], f"{LIBRARIES}: not the same"
-        if are_held and all(contents):  # these count, and no names
-            others = [remark for remark in result.values if remark != told]
-            result = replace(result, values=(*others, *[told] * (contents[0] != contents[1])))
+        if are_held and a.known.libraries and b.known.libraries:  # what they hold counts, and no names
+            others = [remark for remark in result.values if not remark.startswith(LIBRARIES)]
+            are_other = [*a.libraries.values()] != [*b.libraries.values()]
+            result = replace(result, values=(*others, *[f"{LIBRARIES}: not the same"] * are_other))
         return result
     found = shape_distance(a.spec, b.spec)
     bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]
-    resolution = float(np.linalg.norm(np.sum([rounding(largest_coordinates(each)) for each in bounds], axis=0)))
+    resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
+    turned, values, left_out = 0, tuple[str, ...](), ""
+    if found.distance <= allowed:
+        one, other = (replace(each, recipe=Recipe(8)).known for each in (a, b))
+        meshes = one.mesh, other.mesh
+        parts = [mesh.groups or (("", 0, len(mesh.cells)),) for mesh in meshes]
+        old, new = (" ".join(sorted(name for name, *_ in each)) for each in parts)
+        matched = matching(one, other, allowed)
+        if matched is not None and matched.distances.max() <= allowed:
+            turned, values = matched.turned, unlike_values(one, other, matched.slots)[0]
+        elif len(parts[0]) != len(parts[1]):
+            left_out = "names and sides of patches are not compared, as there are others"
+        else:
+            values = (f"groups: {old} against {new}",) * (old != new and len(parts[0]) > 1)
+            over = np.zeros(0) if any(each.is_curve for each in meshes) else turned_cells(*meshes)  # most of each tell
+            turned = sum(stop - start for _, start, stop in parts[0] if 2 * over[start:stop].sum() > stop - start)
     return Difference(
         method="patches",
         distance=found.distance,
@@ -169,6 +207,10 @@ def compared(
         backward=found.backward,
         same_kind=a.spec.patches[0].dimension == b.spec.patches[0].dimension,
         is_curve=a.spec.patches[0].dimension == b.spec.patches[0].dimension == 1,
+        turned=turned,
+        ignored=tuple(sorted(aspects)),
+        values=() if "attributes" in aspects else values,
+        uncompared=left_out,
     )
 
 
@@ -180,12 +222,17 @@ def _computed(mesh: Mesh) -> KnownMesh:
     return replace(known, mesh=named, values=lambda: {**known.values(), **values_of(content, named, "")})
 
 
-def _libraries(mesh: Operand) -> list[bytes]:
-    """Return what the material libraries of a mesh hold; nothing if one is not there."""
-    places = partial(os.path.join, os.path.dirname(mesh.name))
-    lines = ([line] if os.path.isfile(places(line)) else line.split() for line in mesh.known.libraries)
-    paths = [places(name) for line in lines for name in line]
-    return [read_file(path, MAX_STREAM_BYTES, GtbError) for path in paths] if all(map(os.path.isfile, paths)) else []
+def _options(spec: Patch | Model, held: Values) -> tuple[list[str], bool]:
+    """Return the attributes that a PLY file has of a spec, in the order of its options, and whether it has uv, too."""
+    known = dict.fromkeys(ATTRIBUTES[: 4 if spec.dimension == 2 else 1])
+    if isinstance(spec, Patch):
+        known |= {f"basis_{index}": None for index in range(len(spec.knots))}
+    columns, uv = {name: rows for name, (rows, _) in held.items()}, TEXTURE in held
+    if uv and spec.dimension == 2 and not {"u", "v"} <= columns.keys():  # named u and v, or s and t
+        columns, uv = {"u": columns[TEXTURE][:, :1], "v": columns[TEXTURE][:, 1:], **columns}, False
+    names = [name for name in columns if name in known]  # first the one that is there again as the quality
+    names.sort(key=lambda name: not np.array_equal(columns[name], columns.get(QUALITY_NAME, [])))
+    return [name.replace("basis_", BASIS) for name in names], uv
 
 
 def operand(what: Comparable, recipe: Recipe) -> Operand:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain, combinations, count
 from typing import IO
 
@@ -36,11 +37,10 @@ def write_mesh(
     Parameters
     ----------
     mesh : Mesh
-        The mesh to write. The order of vertices and cells is kept, and the same mesh gives the same bytes.
+        The order of vertices and cells is kept, and the same mesh gives the same bytes.
     path_or_file : str, path-like or binary file object
         A path is replaced atomically (see `gtb_cli.files.replace_file`); a file object is written to and flushed.
-    format : {"obj", "ply", "stl", "glb", "3mf"}, optional
-        The default is the format of the path's suffix.
+    format : {"obj", "ply", "stl", "glb", "3mf"}, optional; by default the path's suffix
     ascii : bool
         Write PLY and STL as text, with numbers that read back exactly, instead of 32-bit binary. OBJ is always text.
     normals : bool, optional
@@ -55,24 +55,19 @@ def write_mesh(
     unit : {"mm", "cm", "m", "in", "ft"}, optional
         The unit of length of the mesh. 3MF names it, by default mm; GLB is in metres, and by default its numbers stay.
 
-    Raises
-    ------
-    ExportError
-        The format cannot hold the mesh, a number is not finite, or the file cannot be written.
-    BrokenPipeError
-        The reader of a pipe has closed it.
+    Raises `ExportError` if the format cannot hold the mesh, a number is not finite, or the file cannot be written, and
+    `BrokenPipeError` if the reader of a pipe has closed it.
     """
     if not isinstance(mesh, Mesh):
         raise ExportError(f"expected a Mesh, such as gtb_cli.tessellate makes, got {type(mesh).__name__}")
+    encoded = partial(encode_mesh, mesh, ascii=ascii, normals=normals, uv=uv, up=up, unit=unit)
     if isinstance(path_or_file, (str, os.PathLike)):
-        kind = format or _format_of(os.fspath(path_or_file))
-        replace_file(path_or_file, encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv, up=up, unit=unit))
+        replace_file(path_or_file, encoded(format or _format_of(os.fspath(path_or_file))))
         return
     if hasattr(path_or_file, "encoding"):
         raise ExportError("cannot write a mesh to a text file object: expected a binary one")
     name = getattr(path_or_file, "name", None)
-    kind = format or _format_of(name if isinstance(name, str) else "a file without a name")
-    blocks = encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv, up=up, unit=unit)
+    blocks = encoded(format or _format_of(name if isinstance(name, str) else "a file without a name"))
     try:
         for block in blocks:
             path_or_file.write(block)
@@ -180,19 +175,14 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
     """
     kind = _known(format)
     holds, shown = FORMATS[kind], kind.upper()
-    messages: list[str] = []
     if not len(mesh.vertices):
-        return messages  # an error, not a warning
-    if holds.is_single(ascii):
-        messages += _single_precision_warnings(mesh, kind)
-    if kind == "ply" and mesh.is_curve:
-        messages.append("PLY: meshio and assimp read no file with edges, as a curve has")
+        return []  # an error, not a warning
+    messages = _single_precision_warnings(mesh, kind) if holds.is_single(ascii) else []
+    messages += ["PLY: meshio and assimp read no file with edges, as a curve has"] * (kind == "ply" and mesh.is_curve)
     if kind == "stl" and not mesh.is_curve and len(mesh.cells) < 4:
         messages.append(f"STL: admesh reads no file of fewer than 4 facets, and this has {len(mesh.cells)}")
-    if uv and not holds.uv:
-        messages.append(f"{shown}: holds no texture coordinates, none are written")
-    if normals and mesh.is_curve:
-        messages.append(f"{shown}: a curve has no normals, none are written")
+    messages += [f"{shown}: holds no texture coordinates, none are written"] * (uv and not holds.uv)
+    messages += [f"{shown}: a curve has no normals, none are written"] * (normals and mesh.is_curve)
     if kind == "ply" and normals and not mesh.is_curve and round(mesh.largest_split, 6) > 1.0:
         messages.append(
             f"PLY: holds one normal a vertex, the mean where several meet, here at up to {mesh.largest_split:.3g} "

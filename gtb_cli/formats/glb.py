@@ -81,9 +81,8 @@ def _triangles(parts: Sequence[Node], extras: dict[str, Any], root: str) -> byte
             (plain,) = tree["materials"]
             tree["materials"] = []
             for number, part in enumerate(parts):  # with the colours of patches, which glTF takes as linear light
-                shares = bytes.fromhex(
-                    PATCH_COLOURS[number % len(PATCH_COLOURS)][1:]
-                )  # all above sRGB's linear beginning
+                # All are above sRGB's linear beginning
+                shares = bytes.fromhex(PATCH_COLOURS[number % len(PATCH_COLOURS)][1:])
                 linear = [round(((share / 255 + 0.055) / 1.055) ** 2.4, 6) for share in shares]
                 shading = plain["pbrMetallicRoughness"] | {"baseColorFactor": [*linear, 1.0]}
                 tree["materials"].append(plain | {"name": part.name, "pbrMetallicRoughness": shading})
@@ -95,15 +94,9 @@ def _triangles(parts: Sequence[Node], extras: dict[str, Any], root: str) -> byte
                     tree["bufferViews"][tree["accessors"][number]["bufferView"]]["target"] = VERTICES
                 tree["bufferViews"][tree["accessors"][primitive["indices"]]["bufferView"]]["target"] = INDICES
 
-    data: bytes = export_glb(
-        scene,
-        include_normals=parts[0].normals is not None,
-        unitize_normals=True,
-        tree_postprocessor=finish,
-        extension_webp=False,
-        extension_draco=False,
-    )
-    return data
+    plain = {"unitize_normals": True, "extension_webp": False, "extension_draco": False}
+    has_normals = parts[0].normals is not None
+    return bytes(export_glb(scene, include_normals=has_normals, tree_postprocessor=finish, **plain))
 
 
 def _gather(tree: dict[str, Any], name: str, extras: dict[str, Any]) -> None:
@@ -119,26 +112,17 @@ def _gather(tree: dict[str, Any], name: str, extras: dict[str, Any]) -> None:
 def _lines(parts: Sequence[Node], extras: dict[str, Any], root: str) -> list[bytes]:
     """Return indexed lines, which trimesh reads as they are; its exporter writes inner vertices of polylines twice."""
     chunks: list[bytes] = []
-    meshes: list[dict[str, Any]] = []
-    accessors: list[dict[str, Any]] = []
-    views: list[dict[str, int]] = []
-    length = 0
+    meshes, accessors, views, length = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, int]](), 0
 
     def add(values: NDArray[Any], target: int) -> int:
         """Append (m, w) numbers of 32 bits, and return their accessor."""
         nonlocal length
         chunks.append(values.tobytes())
         views.append({"buffer": 0, "byteOffset": length, "byteLength": len(chunks[-1]), "target": target})
-        accessors.append(
-            {
-                "bufferView": len(views) - 1,
-                "componentType": 5126 if values.dtype.kind == "f" else 5125,
-                "count": len(values),
-                "type": ("SCALAR", "VEC2", "VEC3")[values.shape[1] - 1],
-                "min": values.min(axis=0).tolist(),
-                "max": values.max(axis=0).tolist(),
-            }
-        )
+        kind, width = 5126 if values.dtype.kind == "f" else 5125, ("SCALAR", "VEC2", "VEC3")[values.shape[1] - 1]
+        bounds = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        said = {"bufferView": len(views) - 1, "componentType": kind, "count": len(values), "type": width}
+        accessors.append(said | bounds)
         length += len(chunks[-1])
         return len(accessors) - 1
 
@@ -150,16 +134,10 @@ def _lines(parts: Sequence[Node], extras: dict[str, Any], root: str) -> list[byt
         indices = add(part.cells.astype("<u4").reshape(-1, 1), INDICES)
         primitive = {"attributes": attributes, "indices": indices, "mode": 1}
         meshes.append({"name": part.name, "primitives": [primitive]})
-    tree = {
-        "asset": {"version": "2.0", **extras},
-        "scene": 0,
-        "scenes": [{"nodes": list(range(len(parts)))}],
-        "nodes": [{"name": part.name, "mesh": number} for number, part in enumerate(parts)],
-        "meshes": meshes,
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": length}],
-    }
+    nodes = [{"name": part.name, "mesh": number} for number, part in enumerate(parts)]
+    tree = {"asset": {"version": "2.0", **extras}, "scene": 0, "scenes": [{"nodes": [*range(len(parts))]}]}
+    tree |= {"nodes": nodes, "meshes": meshes, "accessors": accessors, "bufferViews": views}
+    tree["buffers"] = [{"byteLength": length}]
     _gather(tree, root, extras)
     text = json.dumps(tree, separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)

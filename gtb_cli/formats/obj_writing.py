@@ -42,10 +42,9 @@ def obj_blocks(
 ) -> Iterator[bytes]:
     """Return the text of an OBJ file: `v`, `vn`, `vt`, then `f` (or one `l` for each segment), with `g` before groups.
 
-    The lines equal those of trimesh's exporter for the same arrays with ``digits=decimals(vertices)``.
-
-    Numbers are finite; `uv` are (m, 2), a row for each vertex, and so are normals, unless `normal_of` (k, 3) has the
-    normal of each corner. Groups are names without blanks and ranges of cells. Memory holds one block of lines.
+    The lines equal those of trimesh's exporter for the same arrays with ``digits=decimals(vertices)``. Numbers are
+    finite; `uv` are (m, 2), a row for each vertex, and so are normals, unless `normal_of` (k, 3) has the normal of each
+    corner. Groups are names without blanks and ranges of cells. Only one block of lines is in memory at a time.
     """
     digits = decimals(vertices)
     for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):

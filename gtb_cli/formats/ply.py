@@ -121,7 +121,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     columns = {name: numbers for name, (numbers, _) in tables["vertex"].items() if name not in {"x", "y", "z", *lists}}
     values: Values = {}
     for names, label in known.items():
-        if columns.keys() >= {*names}:
+        if label not in values and columns.keys() >= {*names}:
             values[label] = np.stack([columns.pop(name) for name in names], axis=1).astype(np.float64), cells
     for name, numbers in columns.items():
         values[unreserved(name, values)] = _exact(numbers), cells

@@ -24,17 +24,19 @@ def unlike_values(
     are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have,
     which have to be half of those of one. Also tells where that was.
     """
-    skipped = {FACETS, *left_out, *[GROUPS] * (isinstance(slots, float) and "spec" in (a.format, b.format))}
+    doubtful = {*a.doubtful, *b.doubtful} if isinstance(slots, float) else set[str]()
+    skipped = {FACETS, *left_out, *doubtful}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
     keys, where = list[list[IntArray]](), "vertices in the same place"
+    nowhere = f", {', '.join(sorted(doubtful))} nowhere" if doubtful else ""
     remarks = _remarks(a, b, here, there, slots, keys)
     if keys:
         many, is_there = int(keys[1][0].max()) + 1, np.bincount(keys[1][1]) > 0
         met, fewest = int(is_there[:many].sum()), min(many, int(is_there.sum()))
         where = where if met == fewest else f"{met} of {fewest} places"
-        return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where
+        return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where + nowhere
     if not remarks or isinstance(slots, float):
-        return remarks, where
+        return remarks, where + nowhere
     places = numbered_places(a.mesh.vertices)[1]  # as faces that are there twice may share no vertices
     cells = places[a.mesh.cells]
     return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), where
@@ -47,8 +49,7 @@ def _remarks(
     remarks = []
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
-            is_like = a.format == b.format and (a.format != "stl" or (old and new))  # a binary one has no solids
-            if is_like or ("spec" in (a.format, b.format) and name in here and name in there):
+            if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
                 lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
                 for which, names in lone:
                     rest = f" and {len(names) - 5} more" if len(names) > 5 else ""

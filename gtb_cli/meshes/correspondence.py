@@ -218,6 +218,15 @@ def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
     return np.lexsort((odd, rank[part], face))
 
 
+def turned_cells(mesh: Mesh, other: Mesh) -> BoolArray:
+    """(k,) true for the faces that look to the other side than the nearest faces of another mesh."""
+    frame = Frame.around(mesh.vertices, other.used)
+    here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
+    nearest = there[NearestCells(there).nearest(middles(here))[1]]
+    one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, nearest))
+    return np.asarray(dot(one, second) < 0)
+
+
 @dataclass(frozen=True)
 class Lone:
     """Faces that only one of two meshes has, or has more often, where it has all faces of the other one."""

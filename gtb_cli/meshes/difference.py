@@ -107,7 +107,9 @@ class Difference:
     def limits(self) -> tuple[str, ...]:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
-        if self.uncompared:
+        if self.uncompared and self.method == "patches":
+            result.append(self.uncompared)
+        elif self.uncompared:
             only, why = f"only compared at {self.uncompared}", "the faces are others"
             if self.kind == "surface":
                 only, why = "not compared", "surfaces were asked for"

@@ -310,6 +310,7 @@ class KnownMesh:
     space: str = ""  # what the file says of its unit and vertical axis
     values: Callable[[], Values] = dict  # normals, texture coordinates and attributes, which are read when asked
     libraries: tuple[str, ...] = ()  # names of files with its materials
+    doubtful: tuple[str, ...] = ()  # names of values that are compared only where faces are the same
 
     @property
     def has_indices(self) -> bool:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.meshes.correspondence import turned_cells
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, middles
@@ -45,11 +46,6 @@ def _parts(corners: IntArray, between: IntArray) -> list[IntArray]:
 
 def turned(mesh: Mesh, other: Mesh) -> BoolArray:
     """(m,) true at the corners of faces that look to the other side than the nearest faces of another mesh."""
-    frame = Frame.around(mesh.vertices, other.used)
-    here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
-    tree, points = NearestCells(there), middles(here)
-    nearest = there[tree.nearest(points)[1]]
-    one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, nearest))
     marked = np.zeros(len(mesh.vertices), dtype=bool)
-    marked[mesh.cells[dot(one, second) < 0]] = True
+    marked[mesh.cells[turned_cells(mesh, other)]] = True
     return marked

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import Fault, GtbError
 from gtb_cli.language.reading import AS_SEEN, Reading
@@ -130,14 +130,24 @@ class Comparing:
 def _are_alike(first: str, second: str) -> bool:
     """Tell whether two files of JSON hold the same but for last digits, which other processors find otherwise."""
     from gtb_cli.files import read_file
+    from gtb_cli.formats.meshfiles import read_mesh
     from gtb_cli.language.document import MAX_BYTES
 
-    def rounded(word: str) -> float:
-        """To six digits: distances in a sequence are known to less; and what is next to none is none."""
-        return float(f"{float(word):.6g}") if abs(float(word)) > 1e-14 else 0.0
+    def near(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        """To six digits where distances are concerned, which are known to less, others to twelve."""
+        for k, (key, value) in enumerate(pairs):
+            if isinstance(value, float):
+                is_far = key.startswith("distance")
+                pairs[k] = key, 0.0 if is_far and abs(value) <= none else float(f"{value:.{6 if is_far else 12}g}")
+        return dict(pairs)
 
+    none = 0.0  # the largest distance that is rounding
     try:
-        one, other = (json.loads(read_file(path, MAX_BYTES), parse_float=rounded) for path in (first, second))
+        texts = [read_file(path, MAX_BYTES) for path in (first, second)]
+        with suppress(GtbError, LookupError, TypeError):  # a sequence without files of meshes
+            mesh = os.path.join(os.path.dirname(first), os.path.basename(json.loads(texts[0])["meshes"][-1]["file"]))
+            none = 1e-14 * float(abs(read_mesh(mesh).bounds).max()) if os.path.isfile(mesh) else none
+        one, other = (json.loads(text, object_pairs_hook=near) for text in texts)
     except (ValueError, RecursionError):
         return False
     return bool(one == other)

@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 def spec_or_report(path: str, printed: Callable[[Mesh], dict[str, Any]]) -> Spec | dict[str, Any]:
     """Return the spec in a file, or a report on the mesh or the CAD part in it, as the content says.
 
-    What `printed` says of a closed mesh is a part of its report.
-
-    The report on a mesh with nothing to measure has its fault, and a hash, by which versions of it differ.
+    What `printed` says of a closed mesh is a part of its report. The report on a mesh with nothing to measure has its
+    fault, and a hash, by which versions of it differ.
     """
     import hashlib
 
@@ -51,9 +50,8 @@ def _report(known: KnownMesh, printed: Callable[[Mesh], dict[str, Any]]) -> dict
     cells = "segments" if mesh.is_curve else "faces"
     groups = [{"name": name, cells: stop - start} for name, start, stop in mesh.groups]
     space = {"space": known.space} if known.space else {}
-    report = {"kind": "mesh", "format": known.format, **space, **measures.record()}
-    if not mesh.is_curve:
-        report["turned_edges"] = measures.turned_edges
+    sides = {} if mesh.is_curve else {"turned_edges": measures.turned_edges}
+    report = {"kind": "mesh", "format": known.format, **space, **measures.record(), **sides}
     centroid, spread = moments(mesh)
     report |= {"centroid": centroid, "second_moments": spread}
     held = {name: _digest(rows[of]) for name, (rows, of) in sorted(known.values().items())}
@@ -158,8 +156,8 @@ def mesh_text(report: dict[str, Any]) -> str:
     lines = [*labelled(shown).items(), *(("hole", text) for text in holes), *printing_rows(printed)]
     lines += [(f"digest of {name}", digest) for name, digest in digests.items()]
     lines += [("group", ": ".join(map(str, group.values()))) for group in groups[:max_groups_shown]]
-    if groups[max_groups_shown:]:
-        lines.append(("and more", f"{len(groups) - max_groups_shown} groups"))
+    more = len(groups) - max_groups_shown
+    lines += [("and more", f"{more} groups")] if more > 0 else []
     return "".join(f"{label:21} {_text(value)}\n" for label, value in lines)
 
 

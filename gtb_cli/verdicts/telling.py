@@ -84,8 +84,7 @@ def _row(label: str, values: list[float | int | None]) -> str:
     is_rounding = None not in values and math.isclose(values[0] or 0, values[1] or 0, rel_tol=1e-12)
     if is_rounding or values[0] == values[1]:
         return f"  {label:24}{first:>16}{second:>16}\n"
-    if first == second:
-        first, second = (_number(value, 17) for value in values)
+    first, second = (_number(value, 17) for value in values) if first == second else (first, second)
     width = 16 if max(len(first), len(second)) < 16 else 24
     return f"  {label:24}{first:>{width}}{second:>{width}}  *\n"
 

@@ -44,14 +44,10 @@ class Verdict:
     def reasons(self) -> tuple[str, ...]:
         """Why the files are not the same, beside their distance, in sentences."""
         told = (*self.found.words, *self.found.faults) if self.found else ()
-        reasons = [*map(str, self.errors), *told, *self.warnings, *self.notes]
-        if self.renamed:
-            reasons.append(f"is called {self.renamed} in the other folder")
-        if self.word == "different" and self.found is None:
-            reasons.append("other bytes")
-        if self.found is not None and not self.found.same_kind:
-            reasons.append(OTHER_KIND)
-        return tuple(reasons)
+        reasons = (*map(str, self.errors), *told, *self.warnings, *self.notes)
+        reasons += (f"is called {self.renamed} in the other folder",) * bool(self.renamed)
+        reasons += ("other bytes",) * (self.word == "different" and self.found is None)
+        return reasons + (OTHER_KIND,) * (self.found is not None and not self.found.same_kind)
 
     @property
     def text(self) -> str:

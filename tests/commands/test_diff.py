@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from gtb_cli.formats.export import write_mesh
-from gtb_cli.meshes.mesh import Mesh
 from tests.marks import long
 from tests.shell import PENTAGON, gtb
 from tests.tiny_meshes import plane, surface
@@ -84,17 +83,6 @@ def folders(tmp_path):
         (folder / "manifest.json").write_text(json.dumps({"versions": str(folder), "options": {}, "files": []}))
         (folder / ".hidden.obj").write_text(str(folder))
     return one, two
-
-
-def test_numbers_with_a_star_look_different(tmp_path):
-    one, two = tmp_path / "one.obj", tmp_path / "two.obj"
-    write_mesh(surface(8), one)
-    mesh = surface(9)
-    write_mesh(Mesh(mesh.vertices * (1 + 1e-12), mesh.cells), two)
-    text = gtb("diff", one, two, "--tolerance", 1e-15, status=1).text
-    rows = [line.split() for line in text.splitlines() if line.endswith("*")]
-    assert rows
-    assert all(row[-2] != row[-3] for row in rows)
 
 
 def test_equal_bytes_are_compared_at_once(tmp_path, monkeypatch):
