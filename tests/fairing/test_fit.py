@@ -49,8 +49,7 @@ def test_parameters_are_spread_evenly():
 def test_rounds_are_what_the_eigenvalues_say():
     """Each round shrinks what is missed by the spectral radius of I − C, in the end."""
     found = fit(helix(12))
-    matrix = found.curve.basis(found.parameters)
-    radius = np.abs(1 - np.linalg.eigvals(matrix)).max()
+    radius = np.abs(1 - np.linalg.eigvals(found.curve.basis(found.parameters))).max()
     expected = math.log(RESIDUAL_TOLERANCE) / math.log(radius)
     assert 0.6 * expected < found.rounds < 1.2 * expected
     assert fit(helix(50)).rounds < 1.5 * fit(helix(12)).rounds
@@ -96,8 +95,7 @@ def test_curves_through_very_uneven_points_can_be_meshed(seed):
     """Chords from a billionth to 1: with knots as uneven, rounding of the weights was more than meshes bear."""
     rng = np.random.default_rng(seed)
     chords = 10.0 ** rng.uniform(-9, 0, 12)[:, None] * [[0.6, 0.8]] * rng.choice([-1, 1], (12, 2))
-    curve = fit(np.cumsum(chords, axis=0)).curve
-    assert len(tessellate(curve, resolution=200).vertices) == 201
+    assert len(tessellate(fit(np.cumsum(chords, axis=0)).curve, resolution=200).vertices) == 201
 
 
 @pytest.mark.parametrize(

@@ -121,6 +121,10 @@ def test_lines_of_all_values(data: dict[str, object], seed: int, toml: bool) -> 
     assert document.lines(set(lines)) == lines
 
 
+def test_tables_within_one_are_not_that_one_again():
+    assert read("[a.b]\n[a.c]\n[[d]]\n[d.e]\n[[d]]\n[d.e]\n", "a.toml").repeated == ()
+
+
 def test_lines_in_patches_and_dotted_keys() -> None:
     text = """
     [[patches]]

@@ -87,8 +87,7 @@ def test_one_function_of_a_surface_is_drawn_on_given_axes():
 @pytest.mark.parametrize("what", mostly_long(["basis", "surface"]))
 def test_a_number_of_a_surface_varies_in_panels_of_one_scale(what):
     axes = pentagon().plot(what=what, vary={"weights[3]": [1, 50]}, resolution=4, size=(4, 2), dpi=30).figure.axes
-    names = ["ω₃ = 1", "ω₃ = 50"]
-    assert [ax.get_title().split(":")[0] for ax in axes] == names
+    assert [ax.get_title().split(":")[0] for ax in axes] == ["ω₃ = 1", "ω₃ = 50"]
     assert axes[0].get_xlim() == axes[1].get_xlim()
     one, other = (np.asarray(ax.images[0].get_array()) for ax in axes)
     assert (one != other).any()

@@ -139,6 +139,13 @@ def test_an_absent_knot_is_hollow():
     assert dark[:, round(columns[1]) - 6 : round(columns[1]) + 7].any()
 
 
+def test_axes_in_the_plane_hold_all_knots():
+    knots = np.array([[9, 0], [12, 0], [9, 1]])
+    ax = gtb_cli.plot(gtb_cli.Patch(knots, np.eye(3)), what="domain")
+    low, high = np.transpose([ax.get_xlim(), ax.get_ylim()])
+    assert ((low < knots) & (knots < high)).all()
+
+
 def test_curvature_has_a_scale_with_zero_in_its_middle():
     image = png(SPECS / "bicubic.toml", "--curvature", "mean", "--no-net", *SMALL)
     purple, orange = near(image, "#542788", 60), near(image, "#b35806", 60)
@@ -196,8 +203,7 @@ def test_variants_have_a_legend_in_the_plane_and_in_space(tmp_path):
 @pytest.mark.usefixtures("measured_roughly")
 @long
 def test_a_sequence_has_a_panel_for_each_x():
-    spec = SPECS / "example-3.4.toml"
-    text = gtb("plot", spec, "-x", "2", "-x", "8", "-f", "svg").text
+    text = gtb("plot", SPECS / "example-3.4.toml", "-x", "2", "-x", "8", "-f", "svg").text
     assert [title in text for title in (">x = 2<", ">x = 8<", ">limit<")] == [True] * 3
 
 

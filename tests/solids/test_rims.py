@@ -81,8 +81,7 @@ def test_a_flat_rim_lies_in_its_plane_and_keeps_the_wall(name, thickness, n):
     solid, remarks = Recipe(n, thickness=thickness, rim="flat").mesh(model)
     assert remarks == []
     assert_closed(solid)
-    count = len(solid.vertices) // 2
-    sides = (solid.cells < count).sum(axis=1)
+    sides = (solid.cells < len(solid.vertices) // 2).sum(axis=1)
     rim = solid.vertices[solid.cells[(sides > 0) & (sides < 3)]][:, :, 2]
     np.testing.assert_allclose(np.abs(rim[:, :, None] - heights).min(axis=2), 0, atol=1e-12)
     extreme = [solid.vertices[:, 2].min(), solid.vertices[:, 2].max()]

@@ -197,8 +197,7 @@ def test_a_pole_of_points_that_are_equal_within_rounding():
     points = patch.control_points.copy()
     points[6:, 2] = [1 - 2**-53, 1.0, 1 + 2**-52]
     rounded = Patch(patch.knots, points, patch.weights, patch.coefficients)
-    h = 10.0 ** -np.arange(1.0, 14.0)
-    gaussian, mean = curvature(rounded, np.column_stack([np.full(13, 1.2), 2 - h]))
+    gaussian, mean = curvature(rounded, np.column_stack([np.full(13, 1.2), 2 - 10.0 ** -np.arange(1.0, 14.0)]))
     np.testing.assert_allclose(gaussian, 1, rtol=1e-7)
     np.testing.assert_allclose(mean, 1, rtol=1e-7)
 
