@@ -24,9 +24,9 @@ SAMPLED = 1e-3
 def test_a_patch_is_where_its_other_descriptions_are(name):
     """Raised in degree, with weights that are e^<a, s> times the others, and in any order of the knots."""
     whole = named(name)
-    patch = whole.part(np.arange(min(len(whole.knots), 12)))
+    patch = whole.part(np.arange(min(len(whole.knots), 16)))
     tilted = patch.log_weights + (patch.knots - patch.domain.center) @ np.ones(patch.dimension) / patch.domain.size
-    few = patch.part(np.arange(min(len(patch.knots), 7)))  # when they are raised, they are many more
+    few = patch.part(np.arange(min(len(patch.knots), 9)))  # when they are raised, they are many more
     same = [(patch, patch.replace(log_weights=tilted)), (patch, patch.part(np.arange(len(patch.knots))[::-1]))]
     for one, other in (*same, (few, elevate(few))):
         found = distance(one, other)
