@@ -25,14 +25,9 @@ MAX_STREAM_BYTES = 1 << 28
 def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
     """Read a mesh file; the format, "obj", "ply", "stl", "glb" or "3mf", is by default the one of its content.
 
-    Returns
-    -------
-    Mesh
-        Triangles or segments, with vertices and cells in the order of the file. Polygons are cut into triangles.
-        Corners of an STL file's facets at exactly the same place become one vertex. Normals and texture coordinates are
-        not read.
-
-    Raises `GtbError` if the file cannot be read; the message is one line that names it.
+    Returned are triangles or segments, with vertices and cells in the order of the file. Polygons are cut into
+    triangles. Corners of an STL file's facets at exactly the same place become one vertex. Normals and texture
+    coordinates are not read. Raises `GtbError` if the file cannot be read; the message is one line that names it.
     """
     return decode_mesh(read_file(path, MAX_FILE_BYTES + 1, GtbError), os.fspath(path), format).mesh
 
