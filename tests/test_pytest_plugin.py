@@ -116,17 +116,15 @@ run()
 def test_what_a_library_holds_is_kept_and_compared_and_no_attribute_is_lost(folder):
     (folder / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
     (folder / "a.mtl").write_text("newmtl red\nKd 1 0 0\n")
-    test = "def test_a(mesh_regression):\n    mesh_regression.check('a.obj')\n"
-    test += "def test_u(mesh_regression):\n    mesh_regression.check('lamp.toml', n=1, attributes=['u'])\n"
-    test += "def test_far(mesh_regression):\n    mesh_regression.check('b.obj')\n"
-    far = 'os.mkdir("b"), shutil.copy("a.mtl", "b"), shutil.copy("a.obj", "b.obj")\n'
+    checks = {"a": "'a.obj'", "u": "'lamp.toml', n=1, attributes=['u']", "far": "'b.obj'"}
+    test = "".join(f"def test_{n}(mesh_regression):\n    mesh_regression.check({w})\n" for n, w in checks.items())
+    far = 'os.mkdir("b"), shutil.copy("a.mtl", "b")\n'
     far += 'pathlib.Path("b.obj").write_text(pathlib.Path("a.obj").read_text().replace("a.mtl", "b/a.mtl"))\n'
     steps = far + 'run("-k", "test_a"), run("-k", "test_a"), pathlib.Path("a.mtl").write_text("newmtl red"), run()'
     new, same, (status, text) = runs(folder, test, steps)
     assert [new[0], same[0], status, (folder / "test_lamp" / "a.mtl").read_text()[-7:]] == [1, 0, 1, " 1 0 0\n"]
-    assert "material libraries: not the same" in text
-    assert "attributes: OBJ holds none, give format='ply'" in text
-    assert "b/a.mtl is in another folder, and is not kept beside a golden file" in text
+    told = "material libraries: not the same", "attributes: OBJ holds none, give", "b/a.mtl is in another folder, and"
+    assert [each in text for each in told] == [True] * 3
 
 
 @long

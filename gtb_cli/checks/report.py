@@ -10,15 +10,20 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Finding:
-    """A property, measured, relative to sizes and without unit. It holds if its value is at most the bound."""
+    """A property, measured: its largest violation, or a number, relative to sizes, and what rounding may do, the bound.
 
-    # "measured" means that the number is no verdict, "not decided" that rounding is too large for one
+    The status "measured" means that the number is not a verdict, "not decided" that rounding is too large for one. A
+    value is infinite or not a number if a patch is broken. The reason is what was measured, or the condition that the
+    patch does not fulfil; the name is the same in every version, for scripts, and empty until it is known; the
+    reference is where the paper states it.
+    """
+
     status: Literal["holds", "fails", "not applicable", "not decided", "measured"]
-    value: float | None  # the largest violation, or the number; infinite or not a number if a patch is broken
-    bound: float | None  # what rounding may do to this patch
-    reason: str  # what was measured, or the condition that the patch does not fulfil
-    name: str = ""  # of the property, the same in every version, for scripts; empty until it is known
-    reference: str = ""  # where the paper states it
+    value: float | None
+    bound: float | None
+    reason: str
+    name: str = ""
+    reference: str = ""
 
 
 def at_most(value: float, bound: float, reason: str) -> Finding:

@@ -34,13 +34,17 @@ def write_mesh(
 ) -> None:
     """Write a mesh to a file, whole or not at all.
 
+    Raises `ExportError` if the format cannot hold the mesh, a number is not finite, or the file cannot be written, and
+    `BrokenPipeError` if the reader of a pipe has closed it.
+
     Parameters
     ----------
     mesh : Mesh
         The order of vertices and cells is kept, and the same mesh gives the same bytes.
     path_or_file : str, path-like or binary file object
         A path is replaced atomically (see `gtb_cli.files.replace_file`); a file object is written to and flushed.
-    format : {"obj", "ply", "stl", "glb", "3mf"}, optional; by default the path's suffix
+    format : {"obj", "ply", "stl", "glb", "3mf"}, optional
+        The default is the format of the path's suffix.
     ascii : bool
         Write PLY and STL as text, with numbers that read back exactly, instead of 32-bit binary. OBJ is always text.
     normals : bool, optional
