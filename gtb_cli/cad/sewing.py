@@ -53,14 +53,20 @@ def encode_cad(
         raise ExportError(f"{kind.upper()} {MISSING}") from None
     silence()
     size = float(np.ptp(np.concatenate([surface.net[..., :3].reshape(-1, 3) for surface in surfaces]), axis=0).max())
-    sewn, roughly = 1e-6 * size, 2e-5 * size  # edges of neighbours agree to rounding, those of a part's splines to 1e-5
-    if sewn < KERNEL_PRECISION:
+    if size < 1e3 * KERNEL_PRECISION:
         raise ExportError(
             f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {KERNEL_PRECISION:g}"
         )
-    shape, faces, shells, solids = _sewn(surfaces, sewn, part)
-    if part is not None and shells:
-        shape, faces, shells, solids = _sewn(surfaces, roughly, part)
+    scale = 1.0 if 0.1 <= size <= 1e5 else size  # the kernel sews with an absolute precision
+    nets = [surface._replace(net=surface.net / [scale, scale, scale, 1]) for surface in surfaces]
+    body = part if part is None or scale == 1 else _scaled(part, 1 / scale).Shape()
+    for within in (1e-6, 2e-5):  # of the size: edges of neighbours agree to rounding, those of a part's splines to 1e-5
+        shape, faces, shells, solids = _sewn(nets, within * size / scale, body)
+        if part is None or not shells:
+            break
+    if scale != 1:
+        back = _scaled(shape, scale)
+        shape, faces = back.Shape(), [(back.ModifiedShape(face), face_name) for face, face_name in faces]
     seams = None if part is None else seams_of(shape, [face for face, _ in faces], curved=curved)
     if not check(shape).IsValid():
         raise ExportError(
@@ -79,6 +85,13 @@ def encode_cad(
         with open(path, "rb") as file:
             data = file.read()
     return Body(re.sub(*times[kind], data) if kind in times else data, shells, solids, seams)
+
+
+def _scaled(shape: Any, scale: float) -> Any:
+    """Return the kernel's transformation of a shape by a scale, a copy."""
+    transform = kernel("gp").gp_Trsf()
+    transform.SetScaleFactor(scale)
+    return kernel("BRepBuilderAPI").BRepBuilderAPI_Transform(shape, transform, True)
 
 
 def _sewn(

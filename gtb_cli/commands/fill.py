@@ -156,7 +156,11 @@ def fill(
         write_json(STANDARD, _certificate(filling))
     if filling.fault:
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
-    _report(filling, streams.console)
+    if bends:  # other figures are of a patch that touches the part's planes, and the file's surfaces are not that
+        for remark in filling.remarks:
+            streams.console.note(remark)
+    else:
+        _report(filling, streams.console)
     if kind is not None:
         streams.console.report(streams.output, *encoded[1:])
 

@@ -10,7 +10,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.filling.holes import Ring, closed_rings
 from gtb_cli.filling.sides import MAX_GAP, HoleSide, points_and_tangents, stations
 from gtb_cli.filling.spline_sides import nearest_curve
-from gtb_cli.importers.cad_files import SEWN, box_of, edge_pieces, face_frames, kernel, parts, uses_of_edges
+from gtb_cli.importers.cad_files import SEWN, box_of, edge_pieces, face_frames, kernel, moved, parts, uses_of_edges
 from gtb_cli.values import frozen
 
 
@@ -64,9 +64,7 @@ def part_of(shape: Any) -> Part:
 def _normals(face: Any, start: FloatArray, points: FloatArray, name: str) -> FloatArray:
     """Return the outward unit normals of a face at its nearest points; these are given from a start."""
     gp, project = kernel("gp"), kernel("GeomAPI").GeomAPI_ProjectPointOnSurf
-    move = gp.gp_Trsf()
-    move.SetTranslation(gp.gp_Vec(*(-start).tolist()))
-    near = kernel("TopoDS").TopoDS.Face(face.Moved(kernel("TopLoc").TopLoc_Location(move)))
+    near = kernel("TopoDS").TopoDS.Face(*moved(start, face))
     surface = kernel("BRep").BRep_Tool.Surface_s(near)
     places = [project(gp.gp_Pnt(*each), surface).LowerDistanceParameters() for each in points.tolist()]
     normals = face_frames(near, places)[3]

@@ -129,6 +129,14 @@ def box_of(shape: Any) -> FloatArray:
     return np.array([(each.X(), each.Y(), each.Z()) for each in corners] or np.zeros((2, 3)))
 
 
+def moved(origin: FloatArray, *shapes: Any) -> list[Any]:
+    """Return shapes as seen from an origin, near which points and derivatives keep their digits."""
+    move = kernel("gp").gp_Trsf()
+    move.SetTranslation(kernel("gp").gp_Vec(*(-origin).tolist()))
+    location = kernel("TopLoc").TopLoc_Location(move)
+    return [shape.Moved(location) for shape in shapes]
+
+
 def extent_of(shape: Any, what: str) -> float:
     """Return the area (``Surface``) or the volume (``Volume``) of a shape, or of all its faces, to nine digits."""
     measured = kernel("GProp").GProp_GProps()
