@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
 from gtb_cli.cad.sewing import encode_cad
 from gtb_cli.errors import RequirementError, ToleranceError
@@ -51,12 +49,12 @@ def encode_surfaces(
         warnings, curvature = [], body.seams.curvature
         faces += f" within {found.error:.2g}" if bend_allowed is None else ""
         outer, gap, inner, inner_gap = (f"{value:.2g}" for value in body.seams[:4])
-        for what, most, found_most in (
-            ("degrees between tangent planes", 90.0 if angle is None else angle, max(body.seams[0:3:2])),  # beyond, folds
-            ("between faces", tolerance or np.inf, max(body.seams[1:4:2])),
-        ):
-            if not found_most <= most:
-                raise ToleranceError(f"seams of new faces have {found_most:.3g} {what}, more than {most:.3g}")
+        if not (apart := max(body.seams[0:3:2])) <= (angle or 90):  # beyond, faces have turned back
+            raise ToleranceError(
+                f"planes at seams of the file differ by {apart:.3g} degrees, more than {angle or 90:g}"
+            )
+        if tolerance is not None and not (apart := max(body.seams[1:4:2])) <= tolerance:
+            raise ToleranceError(f"seams of the file have gaps of {apart:.3g}, more than {tolerance:g}")
         parts.append(
             f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
         )

@@ -15,7 +15,7 @@ from gtb_cli.cad.cad_seams import Seams, seams_of
 from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.errors import ExportError
 from gtb_cli.files import begin
-from gtb_cli.importers.cad_files import MISSING, kernel, parts, silence
+from gtb_cli.importers.cad_files import MISSING, kernel, kernel_scale, parts, scaled, silence
 
 KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # the kernel's names
@@ -57,15 +57,15 @@ def encode_cad(
         raise ExportError(
             f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {KERNEL_PRECISION:g}"
         )
-    scale = 1.0 if 0.1 <= size <= 1e5 else size  # the kernel sews with an absolute precision
+    scale = kernel_scale(size)
     nets = [surface._replace(net=surface.net / [scale, scale, scale, 1]) for surface in surfaces]
-    body = part if part is None or scale == 1 else _scaled(part, 1 / scale).Shape()
+    body = part if part is None or scale == 1 else scaled(part, 1 / scale).Shape()
     for within in (1e-6, 2e-5):  # of the size: edges of neighbours agree to rounding, those of a part's splines to 1e-5
         shape, faces, shells, solids = _sewn(nets, within * size / scale, body)
         if part is None or not shells:
             break
     if scale != 1:
-        back = _scaled(shape, scale)
+        back = scaled(shape, scale)
         shape, faces = back.Shape(), [(back.ModifiedShape(face), face_name) for face, face_name in faces]
     seams = None if part is None else seams_of(shape, [face for face, _ in faces], curved=curved)
     if not check(shape).IsValid():
@@ -85,13 +85,6 @@ def encode_cad(
         with open(path, "rb") as file:
             data = file.read()
     return Body(re.sub(*times[kind], data) if kind in times else data, shells, solids, seams)
-
-
-def _scaled(shape: Any, scale: float) -> Any:
-    """Return the kernel's transformation of a shape by a scale, a copy."""
-    transform = kernel("gp").gp_Trsf()
-    transform.SetScaleFactor(scale)
-    return kernel("BRepBuilderAPI").BRepBuilderAPI_Transform(shape, transform, True)
 
 
 def _sewn(

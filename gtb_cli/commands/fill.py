@@ -156,11 +156,7 @@ def fill(
         write_json(STANDARD, _certificate(filling))
     if filling.fault:
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
-    if bends:  # other figures are of a patch that touches the part's planes, and the file's surfaces are not that
-        for remark in filling.remarks:
-            streams.console.note(remark)
-    else:
-        _report(filling, streams.console)
+    _report(filling, streams.console, written=not bends)
     if kind is not None:
         streams.console.report(streams.output, *encoded[1:])
 
@@ -217,12 +213,14 @@ def _bending(bending: Bending, error: float) -> dict[str, float]:
     return integrals | {"curvature": bending.curvature, "relative_error": error}
 
 
-def _report(filling: Filling, console: Console) -> None:
+def _report(filling: Filling, console: Console, *, written: bool) -> None:
     from gtb_cli.fairing.fair import agreed_text
 
     corner_angle = 0.1  # degrees between the tangent planes of two sides at their corner, above which a warning says so
     for remark in filling.remarks:
         console.note(remark)
+    if not written:  # the file's surfaces are not this patch, and its line says what they are
+        return
     for part in filling.parts or (filling,):
         for corner, angle in enumerate(part.corner_angles.tolist()):
             if angle > corner_angle:
