@@ -17,8 +17,7 @@ ROUNDS, SMALL = 8, 5e-4  # of least squares, as long as poles move by more than 
 ANGLES = 1e6  # weight, beside the variation of forms, of planes at seams: ten times more or less, they are within 4e-4°
 JUMPS = 3e2  # of forms at seams, which are free: ten times more or less, curvature at edges stays within .04 %
 BENDS = 1e3  # of forms at edges, which are given: a tenth loses a digit of what is within .03 % here, and is a bound
-RIDGE = 1e-11  # share of the diagonal, beyond its rounding
-SLIDE = 100.0  # that of moves along the surface, which only poles next but one to edges make
+RIDGE, SLIDE = 1e-11, 100.0  # share of the diagonal, beyond its rounding; share of moves along the surface
 
 _Kinds: TypeAlias = list[tuple[Splines, Splines]]
 # A weight, rows of some nets, and what the sum of these rows should be

@@ -6,7 +6,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.cad import spline_pieces
 from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.cad.part_borders import Border
-from gtb_cli.cad.spline_pieces import EDGES, FittedPieces, Splines, edge_normals, grid, largest_angle, normals_at
+from gtb_cli.cad.spline_pieces import EDGES, Splines, edge_normals, fit_inside, grid, largest_angle, normals_at
 from gtb_cli.theory.patch import Patch
 
 DEGREE = 6
@@ -14,7 +14,7 @@ DEGREE = 6
 
 def fitted_pieces(
     patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders: list[Border | None]
-) -> FittedPieces:
+) -> spline_pieces.FittedPieces:
     """Fit a patch by as many pieces as it has corners, in the linear parametrisation.
 
     Edges interpolate the patch's, or are their exact halves, or borders of a part; seams are shared. The rest is least
@@ -44,9 +44,7 @@ def fitted_pieces(
     followed = [(near * last).sum(axis=2) > least for near, last in zip(planes[::2], planes[1::2], strict=True)]
     given = [np.where(kept[..., None], last, np.nan) for kept, last in zip(followed, planes[1::2], strict=True)]
     for k, net in enumerate(nets):
-        spline_pieces.fit_inside(
-            net, (splines, splines), (fitted[k] - origin) / size, [normals[k] for normals in given], 3.0
-        )
+        fit_inside(net, (splines, splines), (fitted[k] - origin) / size, [normals[k] for normals in given], 3.0)
     bend = angle = 0.0
     normals = [[edge_normals(net, axis, last, splines) for axis, last in EDGES] for net in nets]
     for k in range(len(nets)):
@@ -55,7 +53,7 @@ def fitted_pieces(
     made = [(piece, net, (splines, splines)) for piece, net in zip(quarters, nets, strict=True)]
     surfaces, away, gap = spline_pieces.measured_surfaces(name, made, between, origin, size)
     error = max(float(np.sqrt((each**2).sum(axis=1)).max()) for each in away)
-    return FittedPieces(surfaces, error, gap, bend, angle, 1 - float(np.mean(followed)))
+    return spline_pieces.FittedPieces(surfaces, error, gap, bend, angle, 1 - float(np.mean(followed)))
 
 
 def _add_seams(nets: list[FloatArray], splines: Splines, points: FloatArray, ways: FloatArray) -> None:
