@@ -131,7 +131,8 @@ def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_p
     (far,) = cad_files.moved(np.array([1e6, -1e6, 0]), box_without_a_corner((2, 2, 2)))
     part, out = written(far, tmp_path), tmp_path / "filled.brep"
     fill = "fill", part, "--elevate", 0, "--continuity", "g2", "-o", out
-    words = r"\Agtb: \S+ 6 fitted faces, 1 solid, seams .*, curvature to the part within (\S+) \(\S+% of 0.5\) near .* jumps by up to 0.5 at 3 corners"
+    words = r"\Agtb: \S+ 6 fitted faces, 1 solid, seams .*, "
+    words += r"curvature to the part within (\S+) \(\S+% of 0.5\) near .* jumps by up to 0.5 at 3 corners"
     said = re.search(words, gtb(*fill, status=0).err)
     shape, differences = read_shape(out.read_bytes(), "brep", "x"), []
     new = max(face_kind(face) for face in parts(shape, "FACE"))
