@@ -14,9 +14,9 @@ from gtb_cli.cad.spline_pieces import Splines, grid
 from gtb_cli.errors import DomainError
 
 ROUNDS, SMALL = 8, 5e-4  # of least squares, as long as poles move by more than a share of the size
-ANGLES = 1e6  # weight, beside the variation of forms, of planes at seams: ten times more or less, they are within 4e-4°
-JUMPS = 3e2  # of forms at seams, which are free: ten times more or less, curvature at edges stays within .04 %
-BENDS = 1e3  # of forms at edges, which are given: a tenth loses a digit of what is within .03 % here, and is a bound
+ANGLES = 1e6  # of planes at seams, beside the variation of forms: a tenth as much gives three times the angles, .0009°
+JUMPS = 3e2  # of forms at seams, which are free: ten times as much costs angles at seams, up to .003°
+BENDS = 1e3  # of forms at edges, which are given: a tenth as much leaves .4 % of the largest, and not .04 %
 RIDGE, SLIDE = 1e-11, 100.0  # share of the diagonal, beyond its rounding; share of moves along the surface
 
 _Kinds: TypeAlias = list[tuple[Splines, Splines]]
