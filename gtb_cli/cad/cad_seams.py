@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, angles_between, point_text
-from gtb_cli.importers.cad_files import face_forms, face_frames, kernel, uses_of_edges
+from gtb_cli.importers.cad_files import box_of, face_forms, face_frames, kernel, moved, uses_of_edges
 
 CLOSER = (1 - np.cos(np.pi * (np.arange(256) + 0.5) / 256)) / 2  # towards the ends, to 1e-5, where angles are largest
 
@@ -41,9 +41,11 @@ class Seams(NamedTuple):
 
 def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams:
     """Measure the edges of new faces that two faces of a shape share; curvatures if they are `curved`."""
-    new, bends = {hash(face) for face in fresh}, list[tuple[FloatArray, FloatArray, FloatArray]]()
+    origin, bends = box_of(shape).mean(axis=0), list[tuple[FloatArray, FloatArray, FloatArray]]()
+    near, *new_faces = moved(origin, shape, *fresh)
+    new = {hash(face) for face in new_faces}
     found = {False: [(0.0, 0.0)], True: [(0.0, 0.0)]}
-    for pair in uses_of_edges(shape).values():
+    for pair in uses_of_edges(near).values():
         olds = [hash(face) not in new for _, face in pair]
         if len(pair) != 2 or all(olds):
             continue
@@ -56,11 +58,11 @@ def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams
             forms = [face_forms(face, where) for (_, face), where in zip(pair, (at, at_other), strict=True)]
             bends.append((points, np.einsum("ni,nij,nj->n", towards, forms[0] - forms[1], towards), forms[olds[1]]))
     (angle, gap), (inner_angle, inner_gap) = (map(max, zip(*found[key], strict=True)) for key in (True, False))
-    return Seams(angle, gap, inner_angle, inner_gap, _curvature(bends) if bends else None)
+    return Seams(angle, gap, inner_angle, inner_gap, _curvature(bends, origin) if bends else None)
 
 
-def _curvature(bends: list[tuple[FloatArray, FloatArray, FloatArray]]) -> CurvatureGap:
-    """Sum up points along edges, differences of curvatures there, and the part's forms."""
+def _curvature(bends: list[tuple[FloatArray, FloatArray, FloatArray]], origin: FloatArray) -> CurvatureGap:
+    """Sum up points along edges, from an origin, differences of curvatures there, and the part's forms."""
     inside, near = np.minimum(CLOSER, 1 - CLOSER) > 1e-3, 1e-3  # of an edge, and of the size
     points, differences, forms = (np.array(rows)[:, inside] for rows in zip(*bends, strict=True))
     size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
@@ -72,7 +74,7 @@ def _curvature(bends: list[tuple[FloatArray, FloatArray, FloatArray]]) -> Curvat
         for (point, form), (at, other) in combinations(ends, 2)
         if np.linalg.norm(point - at) <= near * size
     ]
-    place = point_text(points[worst], points.reshape(-1, 3))
+    place = point_text(points[worst] + origin, points.reshape(-1, 3) + origin)
     most = max(jumps, default=0.0)
     return CurvatureGap(abs(float(differences[worst])), largest, place, most, sum(x > 0.01 * largest for x in jumps))
 

@@ -14,9 +14,10 @@ from gtb_cli.cad.spline_pieces import Splines, grid
 from gtb_cli.errors import DomainError
 
 ROUNDS, SMALL = 8, 5e-4  # of least squares, as long as poles move by more than a share of the size
-ANGLES, JUMPS, BENDS = 1e6, 3e2, 1e3  # weights of conditions at seams and edges beside the variation of forms
-RIDGE = 1e-11  # share of the diagonal, beyond its rounding
-SLIDE = 100.0  # that of moves along the surface, which only poles next but one to edges make
+ANGLES = 1e6  # of planes at seams, beside the variation of forms: a tenth as much gives three times the angles, .0009°
+JUMPS = 3e2  # of forms at seams, which are free: ten times as much costs angles at seams, up to .003°
+BENDS = 1e3  # of forms at edges, which are given: a tenth as much leaves .4 % of the largest, and not .04 %
+RIDGE, SLIDE = 1e-11, 100.0  # share of the diagonal, beyond its rounding; share of moves along the surface
 
 _Kinds: TypeAlias = list[tuple[Splines, Splines]]
 # A weight, rows of some nets, and what the sum of these rows should be

@@ -3,22 +3,10 @@
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.cad import spline_pieces
 from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.cad.part_borders import Border
-from gtb_cli.cad.spline_pieces import (
-    EDGES,
-    FittedPieces,
-    Splines,
-    corner_pieces,
-    edge_normals,
-    fit_inside,
-    framed,
-    grid,
-    largest_angle,
-    measured_surfaces,
-    normals_at,
-    points_at,
-)
+from gtb_cli.cad.spline_pieces import EDGES, Splines, edge_normals, fit_inside, grid, largest_angle, normals_at
 from gtb_cli.theory.patch import Patch
 
 DEGREE = 6
@@ -26,20 +14,20 @@ DEGREE = 6
 
 def fitted_pieces(
     patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders: list[Border | None]
-) -> FittedPieces:
+) -> spline_pieces.FittedPieces:
     """Fit a patch by as many pieces as it has corners, in the linear parametrisation.
 
     Edges interpolate the patch's, or are their exact halves, or borders of a part; seams are shared. The rest is least
     squares of positions, and of n · ∂S = 0 across edges and seams with the normals n there.
     """
     splines = Splines(DEGREE, np.linspace(0.0, 1.0, spans + 1) ** 2)  # denser at edges: derivatives may have no bound
-    quarters, _ = corner_pieces(patch, halves, borders, is_polar=False)
+    quarters, _ = spline_pieces.corner_pieces(patch, halves, borders, is_polar=False)
     low, high = patch.control_points.min(axis=0), patch.control_points.max(axis=0)
     origin, size = (low + high) / 2, float((high - low).max())
     zero, one = np.zeros(1), np.ones(1)
     lines = [grid(splines.greville, zero), grid(zero, splines.greville), grid(one, splines.greville)]
     grids = [grid(splines.fitted, splines.fitted), grid(splines.between, splines.between)]
-    *rims, fitted, between = points_at(patch, quarters, [*lines, *grids])
+    *rims, fitted, between = spline_pieces.points_at(patch, quarters, [*lines, *grids])
     near = zero + 1 / splines.slopes[0], one - 1 / splines.slopes[1]
     rows = [
         grid(*((splines.fitted, x) if axis else (x, splines.fitted)))
@@ -50,7 +38,7 @@ def fitted_pieces(
     *planes, first, second, ways = normals_at(patch, quarters, [*rows, *measured, np.array([[1.0, 0.0], [1.0, 1.0]])])
     edges, before, seams = ((rim - origin) / size for rim in rims)
     rows_of = zip(quarters, edges, before, strict=True)
-    nets = [framed(quarter, (splines, splines), enumerate(pair)) for quarter, *pair in rows_of]
+    nets = [spline_pieces.framed(quarter, (splines, splines), enumerate(pair)) for quarter, *pair in rows_of]
     _add_seams(nets, splines, seams, ways)
     least = np.cos(np.radians(10))  # if normals turn farther within the first pole, B-splines cannot follow their limit
     followed = [(near * last).sum(axis=2) > least for near, last in zip(planes[::2], planes[1::2], strict=True)]
@@ -63,9 +51,9 @@ def fitted_pieces(
         angle = max(angle, largest_angle(normals[k][0], first[k]), largest_angle(normals[k][1], second[k]))
         bend = max(bend, largest_angle(normals[k][3], normals[(k + 1) % len(nets)][2]))
     made = [(piece, net, (splines, splines)) for piece, net in zip(quarters, nets, strict=True)]
-    surfaces, away, gap = measured_surfaces(name, made, between, origin, size)
+    surfaces, away, gap = spline_pieces.measured_surfaces(name, made, between, origin, size)
     error = max(float(np.sqrt((each**2).sum(axis=1)).max()) for each in away)
-    return FittedPieces(surfaces, error, gap, bend, angle, 1 - float(np.mean(followed)))
+    return spline_pieces.FittedPieces(surfaces, error, gap, bend, angle, 1 - float(np.mean(followed)))
 
 
 def _add_seams(nets: list[FloatArray], splines: Splines, points: FloatArray, ways: FloatArray) -> None:

@@ -99,8 +99,7 @@ def _halves(patch: Patch, edge: int) -> list[HalfEdge]:
     for side, (half, placed) in enumerate(pairs):
         way = slice(None, None, -1) if side else slice(None)
         rows, fractions = homogeneous_points(half)[way], placed.control_points[way, 0]
-        degree = len(rows) - 1
         powers = np.log(rows[:, 3])
-        rows[:, 3] = np.exp(powers - powers[0] + (powers[0] - powers[-1]) * np.arange(degree + 1) / degree)
+        rows[:, 3] = np.exp(powers - powers[0] + (powers[0] - powers[-1]) * np.arange(len(rows)) / (len(rows) - 1))
         halves.append(HalfEdge(rows, 1 - fractions if side else fractions))
     return halves

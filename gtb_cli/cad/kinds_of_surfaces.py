@@ -49,6 +49,12 @@ def encode_surfaces(
         warnings, curvature = [], body.seams.curvature
         faces += f" within {found.error:.2g}" if bend_allowed is None else ""
         outer, gap, inner, inner_gap = (f"{value:.2g}" for value in body.seams[:4])
+        if not (apart := max(body.seams[0:3:2])) <= (angle or 90):  # beyond, faces have turned back
+            raise ToleranceError(
+                f"planes at seams of the file differ by {apart:.3g} degrees, more than {angle or 90:g}"
+            )
+        if tolerance is not None and not (apart := max(body.seams[1:4:2])) <= tolerance:
+            raise ToleranceError(f"seams of the file have gaps of {apart:.3g}, more than {tolerance:g}")
         parts.append(
             f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
         )

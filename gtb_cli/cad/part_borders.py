@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.cad_seams import along_edge
-from gtb_cli.importers.cad_files import face_forms, kernel, uses_of_edges
+from gtb_cli.importers.cad_files import face_forms, kernel, moved, uses_of_edges
 from gtb_cli.theory.patch import Patch
 
 
@@ -31,15 +31,11 @@ def part_borders(patch: Patch, part: Any, *, curved: bool = False) -> list[Borde
     """Return for each edge of a patch a border if it lies along an open edge of a part, a shape of the kernel."""
     if part is None:
         return [None] * len(patch.domain.vertices)
-    origin, gp, topology = patch.control_points.mean(axis=0), kernel("gp"), kernel("TopoDS").TopoDS
-    move, rows = gp.gp_Trsf(), list[FloatArray]()
-    move.SetTranslation(gp.gp_Vec(*(-origin).tolist()))  # near the origin, points keep their digits
-    location = kernel("TopLoc").TopLoc_Location(move)
-    for (edge, face), *others in uses_of_edges(part).values():
+    origin, rows = patch.control_points.mean(axis=0), list[FloatArray]()
+    for (edge, face), *others in uses_of_edges(*moved(origin, part)).values():
         if not others and not kernel("BRep").BRep_Tool.Degenerated_s(edge):
-            pair = topology.Edge(edge.Moved(location)), topology.Face(face.Moved(location))
-            points, normals, _, at = along_edge(*pair, np.linspace(0, 1, 1001))
-            rows.append(np.hstack([points, normals, *([face_forms(pair[1], at).reshape(-1, 9)] if curved else [])]))
+            points, normals, _, at = along_edge(edge, face, np.linspace(0, 1, 1001))
+            rows.append(np.hstack([points, normals, *([face_forms(face, at).reshape(-1, 9)] if curved else [])]))
     return [_border(patch, k, origin, rows) for k in range(len(patch.domain.vertices))]
 
 

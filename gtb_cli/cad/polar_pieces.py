@@ -10,25 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, unit
+from gtb_cli.cad import spline_pieces
 from gtb_cli.cad.curved_pieces import curve_pieces
 from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.cad.part_borders import Border
-from gtb_cli.cad.spline_pieces import (
-    EDGES,
-    FittedPieces,
-    Piece,
-    Splines,
-    corner_pieces,
-    edge_normals,
-    fit_inside,
-    forms_at,
-    framed,
-    grid,
-    largest_angle,
-    measured_surfaces,
-    normals_at,
-    points_at,
-)
+from gtb_cli.cad.spline_pieces import EDGES, Piece, Splines, edge_normals, framed, grid, largest_angle, normals_at
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 
@@ -88,7 +74,7 @@ class _Seam:
 
 def polar_pieces(
     patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders: list[Border | None]
-) -> FittedPieces:
+) -> spline_pieces.FittedPieces:
     """Fit a patch by a polar piece at each corner, out to the middles of its edges, and as many round the centre.
 
     Seams have normals of their own, near the patch's; where they meet, one second fundamental form says how all turn
@@ -99,7 +85,7 @@ def polar_pieces(
     v = patch.domain.vertices
     r = len(v)
     half, whole = (Splines(DEGREE, np.linspace(0.0, 1.0, count + 1), conditions=8) for count in (spans, 2 * spans))
-    polar, middles = corner_pieces(patch, halves, borders, is_polar=True)
+    polar, middles = spline_pieces.corner_pieces(patch, halves, borders, is_polar=True)
     joints = (middles + np.roll(middles, 1, axis=0)) / 2
     inner = [Piece(np.array([[middles[k], joints[k]], [joints[(k + 1) % r], v.mean(axis=0)]])) for k in range(r)]
     corners = patch.evaluate(v)
@@ -107,10 +93,10 @@ def polar_pieces(
     zero, one = np.zeros(1), np.ones(1)
     grids = [[grid(s.fitted, t.fitted), grid(s.between, t.between)] for s, t in ((half, whole), (half, half))]
     rims = [grid(half.greville, zero), grid(half.greville, one), grid(one, PLACES)]
-    *sides, curves, fitted, between = points_at(patch, polar, [*rims, *grids[0]])
+    *sides, curves, fitted, between = spline_pieces.points_at(patch, polar, [*rims, *grids[0]])
     edges = [grid(each, end) for each in (half.conditions, half.along) for end in (zero, one)]
     *planes, tips, turns, faces = normals_at(patch, polar, [*edges, np.zeros((1, 2)), rims[2], grids[0][1]])
-    lines, *more = points_at(patch, inner, [grid(PLACES, one), *grids[1]])
+    lines, *more = spline_pieces.points_at(patch, inner, [grid(PLACES, one), *grids[1]])
     line_turns, more_faces = normals_at(patch, inner, [grid(PLACES, one), grids[1][1]])
     if not all(np.isfinite(each).all() for each in (*planes, tips, turns, line_turns)):
         raise DomainError("has no normal at a corner or seam")
@@ -144,7 +130,7 @@ def polar_pieces(
         nets.append(np.ones((len(half.greville), len(half.greville), 4)))
         nets[-1][..., :3] = 0.0
         _fit(nets[-1], (half, half), (more[0][k] - origin) / size, around, [], 1.0)
-    forms = [forms_at(patch, piece, grid(half.conditions, end)) for piece in polar for end in (zero, one)]
+    forms = [spline_pieces.forms_at(patch, piece, grid(half.conditions, end)) for piece in polar for end in (zero, one)]
     if curved := any(each is not None for each in forms):
         scaled = [None if form is None else form * size for form in forms]
         curve_pieces(nets, (half, whole), [(planes[k % 2][k // 2], form) for k, form in enumerate(scaled)])
@@ -160,11 +146,11 @@ def polar_pieces(
         bend = max(bend, largest_angle(rim[:count], here[1]), largest_angle(rim[: count - 2 : -1], before[0]))
         bend = max(bend, largest_angle(here[3], after[2]))
     made = [*zip([*polar, *inner], nets, r * [(half, whole)] + r * [(half, half)], strict=True)]
-    surfaces, away, gap = measured_surfaces(name, made, [*between, *more[1]], origin, size)
+    surfaces, away, gap = spline_pieces.measured_surfaces(name, made, [*between, *more[1]], origin, size)
     pairs = zip(away, [*faces, *more_faces], strict=True)
     error = max(float(np.abs((each * towards).sum(axis=1)).max()) for each, towards in pairs)
     error *= not curved  # they leave the patch
-    return FittedPieces(surfaces, error, gap, bend, angle, 0.0)
+    return spline_pieces.FittedPieces(surfaces, error, gap, bend, angle, 0.0)
 
 
 def _fit(
@@ -182,7 +168,7 @@ def _fit(
         along = splines[1 - axis]
         net.swapaxes(0, axis)[last, :, :3] = along.curve(seam.points(start + (end - start) * along.greville))
         planes.append(seam.field(start + (end - start) * along.conditions))
-    fit_inside(net, splines, points, planes, share, stress)
+    spline_pieces.fit_inside(net, splines, points, planes, share, stress)
 
 
 def _edge_way(poles: FloatArray, splines: Splines, normals: FloatArray, normal: FloatArray) -> _Way:

@@ -15,7 +15,7 @@ from gtb_cli.cad.cad_seams import Seams, seams_of
 from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.errors import ExportError
 from gtb_cli.files import begin
-from gtb_cli.importers.cad_files import MISSING, kernel, parts, silence
+from gtb_cli.importers.cad_files import MISSING, kernel, kernel_scale, parts, scaled, silence
 
 KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # the kernel's names
@@ -53,14 +53,20 @@ def encode_cad(
         raise ExportError(f"{kind.upper()} {MISSING}") from None
     silence()
     size = float(np.ptp(np.concatenate([surface.net[..., :3].reshape(-1, 3) for surface in surfaces]), axis=0).max())
-    sewn, roughly = 1e-6 * size, 2e-5 * size  # edges of neighbours agree to rounding, those of a part's splines to 1e-5
-    if sewn < KERNEL_PRECISION:
+    if size < 1e3 * KERNEL_PRECISION:
         raise ExportError(
             f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {KERNEL_PRECISION:g}"
         )
-    shape, faces, shells, solids = _sewn(surfaces, sewn, part)
-    if part is not None and shells:
-        shape, faces, shells, solids = _sewn(surfaces, roughly, part)
+    scale = kernel_scale(size)
+    nets = [surface._replace(net=surface.net / [scale, scale, scale, 1]) for surface in surfaces]
+    body = part if part is None or scale == 1 else scaled(part, 1 / scale).Shape()
+    for within in (1e-6, 2e-5):  # of the size: edges of neighbours agree to rounding, those of a part's splines to 1e-5
+        shape, faces, shells, solids = _sewn(nets, within * size / scale, body)
+        if part is None or not shells:
+            break
+    if scale != 1:
+        back = scaled(shape, scale)
+        shape, faces = back.Shape(), [(back.ModifiedShape(face), face_name) for face, face_name in faces]
     seams = None if part is None else seams_of(shape, [face for face, _ in faces], curved=curved)
     if not check(shape).IsValid():
         raise ExportError(

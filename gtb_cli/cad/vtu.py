@@ -114,29 +114,22 @@ def encode_quadratic(parts: Sequence[QuadraticCells]) -> bytes:
     points = np.concatenate([part.points for part in parts])
     starts = np.cumsum([0, *(len(part.points) for part in parts)])
     cells = np.concatenate([part.cells + start for part, start in zip(parts, starts, strict=False)])
-    kind = QUADRATIC_EDGE if cells.shape[1] == 3 else QUADRATIC_TRIANGLE
     fields = {name: np.concatenate([part.fields[name] for part in parts])[:, None] + 0.0 for name in parts[0].fields}
     patch = np.repeat(np.arange(len(parts)), [len(part.cells) for part in parts])
     ends = cells.shape[1] * np.arange(1, len(cells) + 1)
-    kinds = np.full(len(cells), kind)
+    kinds = np.full(len(cells), QUADRATIC_EDGE if cells.shape[1] == 3 else QUADRATIC_TRIANGLE)
     return _encoded({"PointData": fields, "CellData": {"patch": patch[:, None]}}, points, cells.ravel(), ends, kinds)
 
 
-def _encoded(
-    data: Mapping[str, Mapping[str, FloatArray | IntArray]],
-    points: FloatArray,
-    connectivity: IntArray,
-    ends: IntArray,
-    kinds: IntArray,
-) -> bytes:
-    """Return a VTU file of cells of some kinds, with the tables of their points and of themselves by their elements."""
-    cells = {"connectivity": connectivity[:, None], "offsets": ends[:, None], "types": kinds[:, None]}
+def _encoded(data: Mapping[str, Mapping[str, FloatArray | IntArray]], points: FloatArray, *columns: IntArray) -> bytes:
+    """Return a VTU file of cells, three columns of numbers, with tables of points and of cells by their elements."""
+    cells = {name: rows[:, None] for name, rows in zip(("connectivity", "offsets", "types"), columns, strict=True)}
     whole = {"patch": "Int32", "connectivity": "Int64", "offsets": "Int64", "types": "UInt8"}  # the others are Float64
     lines = [
         '<?xml version="1.0"?>',
         '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
         "<UnstructuredGrid>",
-        f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(kinds)}">',
+        f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(columns[-1])}">',
     ]
     for element, tables in {**data, "Points": {"Points": points + 0.0}, "Cells": cells}.items():  # no negative zeros
         lines.append(f"<{element}>")

@@ -158,7 +158,7 @@ def fill(
         write_json(STANDARD, _certificate(filling))
     if filling.fault:
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
-    _report(filling, streams.console, is_long)
+    _report(filling, streams.console, is_long, written=not bends)
     if kind is not None:
         streams.console.report(streams.output, *encoded[1:])
 
@@ -215,7 +215,7 @@ def _bending(bending: Bending, error: float) -> dict[str, float]:
     return integrals | {"curvature": bending.curvature, "relative_error": error}
 
 
-def _report(filling: Filling, console: Console, is_long: bool) -> None:
+def _report(filling: Filling, console: Console, is_long: bool, *, written: bool) -> None:
     """Say all that was measured or, in up to three lines, what was done differently, what is doubtful, and the size."""
     from gtb_cli.fairing.fair import agreed_text
 
@@ -228,10 +228,13 @@ def _report(filling: Filling, console: Console, is_long: bool) -> None:
         console.note(remark)
     if filling.doubts:
         console.warn("; ".join(filling.doubts))
+    if not written:  # the file's surfaces are not this patch, and its line says what they are
+        return
     if not is_long:
         bend = max((each.bend for each in filling.contacts if not math.isnan(each.bend_inside)), default=0.0)
         more = f", curvatures across sides differ by up to {bend:.2g}" if bend else ""
-        return console.note(f"{size}{more}; --long says more")
+        console.note(f"{size}{more}; --long says more")
+        return
     for side, contact in zip(filling.sides, filling.contacts, strict=True):
         if math.isnan(contact.angle):
             continue  # of a side without tangent planes nothing is measured

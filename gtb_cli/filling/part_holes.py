@@ -10,7 +10,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.filling.holes import Ring, closed_rings
 from gtb_cli.filling.sides import MAX_GAP, HoleSide, points_and_tangents, stations
 from gtb_cli.filling.spline_sides import nearest_curve
-from gtb_cli.importers.cad_files import SEWN, box_of, edge_pieces, face_frames, kernel, parts, uses_of_edges
+from gtb_cli.importers.cad_files import SEWN, box_of, edge_pieces, kernel, nearest_normals, parts, uses_of_edges
 from gtb_cli.values import frozen
 
 
@@ -32,7 +32,7 @@ class Part:
                 name = f"{label} part {k}" if len(curves) > 1 else label
                 start = curve[0, :3] / curve[0, 3]  # far from the origin, points and derivatives lose digits
                 points, tangents = points_and_tangents(curve - np.append(start, 0) * curve[:, 3:], stations())
-                across = np.cross(tangents, _normals(face, start, points, name))
+                across = np.cross(tangents, _normals(face, start, points, name, self.size))
                 side = HoleSide(name, curve, -across if along else across)
                 sides.append(side if along else side.reversed())
                 remarks += [f"{name}: a curve {distance:.3g} from its edge"] if distance > 0 else []
@@ -61,15 +61,9 @@ def part_of(shape: Any) -> Part:
     return Part(shape, edges, size, closed_rings(rows, [name for name, *_ in edges], MAX_GAP * size))
 
 
-def _normals(face: Any, start: FloatArray, points: FloatArray, name: str) -> FloatArray:
+def _normals(face: Any, start: FloatArray, points: FloatArray, name: str, size: float) -> FloatArray:
     """Return the outward unit normals of a face at its nearest points; these are given from a start."""
-    gp, project = kernel("gp"), kernel("GeomAPI").GeomAPI_ProjectPointOnSurf
-    move = gp.gp_Trsf()
-    move.SetTranslation(gp.gp_Vec(*(-start).tolist()))
-    near = kernel("TopoDS").TopoDS.Face(face.Moved(kernel("TopLoc").TopLoc_Location(move)))
-    surface = kernel("BRep").BRep_Tool.Surface_s(near)
-    places = [project(gp.gp_Pnt(*each), surface).LowerDistanceParameters() for each in points.tolist()]
-    normals = face_frames(near, places)[3]
+    normals = nearest_normals(face, start, points, size)
     if bad := np.flatnonzero(np.isnan(normals[:, 0])).tolist():
         raise DomainError(f"{name}: its face has no normal near {point_text(points[bad[0]] + start, points + start)}")
     return normals

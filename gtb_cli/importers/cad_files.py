@@ -129,6 +129,26 @@ def box_of(shape: Any) -> FloatArray:
     return np.array([(each.X(), each.Y(), each.Z()) for each in corners] or np.zeros((2, 3)))
 
 
+def kernel_scale(size: float) -> float:
+    """Return what sizes are divided by for the kernel, whose precision is absolute: 1 where it is good enough."""
+    return 1.0 if 0.1 <= size <= 1e5 else size
+
+
+def scaled(shape: Any, scale: float) -> Any:
+    """Return the kernel's transformation of a shape to a copy that is larger by a scale."""
+    transform = kernel("gp").gp_Trsf()
+    transform.SetScaleFactor(scale)
+    return kernel("BRepBuilderAPI").BRepBuilderAPI_Transform(shape, transform, True)
+
+
+def moved(origin: FloatArray, *shapes: Any) -> list[Any]:
+    """Return shapes as seen from an origin, near which points and derivatives keep their digits."""
+    move = kernel("gp").gp_Trsf()
+    move.SetTranslation(kernel("gp").gp_Vec(*(-origin).tolist()))
+    location = kernel("TopLoc").TopLoc_Location(move)
+    return [shape.Moved(location) for shape in shapes]
+
+
 def extent_of(shape: Any, what: str) -> float:
     """Return the area (``Surface``) or the volume (``Volume``) of a shape, or of all its faces, to nine digits."""
     measured = kernel("GProp").GProp_GProps()
@@ -177,6 +197,15 @@ def face_frames(face: Any, places: Iterable[Sequence[float]]) -> tuple[FloatArra
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     has_normal = lengths > 1e-9 * lengths.max()  # beyond what is rounding at a pole
     return points, along, across, np.where(has_normal, normals / np.where(has_normal, lengths, 1.0), np.nan)
+
+
+def nearest_normals(face: Any, start: FloatArray, points: FloatArray, size: float) -> FloatArray:
+    """Return outward unit normals of a face at the places nearest to points, which are from a start; (n, 3)."""
+    gp, project, scale = kernel("gp"), kernel("GeomAPI").GeomAPI_ProjectPointOnSurf, kernel_scale(size)
+    near = kernel("TopoDS").TopoDS.Face(*moved(start / scale, face if scale == 1 else scaled(face, 1 / scale).Shape()))
+    surface = kernel("BRep").BRep_Tool.Surface_s(near)
+    places = [project(gp.gp_Pnt(*each), surface).LowerDistanceParameters() for each in (points / scale).tolist()]
+    return face_frames(near, places)[3]
 
 
 def face_forms(face: Any, places: Sequence[Sequence[float]]) -> FloatArray:
@@ -258,8 +287,7 @@ def _read(kind: str, data: bytes, source: str) -> tuple[list[Patch], list[str]]:
 def _patches(nets: list[FloatArray], name: str) -> list[Patch]:
     found = []
     for k, net in enumerate(nets):
-        points, weights = net[..., :3] / net[..., 3:], net[..., 3]
-        weights = weights / weights.flat[0]
+        points, weights = net[..., :3] / net[..., 3:], net[..., 3] / net.flat[3]
         patch = rectangle(points, weights) if net.ndim == 3 else curve(points, weights)
         found.append(patch.replace(name=name if len(nets) == 1 else f"{name}-{k}"))
     return found

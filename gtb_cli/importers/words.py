@@ -25,11 +25,10 @@ class Words:
     def __init__(self, data: bytes, source: str) -> None:
         if b"\0" in data:
             raise SpecError(Fault("is not text", source))
-        text = data.decode("utf-8-sig", "backslashreplace")
         self.source = source
         self._words: list[str] = []
         self._lines: list[int] = []
-        for number, line in enumerate(text.split("\n"), 1):
+        for number, line in enumerate(data.decode("utf-8-sig", "backslashreplace").split("\n"), 1):
             words = line.partition("#")[0].split()
             self._words += words
             self._lines += [number] * len(words)
@@ -83,8 +82,9 @@ class Words:
         for word in self._words[self._next : self._next + count * width]:
             values.append(as_number(word))
             if math.isnan(values[-1]):
-                shown = repr(word[:SHOWN_CHARACTERS])
-                self.fail(f"expected {what}, got {shown}, which is not a number up to {MAX_MAGNITUDE:g}")
+                self.fail(
+                    f"expected {what}, got {word[:SHOWN_CHARACTERS]!r}, which is not a number up to {MAX_MAGNITUDE:g}"
+                )
             self._next += 1
         return read_only(values).reshape(count, width)
 

@@ -16,17 +16,8 @@ from gtb_cli.filling.fill import filled
 from gtb_cli.filling.holes import one_ring
 from gtb_cli.filling.part_holes import Part, part_of
 from gtb_cli.filling.sides import points_and_tangents, stations
-from gtb_cli.importers.cad_files import (
-    edge_pieces,
-    extent_of,
-    face_forms,
-    face_frames,
-    face_pieces,
-    kernel,
-    parts,
-    read_shape,
-    uses_of_edges,
-)
+from gtb_cli.importers import cad_files
+from gtb_cli.importers.cad_files import edge_pieces, extent_of, face_forms, kernel, parts, read_shape, uses_of_edges
 from gtb_cli.importers.readers import import_data
 from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
@@ -46,7 +37,7 @@ def test_faces_are_exact_patches(kind, tmp_path):
 
 def test_rectangles_have_the_orientation_of_their_faces():
     for face in parts(kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 1, 1).Shape(), "FACE"):
-        (net,) = face_pieces(face)
+        (net,) = cad_files.face_pieces(face)
         ways = [net[-1, 0] - net[0, 0], net[0, -1] - net[0, 0]]
         assert np.cross(ways[0][:3], ways[1][:3]) @ (net.mean(axis=(0, 1))[:3] - 0.5) > 0
 
@@ -92,15 +83,19 @@ def written(shape, folder):
 
 
 @pytest.mark.parametrize(
-    ("radii", "volume", "elevated", "kind"),
+    ("radii", "volume", "elevated", "kind", "size"),
     mostly_long(
-        [((2,) * 3, 975.187, ["--elevate", 0], "brep"), ((2,) * 3, 975.587, [], "iges"), (None, 1776.53, [], "step")]
+        [
+            ((2,) * 3, 975.187, ["--elevate", 0], "brep", 1e-3),
+            ((2,) * 3, 975.587, [], "iges", 1),
+            (None, 1776.53, [], "step", 1),
+        ]
     ),
 )
-def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kind, tmp_path):
+def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kind, size, tmp_path):
     """The shape that the file holds is valid, and its seams are what the message says."""
     out = tmp_path / f"filled.{kind}"
-    part = box_without_a_corner(radii) if radii else torus_with_a_hole()
+    part = cad_files.scaled(box_without_a_corner(radii) if radii else torus_with_a_hole(), size).Shape()
     result = gtb("fill", written(part, tmp_path), *elevated, "-o", out, status=0)
     said = re.search(r"1 solid, seams to the part within (\S+) degrees and (\S+), between new faces (\S+) ", result.err)
     most = 1e-3, 1e-9 if radii else 2e-5, 1e-3
@@ -109,7 +104,7 @@ def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kin
     assert out.stat().st_size < 250_000
     shape = read_shape(out.read_bytes(), kind, out.name)
     assert kernel("BRepCheck").BRepCheck_Analyzer(shape).IsValid()
-    assert extent_of(shape, "Volume") == pytest.approx(volume, abs=0.02 if radii else 0.1)
+    assert extent_of(shape, "Volume") / size**3 == pytest.approx(volume, abs=0.02 if radii else 0.1)
     assert all(len(uses) == 2 for uses in uses_of_edges(shape).values()) or kind != "brep"
 
 
@@ -134,9 +129,11 @@ def test_pieces_are_points_at_smooth_corners_and_follow_a_part_from_which_the_pa
 
 @long
 def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_path, monkeypatch):
-    part, out = written(box_without_a_corner((2, 2, 2)), tmp_path), tmp_path / "filled.brep"
+    (far,) = cad_files.moved(np.array([1e6, -1e6, 0]), box_without_a_corner((2, 2, 2)))
+    part, out = written(far, tmp_path), tmp_path / "filled.brep"
     fill = "fill", part, "--elevate", 0, "--continuity", "g2", "-o", out
-    words = r"seams .*, curvature to the part within (\S+) \(\S+% of 0.5\) near .* jumps by up to 0.5 at 3 corners"
+    words = r"\Agtb: \S+ 6 fitted faces, 1 solid, seams .*, "
+    words += r"curvature to the part within (\S+) \(\S+% of 0.5\) near .* jumps by up to 0.5 at 3 corners"
     said = re.search(words, gtb(*fill, status=0).err)
     shape, differences = read_shape(out.read_bytes(), "brep", "x"), []
     new = max(face_kind(face) for face in parts(shape, "FACE"))
@@ -150,6 +147,7 @@ def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_p
     assert max(float(word) for word in re.findall(r"(\S+) degrees and", said[0])) < 1e-3
     assert 0 < max(differences) <= float(said[1]) < 1e-3
     out.unlink()
+    assert "seams of the file have gaps of" in gtb(*fill, "--tolerance", 1e-14, status=2).err
     monkeypatch.setattr("gtb_cli.cad.curved_pieces.ROUNDS", 0)
     result = gtb(*fill, status=2)
     assert re.search(r"continuity g2: curvatures differ by \S+ \(\S+% of 0.5\) near \(.*: --g2-tolerance", result.err)
@@ -163,7 +161,7 @@ def face_kind(face):
 def test_forms_of_a_face_are_those_of_its_surface():
     (ball,) = parts(kernel("BRepPrimAPI").BRepPrimAPI_MakeSphere(2.0).Shape(), "FACE")
     at = [[0.3, 0.4], [1.0, -0.2]]
-    normals = face_frames(ball, at)[3]
+    normals = cad_files.face_frames(ball, at)[3]
     assert face_forms(ball, at) == pytest.approx((normals[:, :, None] * normals[:, None] - np.eye(3)) / 2, abs=1e-12)
     assert np.isnan(face_forms(ball, [[0.3, np.pi / 2], *at])[0]).all()
 
