@@ -368,8 +368,7 @@ def corner_layer(
     if len(chain) < 2 or edge == 0:
         return CornerLayer(edge, np.full(q.size, math.nan), b[:1], np.zeros((1, 3, len(b))))
     ways, leads = 1 / (1 + np.exp(q.reshape(-1, 1) * [-1, 1])), logs[chain] + np.log(np.linalg.norm(b[chain], axis=1))
-    distances = far.reshape(-1, 1) + math.log(edge)
-    s = ((distances - leads) / (ways @ x[chain].T)).min(axis=1, keepdims=True) * ways
+    s = ((far.reshape(-1, 1) + math.log(edge) - leads) / (ways @ x[chain].T)).min(axis=1, keepdims=True) * ways
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
     terms = np.exp(s @ x.T + logs)
     parts, r = [], math.sqrt(2)
@@ -381,18 +380,17 @@ def corner_layer(
         means = (t @ factors)[:, :, None]
         rates = (t @ (factors[:, :, None] * b[:, None]).reshape(len(b), 15)).reshape(-1, 5, 3)
         rates -= means * (t @ b)[:, None]
-        v, w = rates[:, 0], rates[:, 1]
+        v, w, *_ = rates.swapaxes(0, 1)
         # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
         normals, long = unit(cross(v, w)), np.linalg.norm(v, axis=1)
         axes = np.stack([v, cross(normals, v)], axis=2) / long[:, None, None]
         shift, wide = (w[:, None] @ axes)[:, 0].T
-        a, c, d, none = 1 / long, -shift / (long * wide), 1 / wide, np.zeros(len(t))
-        turned = np.stack([a * a, none, none, r * a * c, r * a * d, none, c * c, 2 * c * d, d * d], axis=1)
-        turned = turned.reshape(-1, 3, 3)
+        a, c, d, o = 1 / long, -shift / (long * wide), 1 / wide, np.zeros(len(t))
+        turned = np.stack([a * a, o, o, r * a * c, r * a * d, o, c * c, 2 * c * d, d * d], axis=1).reshape(-1, 3, 3)
         forms = turned @ rates[:, 2:]
         xx, xy, yy = (forms @ normals[:, :, None])[:, :, 0].T
         rows = (factors.T - means) * t[:, None] if at is None else np.zeros((len(t), 5, 0))
-        along = np.stack([a, none, c, d], axis=1).reshape(-1, 2, 2) @ rows[:, :2]
+        along = np.stack([a, o, c, d], axis=1).reshape(-1, 2, 2) @ rows[:, :2]
         table = turned @ rows[:, 2:] - forms @ axes @ along
         parts.append((members, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / r), normals, table))
     members, curvatures, normals, table = (np.concatenate(each) for each in zip(*parts, strict=True))
