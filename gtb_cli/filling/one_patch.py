@@ -22,7 +22,16 @@ from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
 from gtb_cli.fairing.variation import Bending
-from gtb_cli.filling.certificate import DISAGREEING, SPIKE, Filling, angles_to, contact, corner_bends, edge_of
+from gtb_cli.filling.certificate import (
+    DISAGREEING,
+    SPIKE,
+    Filling,
+    angles_to,
+    contact,
+    corner_bends,
+    curvature_near,
+    edge_of,
+)
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
 from gtb_cli.filling.hole_corners import at_corners, corners
@@ -32,7 +41,7 @@ from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
-from gtb_cli.theory.corners import corner_limits, curvature_near, limits_of_normals
+from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
@@ -51,7 +60,7 @@ class _Attempt(NamedTuple):
     patch: Patch
     bending: Sequence[Bending] = ()  # in both zones; none of a rough patch
     errors: tuple[float, float] = (0.0, 0.0)
-    sharpness: float = 0.0  # as of a `Filling`
+    sharpness: float = 0.0  # as of a `Filling`, where planes are given
 
 
 def fill_loop(
@@ -115,8 +124,8 @@ def fill_loop(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
-    at, basis = [edge_of(patch, k) for k in range(len(ordered))], best.patch.rational_basis
-    near = [curvature_near(basis.domain, basis.log_weights, best.patch.control_points, edge) for edge in at]
+    at = [edge_of(patch, k) for k in range(len(ordered))]
+    near = [curvature_near(best.patch, edge) for edge in at]
     limits, turned = tuple(corner_limits(patch, edge) for edge in at), 0 if best.folds else best.sharp_turns
     measured = bending.scaled(size), nearer.scaled(size), best.errors, contacts, corner_angles, limits
     curved = tuple(np.array(near) / size)
@@ -253,7 +262,7 @@ def _attempt(
     if samples_along < 32:
         return best
     (bending,), errors = agreed(best.patch, [best.patch.control_points], quadratures)
-    sharpness = bending[0].curvature * math.sqrt(bending[0].area / (4 * math.pi))
+    sharpness = bending[0].curvature * math.sqrt(bending[0].area / (4 * math.pi)) * any(n is not None for n in normals)
     return best._replace(bending=bending, errors=errors, sharpness=sharpness)
 
 

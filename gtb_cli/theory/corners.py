@@ -395,22 +395,3 @@ def corner_layer(
         parts.append((members, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / r), normals, table))
     members, curvatures, normals, table = (np.concatenate(each) for each in zip(*parts, strict=True))
     return CornerLayer(edge, curvatures if at is None else curvatures[members.argsort()], normals, table)
-
-
-def curvature_near(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> float:
-    """Return the largest curvature from a tenth to a millionth of the shorter edge from a corner of Δ, or NaN.
-
-    At some distances the largest of a fan of ways, from one edge to the other, is looked for again round its place.
-    """
-    steepest, fine = 300.0, np.linspace(-0.75, 0.75, 7)  # rate of a way that runs in an edge; shares of a step
-
-    def curvatures(u: FloatArray, far: FloatArray) -> FloatArray:
-        """Return those at shares of the steepest way's rate, and logarithms of distances."""
-        at = np.stack([u * np.log(steepest / -far), far])
-        return corner_layer(domain, log_weights, points, corner, at).curvatures.reshape(u.shape)
-
-    u, far = np.meshgrid(np.linspace(-1, 1, 41), np.log(10) * np.linspace(-6, -1, 11))
-    best = np.nan_to_num(curvatures(u, far)).argmax(axis=1)
-    u = np.clip(u[0, best] + (u[0, 1] - u[0, 0]) * fine[:, None, None], -1, 1)
-    far = np.clip(far[:, 0] + (far[1, 0] - far[0, 0]) * fine[:, None], far[0, 0], far[-1, 0])
-    return float(np.fmax.reduce(curvatures(*np.broadcast_arrays(u, far)), axis=None))

@@ -183,8 +183,7 @@ def test_no_plane_patch_that_passes_is_folded(seed):
     corners = np.column_stack([radii * np.cos(angles), radii * np.sin(angles), np.zeros(n)])
     filling = fill_loop([HoleSide(f"{k}", homogeneous(corners[[k, (k + 1) % n]])) for k in range(n)], raises=0)
     if filling.fault is None:
-        p = energy_samples(filling.patch.domain, 40)[0]
-        assert (filling.patch.normals(p, "linear")[:, 2] > 0).all()
+        assert (filling.patch.normals(energy_samples(filling.patch.domain, 40)[0], "linear")[:, 2] > 0).all()
 
 
 @long
@@ -193,8 +192,7 @@ def test_rational_sides_without_ribbons_stay_as_they_are():
     pentagon = load(SPECS / "pentagon.toml")
     sides = [HoleSide(f"edge {edge}", *bezier_form(pentagon.boundary(edge))) for edge in range(5)]
     filling = fill_loop(sides)
-    assert filling.raises == (0, 1, 1, 1, 0)
-    assert (filling.folds, filling.sharp_turns) == (0, 0)
+    assert (filling.raises, filling.folds, filling.sharp_turns) == ((0, 1, 1, 1, 0), 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -478,8 +476,7 @@ def test_sides_without_ribbons_are_met():
     assert math.isnan(filling.angle)
     mixed = fill_loop([bare[0], *sides[1:]])
     assert mixed.angle < PLANES
-    met = fill_loop(sides, raises=mixed.raises[0])
-    assert filling.bending.energy < mixed.bending.energy < met.bending.energy
+    assert filling.bending.energy < mixed.bending.energy < fill_loop(sides, raises=mixed.raises[0]).bending.energy
 
 
 @long
@@ -552,8 +549,7 @@ def test_options_that_make_no_sense(key, values, message):
 
 def test_a_side_that_is_a_point_is_left_out():
     sides = random_sides(4, 9, (2, 2))
-    corner = sides[2].ends[0]
-    point = HoleSide("tip", homogeneous(np.tile(corner, (4, 1))))
+    point = HoleSide("tip", homogeneous(np.tile(sides[2].ends[0], (4, 1))))
     filling = fill_loop([*sides[:2], point, *sides[2:]], raises=ONCE)
     assert filling.remarks[0] == "tip is a point and is left out"
     assert_fills(filling, sides)
@@ -581,8 +577,7 @@ def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
     (points,) = bezier_form(curve)
     assert (points[:, 3] > 0).all()
     found, _ = points_and_tangents(points, np.linspace(0, 1, 50))
-    t = np.linspace(0, 1, 4001)
-    near = np.abs(found[:, None] - curve.evaluate(t, "linear")[None]).max(axis=2).min(axis=1)
+    near = np.abs(found[:, None] - curve.evaluate(np.linspace(0, 1, 4001), "linear")[None]).max(axis=2).min(axis=1)
     assert near.max() < 2e-3
     with pytest.raises(DomainError, match="knots are not multiples of a common step"):
         bezier_form(Patch([0, math.sqrt(0.2), 1], [[0, 0, 0], [1, 2, 0], [2, 2, 1]]))
