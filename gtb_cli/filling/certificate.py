@@ -13,7 +13,7 @@ from gtb_cli.filling.hole_corners import at_corners, concave_corners
 from gtb_cli.filling.osculation import Rim, patch_bend
 from gtb_cli.filling.sides import HoleSide, edge_normals, points_and_tangents, stations
 from gtb_cli.models.model import Model
-from gtb_cli.theory.corners import CornerLimits
+from gtb_cli.theory.corners import CornerLimits, corner_layer
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -226,6 +226,26 @@ def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31
         way -= (way * along).sum(axis=1, keepdims=True) * along
         depth = np.minimum(depth * distance * length / np.linalg.norm(way, axis=1, keepdims=True), 3 * distance)
     return np.stack([on_edge + depth * inward, on_edge])
+
+
+def curvature_near(patch: Patch, corner: int) -> float:
+    """Return the largest curvature from a tenth to a millionth of the shorter edge from a corner of Δ, or NaN.
+
+    At some distances the largest of a fan of ways, from one edge to the other, is looked for again round its place.
+    """
+    surface = patch.domain, patch.rational_basis.log_weights, patch.control_points
+    steepest, fine = 300.0, np.linspace(-0.75, 0.75, 7)  # rate of a way that runs in an edge; shares of a step
+
+    def curvatures(u: FloatArray, far: FloatArray) -> FloatArray:
+        """Return those at shares of the steepest way's rate, and logarithms of distances."""
+        at = np.stack([u * np.log(steepest / -far), far])
+        return corner_layer(*surface, corner, at).curvatures.reshape(u.shape)
+
+    u, far = np.meshgrid(np.linspace(-1, 1, 41), np.log(10) * np.linspace(-6, -1, 11))
+    best = np.nan_to_num(curvatures(u, far)).argmax(axis=1)
+    u = np.clip(u[0, best] + (u[0, 1] - u[0, 0]) * fine[:, None, None], -1, 1)
+    far = np.clip(far[:, 0] + (far[1, 0] - far[0, 0]) * fine[:, None], far[0, 0], far[-1, 0])
+    return float(np.fmax.reduce(curvatures(*np.broadcast_arrays(u, far)), axis=None))
 
 
 def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:

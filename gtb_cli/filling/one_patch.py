@@ -21,7 +21,17 @@ from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
-from gtb_cli.filling.certificate import DISAGREEING, Filling, angles_to, contact, corner_bends, edge_of
+from gtb_cli.fairing.variation import Bending
+from gtb_cli.filling.certificate import (
+    DISAGREEING,
+    SPIKE,
+    Filling,
+    angles_to,
+    contact,
+    corner_bends,
+    curvature_near,
+    edge_of,
+)
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
 from gtb_cli.filling.hole_corners import at_corners, corners
@@ -31,7 +41,7 @@ from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
-from gtb_cli.theory.corners import corner_layer, corner_limits, limits_of_normals
+from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
@@ -48,6 +58,9 @@ class _Attempt(NamedTuple):
     sharp_turns: int
     raises: tuple[int, ...]
     patch: Patch
+    bending: Sequence[Bending] = ()  # in both zones; none of a rough patch
+    errors: tuple[float, float] = (0.0, 0.0)
+    sharpness: float = 0.0  # as of a `Filling`, where planes are given
 
 
 def fill_loop(
@@ -77,7 +90,6 @@ def fill_loop(
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
-    quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
     ordered, remarks = closed(sides)
     if len(ordered) > max_sides:
         raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
@@ -98,7 +110,7 @@ def fill_loop(
         if not best.faults:
             break
     patch = best.patch
-    ((bending, nearer),), errors = agreed(patch, [patch.control_points], quadratures)
+    bending, nearer = best.bending
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
@@ -112,23 +124,12 @@ def fill_loop(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
-    at, basis = [edge_of(patch, k) for k in range(len(ordered))], best.patch.rational_basis
-    layers = [corner_layer(basis.domain, basis.log_weights, best.patch.control_points, e).curvatures.max() for e in at]
-    return Filling(
-        patch,
-        ordered,
-        bending.scaled(size),
-        nearer.scaled(size),
-        errors,
-        contacts,
-        corner_angles,
-        tuple(corner_limits(patch, edge) for edge in at),
-        tuple(np.array(layers) / size),
-        best.raises,
-        best.folds,
-        0 if best.folds else best.sharp_turns,
-        tuple(remarks),
-    )
+    at = [edge_of(patch, k) for k in range(len(ordered))]
+    near = [curvature_near(best.patch, edge) for edge in at]
+    limits, turned = tuple(corner_limits(patch, edge) for edge in at), 0 if best.folds else best.sharp_turns
+    measured = bending.scaled(size), nearer.scaled(size), best.errors, contacts, corner_angles, limits
+    curved = tuple(np.array(near) / size)
+    return Filling(patch, ordered, *measured, curved, best.raises, best.folds, turned, tuple(remarks))
 
 
 def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], rounding: float) -> bool:
@@ -209,6 +210,12 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
     """
     rank, rough = itemgetter(slice(2)), 16
     best, left = attempt(*plans[0]), []
+    if best.sharpness > SPIKE and not (best.faults or best.after_others):  # with less freedom it is mostly far less
+        for plan in sorted(plans[1:], key=lambda plan: plan[0] + 2 * (not plan[1]))[:3]:
+            best = min(best, tried := attempt(*plan), key=rank)
+            if not tried.faults and tried.sharpness <= SPIKE:
+                break
+        return best
     for number, plan in enumerate(plans[1:]):
         if not best.faults and not best.after_others:
             break
@@ -243,6 +250,7 @@ def _attempt(
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
+    quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
     much = 100.0  # times the score of the fairest: with less, other plans have little to win
     is_round, found = all(150 < corner.angle < 181 for corner in corners(sides)), list[_Attempt]()
     for patch, score, is_sharp in islice(_solved(edges, inner, fullness, samples_along), most):
@@ -254,7 +262,12 @@ def _attempt(
         found.append(_Attempt(faults, score, worse or (is_sharp and is_round), folds, turns, raises, patch))
         if not found[-1].faults:
             break
-    return min(found, key=lambda each: each[:2])
+    best = min(found, key=lambda each: each[:2])
+    if samples_along < 32:
+        return best
+    (bending,), errors = agreed(best.patch, [best.patch.control_points], quadratures)
+    sharpness = bending[0].curvature * math.sqrt(bending[0].area / (4 * math.pi)) * any(n is not None for n in normals)
+    return best._replace(bending=bending, errors=errors, sharpness=sharpness)
 
 
 def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) -> Iterator[tuple[Patch, float, bool]]:

@@ -348,47 +348,50 @@ class CornerLayer(NamedTuple):
     table: FloatArray
 
 
-def corner_layer(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> CornerLayer:
+def corner_layer(
+    domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int, at: FloatArray | None = None
+) -> CornerLayer:
     """Sample a surface with (n, 3) control points near a corner of Δ; NaN where these have fewer than two directions.
 
-    There are layers that limits do not show. With v and w dual to the two knots that lead, sums of
-    ``ξ (ξ − 1)``, ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances.
+    There are layers that limits do not show. With v and w dual to the two knots that lead, sums of ``ξ (ξ − 1)``,
+    ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances. Other places,
+    without a table, are (2, …) rates q, of ways (1 / (1 + e^-q), 1 / (1 + e^q)), and logarithms of distances.
     """
-    ways, reach = 21, 3.0  # fan of rates (1 / (1 + e^-q), 1 / (1 + e^q)): the last ones run along the edges
+    q, far = np.stack(np.meshgrid(np.linspace(-3, 3, 21), -math.log(10) * np.arange(1, 7))) if at is None else at
     x, gaps, own = exponents_at(domain, corner)
-    b = points - points[own]
+    b, logs = points - points[own], log_weights - log_weights[own]
     ends = [np.where(x[:, 1 - k] <= gaps[1 - k], x[:, k], 0).argmax() for k in (0, 1)]
     edge = float(np.linalg.norm(b[ends], axis=1).min())
     others = np.delete(np.arange(len(x)), own)
     chain = others[newton_polygon(x[others], gaps)]
-    sizes = np.linalg.norm(b[chain], axis=1)
-    chain, sizes = chain[sizes > 0], sizes[sizes > 0]
+    chain = chain[b[chain].any(axis=1)]
     if len(chain) < 2 or edge == 0:
-        return CornerLayer(edge, np.array([math.nan]), b[:1], np.zeros((1, 3, len(b))))
-    rates = 1 / (1 + np.exp(np.linspace(-reach, reach, ways)[:, None] * [-1, 1]))
-    leads = log_weights[chain] - log_weights[own] + np.log(sizes)
-    far = np.log(np.logspace(-1, -6, 6) * edge)[:, None, None]
-    s = (-((leads - far) / (rates @ x[chain].T)).max(axis=2)[:, :, None] * rates).reshape(-1, 2)
+        return CornerLayer(edge, np.full(q.size, math.nan), b[:1], np.zeros((1, 3, len(b))))
+    ways, leads = 1 / (1 + np.exp(q.reshape(-1, 1) * [-1, 1])), logs[chain] + np.log(np.linalg.norm(b[chain], axis=1))
+    s = ((far.reshape(-1, 1) + math.log(edge) - leads) / (ways @ x[chain].T)).min(axis=1, keepdims=True) * ways
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
-    terms = np.exp(s @ x.T + log_weights - log_weights[own])
-    parts = []
+    terms = np.exp(s @ x.T + logs)
+    parts, r = [], math.sqrt(2)
     for first, second in np.unique(order, axis=0).tolist():
-        t = terms[(order == (first, second)).all(axis=1)]
+        members = np.flatnonzero((order == (first, second)).all(axis=1))
+        t = terms[members] / terms[members].sum(axis=1, keepdims=True)
         xi, eta = _coordinates(x, gaps, chain[[first, second]])
-        total = t.sum(axis=1, keepdims=True)
-        factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)])[:, None] * t
-        v, w, vv, vw, ww = factors - factors.sum(axis=2, keepdims=True) * (t / total)
+        factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)], axis=1)
+        means = (t @ factors)[:, :, None]
+        rates = (t @ (factors[:, :, None] * b[:, None]).reshape(len(b), 15)).reshape(-1, 5, 3)
+        rates -= means * (t @ b)[:, None]
+        v, w, *_ = rates.swapaxes(0, 1)
         # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
-        long = np.linalg.norm(v @ b, axis=1, keepdims=True)
-        v, vv, vw = v / long, vv / long**2, vw / long
-        normals = unit(cross(v @ b, w @ b))
-        axes = np.stack([v @ b, cross(normals, v @ b)], axis=2)
-        shift, wide = ((w @ b)[:, None] @ axes).T
-        w = (w - shift.T * v) / wide.T
-        mixed, last = (vw - shift.T * vv) / wide.T, (ww - shift.T * (2 * vw - shift.T * vv)) / wide.T**2
-        table = np.stack([vv, math.sqrt(2) * mixed, last], axis=1)
-        table -= table @ b @ axes @ np.stack([v, w], axis=1)
-        parts.append((normals, table * total[:, :, None]))
-    normals, table = (np.concatenate(each) for each in zip(*parts, strict=True))
-    xx, xy, yy = (table @ b @ normals[:, :, None])[:, :, 0].T
-    return CornerLayer(edge, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / math.sqrt(2)), normals, table)
+        normals, long = unit(cross(v, w)), np.linalg.norm(v, axis=1)
+        axes = np.stack([v, cross(normals, v)], axis=2) / long[:, None, None]
+        shift, wide = (w[:, None] @ axes)[:, 0].T
+        a, c, d, o = 1 / long, -shift / (long * wide), 1 / wide, np.zeros(len(t))
+        turned = np.stack([a * a, o, o, r * a * c, r * a * d, o, c * c, 2 * c * d, d * d], axis=1).reshape(-1, 3, 3)
+        forms = turned @ rates[:, 2:]
+        xx, xy, yy = (forms @ normals[:, :, None])[:, :, 0].T
+        rows = (factors.T - means) * t[:, None] if at is None else np.zeros((len(t), 5, 0))
+        along = np.stack([a, o, c, d], axis=1).reshape(-1, 2, 2) @ rows[:, :2]
+        table = turned @ rows[:, 2:] - forms @ axes @ along
+        parts.append((members, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / r), normals, table))
+    members, curvatures, normals, table = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return CornerLayer(edge, curvatures if at is None else curvatures[members.argsort()], normals, table)

@@ -44,6 +44,7 @@ HERE = Path(__file__).parent
 CUP = HERE / "cagd86.gbp"
 
 ONCE = 1  # raises of degrees where they are not what is tested: more of them take three times as long
+THREE = random_sides(3, 0)
 PLANES = 1e-9  # degrees between normals along filled edges and the given ones, away from the corners
 
 
@@ -172,8 +173,7 @@ def test_no_plane_patch_that_passes_is_folded(seed):
     corners = np.column_stack([radii * np.cos(angles), radii * np.sin(angles), np.zeros(n)])
     filling = fill_loop([HoleSide(f"{k}", homogeneous(corners[[k, (k + 1) % n]])) for k in range(n)], raises=0)
     if filling.fault is None:
-        p = energy_samples(filling.patch.domain, 40)[0]
-        assert (filling.patch.normals(p, "linear")[:, 2] > 0).all()
+        assert (filling.patch.normals(energy_samples(filling.patch.domain, 40)[0], "linear")[:, 2] > 0).all()
 
 
 @long
@@ -182,8 +182,7 @@ def test_rational_sides_without_ribbons_stay_as_they_are():
     pentagon = load(SPECS / "pentagon.toml")
     sides = [HoleSide(f"edge {edge}", *bezier_form(pentagon.boundary(edge))) for edge in range(5)]
     filling = fill_loop(sides)
-    assert filling.raises == (0, 1, 1, 1, 0)
-    assert (filling.folds, filling.sharp_turns) == (0, 0)
+    assert (filling.raises, filling.folds, filling.sharp_turns) == ((0, 1, 1, 1, 0), 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -243,20 +242,24 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert max(each.curvature + 20 * each.folds for each in found) < 20
 
 
-@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 95), (7, 1, 120), (7, 2, 125), (8, 7, 155)]))
+@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 170), (7, 1, 130), (7, 2, 145), (8, 7, 185)]))
 def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     """Rows that run along their edges have a layer of 24,000 beside limits of 100 in the first, and 1,900 in (7, 1)."""
     filling = fill_loop(random_sides(n, seed))
     assert_fills(filling, random_sides(n, seed))
     patch, told = filling.patch, np.array(filling.corner_curvatures)
     edges = np.linalg.norm([np.ptp(side.ends, axis=0) for side in filling.sides], axis=1)
-    assert (told * np.minimum(edges, np.roll(edges, 1))).max() < most
-    assert filling.bending.energy < {6: 50, 7: 255, 8: 22}[n]  # 62 in (6, 5) if only rows give way
-    places = patch.knots[:n, None] + 1e-3 * np.delete(patch.knots, np.s_[:n], axis=0) - 1e-3 * patch.knots[:n, None]
-    seen = patch.curvature(places.reshape(-1, 2), "linear")
-    largest = np.abs(seen.mean) + np.sqrt(np.maximum(seen.mean**2 - seen.gaussian, 0))
-    found = largest.reshape(n, -1).max(axis=1) / told
-    assert 0.7 < found.max() < 1.1
+    edges = np.minimum(edges, np.roll(edges, 1))
+    assert (told * edges).max() < most
+    assert filling.bending.energy < {6: 8, 7: 9, 8: 22}[n]  # 45 in (6, 5) and 248 in (7, 2) with their first plans
+    fan, far = 1 / (1 + np.exp(np.linspace(-14, 14, 91)))[:, None], np.geomspace(1e-4, 0.3, 60)[:, None, None]
+    for corner in range(n):
+        ways = patch.knots[[corner - 1 + n * (corner == 0), (corner + 1) % n]] - patch.knots[corner]
+        places = patch.knots[corner] + (far * (fan * ways[0] + (1 - fan) * ways[1])).reshape(-1, 2)
+        away = np.linalg.norm(patch.evaluate(places, "linear") - patch.control_points[corner], axis=1) / edges[corner]
+        seen = patch.curvature(places[(away > 1e-4) & (away < 0.05)], "linear")
+        largest = np.nanmax(np.abs(seen.mean) + np.sqrt(np.maximum(seen.mean**2 - seen.gaussian, 0)))
+        assert 0.4 < largest / told[corner] < 1.03
 
 
 @pytest.mark.parametrize(
@@ -414,6 +417,13 @@ def test_of_patches_without_faults_the_one_with_the_best_score_is_taken():
     for count, taken in ((2, 0), (3, 2)):
         plans = [(plan, False) for plan in range(count)]
         assert one_patch._best(lambda plan, *_: attempts[plan], plans).raises == (taken,)
+    plans = [(2, False), (5, False), (1, False), (2, True), (3, False), (4, True)]
+    for last, scores, taken in ((29, [9], 0), (29, [9, 8], 1), (29, [7, 8], 0), (31, [9, 8, 7, 6], 3)):
+        sharp = [31] * (len(scores) - 1) + [last]
+        attempts = [one_patch._Attempt(0, x, False, 0, 0, (k,), None, (), (), sharp[k]) for k, x in enumerate(scores)]
+        made, tried = iter(attempts), []
+        assert one_patch._best(lambda *plan, t=tried, m=made: t.append(plan[:2]) or next(m), plans).raises == (taken,)
+        assert tried == [plans[k] for k in (0, 3, 2, 5)[: len(scores)]]  # those with less freedom first
 
 
 def test_corners_where_ribbons_disagree_are_said():
@@ -500,22 +510,19 @@ def test_no_ring_passes_a_point_twice(seed):
     ("sides", "message"),
     [
         ([], "has no extent"),
-        (random_sides(3, 0)[:2], "has 2 sides, at least 3"),
+        (THREE[:2], "has 2 sides, at least 3"),
         (random_sides(4, 0)[:3], "is not closed, side 2 ends"),
         ([*random_sides(4, 0)[:2], random_sides(4, 1)[2], random_sides(4, 0)[3]], "is not closed"),
         ([*random_sides(4, 0), *random_sides(3, 1)], "is closed without side 0, side 1, side 2: islands and guides"),
-        (
-            polygon([0, 0], [2, 0], [1, 2], [0, 0], [-2, 0], [-1, -2]),
-            r"passes \(0, 0, 0\) twice, before side 0 and side 3",
-        ),
+        (polygon([0, 0], [2, 0], [1, 2], [0, 0], [-2, 0], [-1, -2]), r"passes \(0, 0, 0\) twice, before side 0 and"),
         (random_sides(26, 0, (1, 1)), "has 26 sides, at most 24"),
         (
-            [HoleSide("side 0", random_sides(3, 0)[0].curve, np.zeros((96, 3))), *random_sides(3, 0)[1:]],
-            "side 0: the ribbon's distance from the curve vanishes",
+            [HoleSide("side 0", THREE[0].curve, np.zeros((96, 3))), *THREE[1:]],
+            "side 0: the ribbon's distance .* vanishes",
         ),
         (
-            [replace(side, across=points_and_tangents(side.curve, stations())[1]) for side in random_sides(3, 0)],
-            "side 0: the ribbon is parallel to the curve",
+            [replace(s, across=points_and_tangents(s.curve, stations())[1]) for s in THREE],
+            "side 0: the ribbon is parallel",
         ),
     ],
 )
@@ -541,8 +548,7 @@ def test_options_that_make_no_sense(key, values, message):
 
 def test_a_side_that_is_a_point_is_left_out():
     sides = random_sides(4, 9, (2, 2))
-    corner = sides[2].ends[0]
-    point = HoleSide("tip", homogeneous(np.tile(corner, (4, 1))))
+    point = HoleSide("tip", homogeneous(np.tile(sides[2].ends[0], (4, 1))))
     filling = fill_loop([*sides[:2], point, *sides[2:]], raises=ONCE)
     assert filling.remarks[0] == "tip is a point and is left out"
     assert_fills(filling, sides)
@@ -570,8 +576,7 @@ def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
     (points,) = bezier_form(curve)
     assert (points[:, 3] > 0).all()
     found, _ = points_and_tangents(points, np.linspace(0, 1, 50))
-    t = np.linspace(0, 1, 4001)
-    near = np.abs(found[:, None] - curve.evaluate(t, "linear")[None]).max(axis=2).min(axis=1)
+    near = np.abs(found[:, None] - curve.evaluate(np.linspace(0, 1, 4001), "linear")[None]).max(axis=2).min(axis=1)
     assert near.max() < 2e-3
     with pytest.raises(DomainError, match="knots are not multiples of a common step"):
         bezier_form(Patch([0, math.sqrt(0.2), 1], [[0, 0, 0], [1, 2, 0], [2, 2, 1]]))

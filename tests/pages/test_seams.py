@@ -138,7 +138,7 @@ def test_a_solid_has_sharp_rims_and_stays_closed():
     mesh, _ = Recipe(SIDES, thickness=0.1, normals=True).mesh(bent(90))
     assert_closed(mesh)
     assert not mesh.exact_normals
-    facets = facet_normals(mesh.vertices, mesh.cells, 0.01)
+    facets = facet_normals(mesh.vertices, mesh.cells)
     np.testing.assert_allclose(mesh.normals[mesh.normal_of], facets.vectors[facets.corners], atol=1e-9)
     data = page_data(content_of_mesh(mesh, "solid"))
     assert base64.b64decode(data["lines"]["folds"]) == base64.b64decode(data["lines"]["open"]) == b""
