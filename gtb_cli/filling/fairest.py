@@ -15,7 +15,7 @@ from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.algebraic import algebraic_surface
-from gtb_cli.filling.certificate import SPIKE, edge_of, hundredth_inside
+from gtb_cli.filling.certificate import edge_of, hundredth_inside
 from gtb_cli.filling.rows import CROSSING
 from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.knots.domain import Domain
@@ -57,11 +57,6 @@ class FairSearch:
             (b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat), b.energy)
             for b, d in both
         ]
-
-    def is_sharp(self, points: FloatArray) -> bool:
-        """Tell whether a surface turns sharply where it is seen."""
-        ((seen,),) = bendings(self._inside, self._zones[0], [points])
-        return seen.curvature * math.sqrt(seen.area / (4 * math.pi)) > SPIKE
 
     def fairest(self) -> list[_Scored]:
         """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
