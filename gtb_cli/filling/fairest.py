@@ -127,7 +127,7 @@ class FairSearch:
             for part, table in block.tables(own.orders[1][0][3:] + own.orders[1][2][3:]):
                 rows[block.places[part]] = table.T
             ways[block.places] = own.axes[0].T
-        stiffness = 1 / much if energy is None else np.sqrt(np.vdot(points, energy @ points) / len(wanted)) / much
+        stiffness = 1 / much if energy is None else np.sqrt(_value(energy, points) / len(wanted)) / much
         return rows * stiffness, ways, wanted * stiffness
 
     def _calmed(self, energy: FloatArray, bound: float, score: float, points: FloatArray, also: Any = None) -> _Scored:
@@ -153,9 +153,10 @@ class FairSearch:
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> _Pulls:
         """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
-        quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # squares have the energy's value; half of the places
-        value, parts = np.vdot(points, energy @ points), [also(points)] if also else []
+        quiet = MOST_CURVED / 1.5  # squares have the energy's value; half of the places
+        value, parts = _value(energy, points), [also(points)] if also else []
         for near in self._layers(points, beyond):
+            each = np.flatnonzero(near.curvatures * near.edge <= BROKEN)[::2]
             curved = near.curvatures[each] * near.edge / quiet
             stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
             rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))
@@ -177,3 +178,8 @@ class FairSearch:
         farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
         is_nearer = farther[0] < farther[1] and self.scores([led])[0][0] <= worst * score
         return [(score, led)] if is_nearer else []
+
+
+def _value(energy: FloatArray, points: FloatArray) -> float:
+    """Return the energy, or 0 where rounding of what cancels is larger."""
+    return max(float(np.vdot(points, energy @ points)), 0.0)

@@ -30,7 +30,7 @@ from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
-from gtb_cli.theory.corners import corner_limits, limits_of_normals
+from gtb_cli.theory.corners import CornerLayer, corner_limits, limits_of_normals
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
 from tests.filling.loops import homogeneous, random_sides
@@ -297,6 +297,11 @@ def test_pulls_move_free_points_as_energies_do():
     search = object.__new__(FairSearch)
     search._layers = lambda *_: []  # where no corner is curved, only what is pulled beside it counts
     assert search._pull([], np.eye(6), lambda _: (rows, ways, wanted), points)[2] == pytest.approx(wanted)
+    near = CornerLayer(1.0, np.array([1e12, np.nan, 100]), points[:3], rng.normal(size=(3, 3, 6)))
+    search._layers = lambda *_: [near]  # neither what is broken nor an energy that is rounding spoils the rows
+    pulled = search._pull([True], np.eye(6), None, points)[0] / math.sqrt((points**2).sum()) * 100
+    np.testing.assert_allclose(pulled, near.table[2], rtol=1e-12)
+    assert not search._pull([True], -np.eye(6), None, points)[0].any()
 
 
 @long
