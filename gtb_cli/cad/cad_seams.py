@@ -41,7 +41,7 @@ class Seams(NamedTuple):
 
 def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams:
     """Measure the edges of new faces that two faces of a shape share; curvatures if they are `curved`."""
-    origin, bends = box_of(shape).mean(axis=0), list[tuple[FloatArray, FloatArray, FloatArray]]()
+    origin, bends = box_of(shape, rough=True).mean(axis=0), list[tuple[FloatArray, FloatArray, FloatArray]]()
     near, *new_faces = moved(origin, shape, *fresh)
     new = {hash(face) for face in new_faces}
     found = {False: [(0.0, 0.0)], True: [(0.0, 0.0)]}

@@ -120,10 +120,10 @@ def parts(shape: Any, kind: str, avoid: str = "SHAPE") -> Iterator[Any]:
         explorer.Next()
 
 
-def box_of(shape: Any) -> FloatArray:
-    """Return the lowest and highest coordinates of a shape, (2, 3); zeros if it is empty."""
-    box = kernel("Bnd").Bnd_Box()
-    kernel("BRepBndLib").BRepBndLib.AddOptimal_s(shape, box, False, False)
+def box_of(shape: Any, *, rough: bool = False) -> FloatArray:
+    """Return the lowest and highest coordinates of a shape, (2, 3), or of its poles; zeros if it is empty."""
+    box, tool = kernel("Bnd").Bnd_Box(), kernel("BRepBndLib").BRepBndLib
+    tool.Add_s(shape, box, False) if rough else tool.AddOptimal_s(shape, box, False, False)
     box.SetGap(0.0)
     corners = [] if box.IsVoid() else [box.CornerMin(), box.CornerMax()]
     return np.array([(each.X(), each.Y(), each.Z()) for each in corners] or np.zeros((2, 3)))
