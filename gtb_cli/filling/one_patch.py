@@ -187,19 +187,18 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
     """Return how often edges are raised at least, and whether each has a single field, in the order of trial."""
     planes, least = any(side.across is not None for side in sides), raises
     angles = [corner.angle for corner in corners(sides)]
-    is_round = 150 < min(angles) <= max(angles) < 181
     if least is None:
         # Of all edges together: with more, inner knots would be too few, and where planes alone are given they are free
-        most_knots = 45 if any(side.bend is not None for side in sides) else 36
-        least = 4 if planes and sum(side.degree + 4 for side in sides) <= most_knots else 1 + planes
-        if is_round and all(side.bend is None for side in sides):
+        bends = any(side.bend is not None for side in sides)
+        least = 4 if planes and sum(side.degree + 4 for side in sides) <= (45 if bends else 36) else 1 + planes
+        if 150 < min(angles) <= max(angles) < 181 and len({side.degree for side in sides}) == 1 and not bends:
             least = min(least, len(sides) - 1)  # rows with more fields follow a round side of few by huge points
     plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
         plans.insert(0 if len(sides) > 12 else 1, (least - 1, False))
         if max(angles) > 150:  # rows that cross smooth corners need more knots
-            plans.insert(1, (4, True) if is_round and len(sides) < 5 else (5, False))
+            plans.insert(1, (5, False))
     return plans
 
 
