@@ -55,11 +55,9 @@ class Splines:
 
         return BSpline(self.knots, poles, self.degree)
 
-    def values(self, places: FloatArray) -> FloatArray:
-        """Return (n, m) values of the m B-splines."""
-        from scipy.interpolate import BSpline
-
-        return np.asarray(BSpline.design_matrix(places, self.knots, self.degree).toarray())
+    def values(self, places: FloatArray, order: int = 0) -> FloatArray:
+        """Return (n, m) values of the m B-splines, or derivatives of an order."""
+        return np.asarray(self.spline(np.eye(len(self.greville)))(places, order))
 
     def curve(self, rows: FloatArray) -> FloatArray:
         """Return the poles of the interpolant of values at Greville's points, along the first axis."""

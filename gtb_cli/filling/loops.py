@@ -32,7 +32,11 @@ def read_loop(
     `gtb_cli.load`; or a ribbon is not valid.
     """
     if reading.spec_format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
-        return _welded(loop_from_text(data, source), weld), None
+        sides = loop_from_text(data, source)
+        if isinstance(weld, str):
+            extent = np.ptp(np.concatenate([side.points for side in sides]), axis=0)
+            weld = percentage(weld) / 100 * float(np.linalg.norm(extent))
+        return [replace(side, weld=weld or 0.0) for side in sides], None
     if reading.spec_format is None and (kind := cad_kind(data, source)) is not None:
         if weld is not None:
             raise SpecError(f"{source}: is a CAD part, and `weld` is for a loop or a model of patches")
@@ -50,14 +54,6 @@ def read_loop(
         return curve_sides(spec, rows), spec.name
     except DomainError as error:
         raise SpecError(f"{source}: {error}") from None
-
-
-def _welded(sides: list[HoleSide], weld: float | str | None) -> list[HoleSide]:
-    """Return sides whose ends may be moved by a weld, a distance or a percentage of their extent."""
-    if isinstance(weld, str):
-        extent = np.ptp(np.concatenate([side.points for side in sides]), axis=0)
-        weld = percentage(weld) / 100 * float(np.linalg.norm(extent))
-    return [replace(side, weld=weld) for side in sides] if weld else sides
 
 
 def loop_from_text(data: bytes, source: str) -> list[HoleSide]:

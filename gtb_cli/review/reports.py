@@ -78,8 +78,7 @@ def _data(change: Change) -> dict[str, Any]:
         }
         if side.turned is not None:
             data["coloured"] = {"side": key, "turned": True, "values": encoded(255 * side.turned, "<u1")}
-        elif change.coloured == key and change.found is not None and change.largest is not None:
-            assert side.distances is not None
+        elif side.distances is not None and change.found is not None and change.largest is not None:
             top = change.found.distance  # points between those that were compared may be farther
             data["coloured"] = {
                 "side": key,
