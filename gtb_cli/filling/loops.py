@@ -1,6 +1,5 @@
 """Holes from files: loops of curves in specs with ribbons, `.gbp` and `.lop`; models; CAD parts."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,9 @@ from gtb_cli.language.loading import parse_loop
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.models.model import Model, with_weld
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import percentage
+from gtb_cli.vocabulary import percentage, suffix_of
 
-SUFFIXES = (".gbp", ".lop")
+SUFFIXES = ("gbp", "lop")
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
@@ -31,7 +30,7 @@ def read_loop(
     file and line: the file is too large, has words that are not numbers, or too few or too many numbers; of specs see
     `gtb_cli.load`; or a ribbon is not valid.
     """
-    if reading.spec_format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
+    if reading.spec_format is None and suffix_of(source) in SUFFIXES:
         sides = loop_from_text(data, source)
         if isinstance(weld, str):
             extent = np.ptp(np.concatenate([side.points for side in sides]), axis=0)

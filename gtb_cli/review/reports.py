@@ -54,7 +54,7 @@ def _data(change: Change) -> dict[str, Any]:
         "reasons": [printable(reason) for reason in change.reasons],
         "amount": amount(change),
         "tolerance": "" if change.found is None else f"{change.found.tolerance:.3g}",
-        "rows": [(row.label, row.old, row.new) for row in rows(change)],
+        "rows": rows(change),
         "uncoloured": uncoloured,  # why there are no distances to be shown, if there are none
         "old": None,
         "new": None,
