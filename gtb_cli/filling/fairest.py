@@ -15,7 +15,7 @@ from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.algebraic import algebraic_surface
-from gtb_cli.filling.certificate import SPIKE, edge_of, hundredth_inside
+from gtb_cli.filling.certificate import edge_of, hundredth_inside
 from gtb_cli.filling.rows import CROSSING
 from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.knots.domain import Domain
@@ -57,11 +57,6 @@ class FairSearch:
             (b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat), b.energy)
             for b, d in both
         ]
-
-    def is_sharp(self, points: FloatArray) -> bool:
-        """Tell whether a surface turns sharply where it is seen."""
-        ((seen,),) = bendings(self._inside, self._zones[0], [points])
-        return seen.curvature * math.sqrt(seen.area / (4 * math.pi)) > SPIKE
 
     def fairest(self) -> list[_Scored]:
         """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
@@ -132,7 +127,7 @@ class FairSearch:
             for part, table in block.tables(own.orders[1][0][3:] + own.orders[1][2][3:]):
                 rows[block.places[part]] = table.T
             ways[block.places] = own.axes[0].T
-        stiffness = 1 / much if energy is None else np.sqrt(np.vdot(points, energy @ points) / len(wanted)) / much
+        stiffness = 1 / much if energy is None else np.sqrt(_value(energy, points) / len(wanted)) / much
         return rows * stiffness, ways, wanted * stiffness
 
     def _calmed(self, energy: FloatArray, bound: float, score: float, points: FloatArray, also: Any = None) -> _Scored:
@@ -158,9 +153,10 @@ class FairSearch:
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> _Pulls:
         """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
-        quiet, each = MOST_CURVED / 1.5, slice(None, None, 2)  # squares have the energy's value; half of the places
-        value, parts = np.vdot(points, energy @ points), [also(points)] if also else []
+        quiet = MOST_CURVED / 1.5  # squares have the energy's value; half of the places
+        value, parts = _value(energy, points), [also(points)] if also else []
         for near in self._layers(points, beyond):
+            each = np.flatnonzero(near.curvatures * near.edge <= BROKEN)[::2]
             curved = near.curvatures[each] * near.edge / quiet
             stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
             rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))
@@ -182,3 +178,8 @@ class FairSearch:
         farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
         is_nearer = farther[0] < farther[1] and self.scores([led])[0][0] <= worst * score
         return [(score, led)] if is_nearer else []
+
+
+def _value(energy: FloatArray, points: FloatArray) -> float:
+    """Return the energy, or 0 where rounding of what cancels is larger."""
+    return max(float(np.vdot(points, energy @ points)), 0.0)

@@ -49,7 +49,7 @@ FLAT_BEND = 1e-9  # curvature of a flat neighbour, by rounding, of 1 / size
 
 
 class _Attempt(NamedTuple):
-    """A patch in units of the loop's size; its faults, its score, and whether it is sharp or a fairer one has some."""
+    """A patch in units of the loop's size; its faults, its score, and whether a much fairer one has some."""
 
     faults: int
     score: float
@@ -210,8 +210,8 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
     """
     rank, rough = itemgetter(slice(2)), 16
     best, left = attempt(*plans[0]), []
-    if best.sharpness > SPIKE and not (best.faults or best.after_others):  # with less freedom it is mostly far less
-        for plan in sorted(plans[1:], key=lambda plan: plan[0] + 2 * (not plan[1]))[:3]:
+    if best.sharpness > SPIKE and not (best.faults or best.after_others):  # mostly far less so with single fields
+        for plan in sorted(plans[1:], key=lambda plan: (not plan[1], plan[0]))[:3]:
             best = min(best, tried := attempt(*plan), key=rank)
             if not tried.faults and tried.sharpness <= SPIKE:
                 break
@@ -252,14 +252,14 @@ def _attempt(
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
     much = 100.0  # times the score of the fairest: with less, other plans have little to win
-    is_round, found = all(150 < corner.angle < 181 for corner in corners(sides)), list[_Attempt]()
-    for patch, score, is_sharp in islice(_solved(edges, inner, fullness, samples_along), most):
+    found = list[_Attempt]()
+    for patch, score in islice(_solved(edges, inner, fullness, samples_along), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
         turns = len(sharp_turns(patch))
         faults = turns + 1000 * (folds + turned)
         worse = bool(found) and score > much * found[0].score
-        found.append(_Attempt(faults, score, worse or (is_sharp and is_round), folds, turns, raises, patch))
+        found.append(_Attempt(faults, score, worse, folds, turns, raises, patch))
         if not found[-1].faults:
             break
     best = min(found, key=lambda each: each[:2])
@@ -270,8 +270,8 @@ def _attempt(
     return best._replace(bending=bending, errors=errors, sharpness=sharpness)
 
 
-def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) -> Iterator[tuple[Patch, float, bool]]:
-    """Yield patches in units of the loop's size, their scores, and whether they are sharp: the fairest, and others."""
+def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) -> Iterator[tuple[Patch, float]]:
+    """Yield patches in units of the loop's size, with their scores: the fairest, and others if that folds."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
     resolution = math.ceil(math.sqrt(max(along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
@@ -280,7 +280,7 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     least = partial(Rows(shape, edges).fairest, fullness=fullness)
     patch = partial(Patch, shape.knots, log_weights=shape.log_weights)
     if inner == "flat":  # a membrane is what was asked for
-        yield patch(least(energy_at(*places, "dirichlet"))), 0.0, False
+        yield patch(least(energy_at(*places, "dirichlet"))), 0.0
         return
     start, end, middle = *region.vertices[:2], region.vertices.mean(axis=0)
     first = energy_samples(region, resolution, NEARER)[0][: resolution**2] - start  # all sectors have their depths
@@ -288,6 +288,6 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     depths = np.minimum(np.tile(depths, len(edges)) / VISIBLE, 1)
     search = FairSearch(region, places, depths, least, edges, fullness == 1)
     for score, points in search.fairest():
-        yield patch(points), score, search.is_sharp(points)
+        yield patch(points), score
     points = least(energy_at(*places, "thin-plate"))  # it overshoots least
-    yield patch(points), search.scores([points])[0][0], search.is_sharp(points)
+    yield patch(points), search.scores([points])[0][0]
