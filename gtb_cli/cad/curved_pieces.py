@@ -28,10 +28,7 @@ class _Places:
     """Places of a piece, at which derivatives and second forms are given by rows: linear in its poles."""
 
     def __init__(self, net: FloatArray, splines: tuple[Splines, Splines], places: FloatArray) -> None:
-        s, t = (
-            [each.spline(np.eye(len(each.greville)))(x, order) for order in range(3)]
-            for each, x in zip(splines, places.T, strict=True)
-        )
+        s, t = ([each.values(x, order) for order in range(3)] for each, x in zip(splines, places.T, strict=True))
         orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
         tables = [np.einsum("ni,nj->nij", s[i], t[j]).reshape(len(places), -1) for i, j in orders]
         poles, weights = net[..., :3].reshape(-1, 3), net[..., 3].ravel()
@@ -168,7 +165,7 @@ def _moves(nets: list[FloatArray], kinds: _Kinds) -> tuple[list[Any], FloatArray
 
     half, whole = kinds[0]
     r, m, n = len(nets) // 2, len(half.greville), len(whole.greville)
-    halves = [half.curve(whole.spline(np.eye(n))(x)) for x in (half.greville / 2, 1 - half.greville / 2)]
+    halves = [half.curve(whole.values(x)) for x in (half.greville / 2, 1 - half.greville / 2)]
     outer, inner = np.eye((m - 2) * (n - 4)).reshape(m - 2, n - 4, -1), np.eye((m - 2) * (m - 1))
     ends = np.cumsum([0, *(r * [outer.shape[2], len(inner)]), 1])
     tables = [np.zeros((*net.shape[:2], ends[-1])) for net in nets]

@@ -3,28 +3,21 @@
 Sides of a hole are Bézier curves near edges that are splines: a file's surfaces come nearer to these.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.cad_seams import along_edge
 from gtb_cli.importers.cad_files import face_forms, kernel, moved, uses_of_edges
 from gtb_cli.theory.patch import Patch
 
-
-class Border(NamedTuple):
-    """Differences of a part's points and unit normals from a patch's along an edge: (m, 6) Chebyshev coefficients.
-
-    Where curvature is to be met, nine more are those of the part's second fundamental form F: of v, times the patch's
-    normal, it is v · F v.
-    """
-
-    coefficients: FloatArray
-
-    def at(self, fractions: FloatArray) -> FloatArray:
-        """Return (n, 6 or 15) rows at (n,) fractions of the edge; differences of points are 0 at its ends."""
-        return np.asarray(np.polynomial.chebyshev.chebval(2 * fractions - 1, self.coefficients).T)
+# (n, 6) differences of a part's points, 0 at the ends, and unit normals from a patch's, at (n,) fractions of an edge.
+# Where curvature is to be met, nine more are the part's second fundamental form F: of v, times the patch's normal, it
+# is v · F v.
+Border: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 def part_borders(patch: Patch, part: Any, *, curved: bool = False) -> list[Border | None]:
@@ -65,8 +58,8 @@ def _border(patch: Patch, edge: int, origin: FloatArray, traced: list[FloatArray
         if np.isfinite(turned).all() and (most := float(np.linalg.norm(away, axis=1).max())) <= near * size:
             if most <= exact * size and not forms.size:
                 return None
-            series = np.polynomial.chebyshev.chebfit(x, np.hstack([away, turned, forms * signs]), degree)
-            first, last = Border(series).at(np.array([0.0, 1.0]))[:, :3]
+            series = chebyshev.chebfit(x, np.hstack([away, turned, forms * signs]), degree)
+            first, last = chebyshev.chebval(np.array([-1.0, 1.0]), series[:, :3]).T
             series[:2, :3] -= (first + last) / 2, (last - first) / 2
-            return Border(series)
+            return lambda fractions: np.asarray(chebyshev.chebval(2 * fractions - 1, series).T)
     return None

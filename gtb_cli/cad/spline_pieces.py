@@ -55,11 +55,9 @@ class Splines:
 
         return BSpline(self.knots, poles, self.degree)
 
-    def values(self, places: FloatArray) -> FloatArray:
-        """Return (n, m) values of the m B-splines."""
-        from scipy.interpolate import BSpline
-
-        return np.asarray(BSpline.design_matrix(places, self.knots, self.degree).toarray())
+    def values(self, places: FloatArray, order: int = 0) -> FloatArray:
+        """Return (n, m) values of the m B-splines, or derivatives of an order."""
+        return np.asarray(self.spline(np.eye(len(self.greville)))(places, order))
 
     def curve(self, rows: FloatArray) -> FloatArray:
         """Return the poles of the interpolant of values at Greville's points, along the first axis."""
@@ -154,7 +152,7 @@ def _borders(patch: Patch, piece: Piece, places: FloatArray) -> Iterator[tuple[B
 
 def forms_at(patch: Patch, piece: Piece, places: FloatArray) -> FloatArray | None:
     """Return the (n, 3, 3) second fundamental forms of a part at places on one of its borders, if it has any."""
-    rows = [border.at(fractions) for on_side, border, fractions in _borders(patch, piece, places) if on_side.all()]
+    rows = [border(fractions) for on_side, border, fractions in _borders(patch, piece, places) if on_side.all()]
     return rows[0][:, 6:].reshape(-1, 3, 3) if rows and rows[0].shape[1] > 6 else None
 
 
@@ -167,7 +165,7 @@ def points_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> li
             if half is not None and (exact := half.at(own[inwards == 0])[0]) is not None:
                 here[inwards == 0] = exact
         for on_side, border, fractions in _borders(patch, piece, every):
-            here[on_side] += border.at(fractions)[:, :3]
+            here[on_side] += border(fractions)[:, :3]
     return np.split(points, np.cumsum([len(one) for one in places])[:-1], axis=1)
 
 
@@ -177,7 +175,7 @@ def normals_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> l
     normals = patch.normals_at(*_located(patch, pieces, every)).reshape(len(pieces), -1, 3)
     for piece, here in zip(pieces, normals, strict=True):
         for on_side, border, fractions in _borders(patch, piece, every):
-            here[on_side] = unit(here[on_side] + border.at(fractions)[:, 3:6])
+            here[on_side] = unit(here[on_side] + border(fractions)[:, 3:6])
     return np.split(normals, np.cumsum([len(one) for one in places])[:-1], axis=1)
 
 

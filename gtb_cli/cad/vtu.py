@@ -10,7 +10,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.cad.exact_surfaces import exact_surfaces, homogeneous_points
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.lattice import Direction, lattice_of
+from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.patch import Patch
@@ -47,7 +47,10 @@ def cells_of(patch: Patch, index: int = 0) -> list[Cell | FloatArray]:
         ordered = [homogeneous_points(curve)[np.argsort(curve.knots[:, 0])] for curve in curves]
         return [Cell(CURVE, (len(rows) - 1, 0, 0), np.vstack([rows[0], rows[-1], rows[1:-1]])) for rows in ordered]
     if lattice is not None and len(lattice) == 1:
-        return [_triangle(homogeneous_points(patch), lattice[0])]
+        degree, places = lattice[0].degree, map(tuple, lattice[0].places.tolist())
+        numbers = dict(zip(places, range(len(patch.knots)), strict=True))
+        order = [numbers[place] for place in _triangle_places(degree)]
+        return [Cell(TRIANGLE, (degree, degree, 0), homogeneous_points(patch)[order])]
     return [surface.net for surface in exact_surfaces(patch, index)]
 
 
@@ -142,15 +145,8 @@ def _encoded(data: Mapping[str, Mapping[str, FloatArray | IntArray]], points: Fl
     return "\n".join([*lines, "</Piece>", "</UnstructuredGrid>", "</VTKFile>\n"]).encode("ascii")
 
 
-def _triangle(points: FloatArray, lattice: Direction) -> Cell:
-    """The cell of a Bézier triangle: its boundary from the first corner, then the inner rings."""
-    place = {tuple(row): number for number, row in enumerate(lattice.places.tolist())}
-    order = [place[row] for row in _triangle_places(lattice.degree)]
-    return Cell(TRIANGLE, (lattice.degree, lattice.degree, 0), points[order])
-
-
 def _triangle_places(degree: int) -> Iterator[tuple[int, ...]]:
-    """Barycentric indices (of the first, second and third corner) in VTK's order."""
+    """Barycentric indices (of the first, second and third corner) in VTK's order: the boundary, then inner rings."""
     corners = np.eye(3, dtype=int)
     for inset in range(degree // 3 + 1):
         side = degree - 3 * inset

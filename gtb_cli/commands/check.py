@@ -82,8 +82,7 @@ def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
         status = f"{found.status:14}"
         if colours:
             status = click.style(status, fg=verdict_colours.get(found.status))
-        text = f"{found.reference}: {found.reason}"
-        lines.append(f"{status}  {found.name:40}  {figures:20}  {text}\n")
+        lines.append(f"{status}  {found.name:40}  {figures:20}  {found.reference}: {found.reason}\n")
     return "".join(lines)
 
 

@@ -11,8 +11,10 @@ from importlib import import_module
 import click
 
 from gtb_cli.errors import Fault, RequirementError
+from gtb_cli.shell.allowances import bound, bytes_from, seconds_from
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.messages import FORMS, STANDARD, abandon, begin, finish, say, tell
+from gtb_cli.shell.options import reads
 from gtb_cli.version import __version__
 from gtb_cli.vocabulary import COMPLETION_VARIABLE, printable
 
@@ -123,14 +125,6 @@ def _print_version(ctx: click.Context, param: click.Parameter, value: bool) -> N
     ctx.exit()
 
 
-def _bound(ctx: click.Context, param: click.Parameter, text: str | None) -> float | None:
-    if text is None:
-        return None
-    from gtb_cli.shell.allowances import bytes_from, seconds_from
-
-    return seconds_from(text) if param.name == "max_seconds" else bytes_from(text)
-
-
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
     "--json",
@@ -154,13 +148,13 @@ def _bound(ctx: click.Context, param: click.Parameter, text: str | None) -> floa
 @click.option(
     "--max-seconds",
     metavar="S",
-    callback=_bound,
+    callback=reads(seconds_from),
     help="Stop a command that takes longer, with exit status 2 and nothing left behind; it has a second more to end.",
 )
 @click.option(
     "--max-memory",
     metavar="SIZE",
-    callback=_bound,
+    callback=reads(bytes_from),
     help="Memory that the command may use, such as 500M or 2G, counted in addresses as by ulimit -v; with -j all "
     "processes share it, and there are fewer of them where each would have less than 1G.",
 )
@@ -216,8 +210,6 @@ def _done(arguments: Sequence[str], alone: bool) -> tuple[int, list[Fault]]:
             if limits != (None, None):
                 if not alone:
                     raise click.UsageError("--max-seconds and --max-memory need a process of their own")
-                from gtb_cli.shell.allowances import bound
-
                 bound(*limits)
             from gtb_cli.process.memory import prepare_for_limit  # --help and --version do not need it
 

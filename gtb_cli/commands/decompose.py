@@ -1,20 +1,12 @@
 """`gtb decompose`: the regular decomposition of the knots, or all of them."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from gtb_cli.shell.messages import Console
 from gtb_cli.shell.options import WholeNumber, json_option, lifting_option, spec_argument, streams_options
 from gtb_cli.shell.streams import Streams, about, single, write_json
-
-if TYPE_CHECKING:
-    from gtb_cli.knots.all_decompositions import LiftingCone
-    from gtb_cli.knots.decomposition import RegularDecomposition
-    from gtb_cli.theory.patch import Patch
 
 
 @click.command
@@ -52,10 +44,7 @@ def decompose(
     if every:
         if lifting is not None:
             raise click.UsageError("--all tries every lifting: leave out --lifting")
-        with streams.spec_of(spec) as loaded:
-            cones = _every_one(single(loaded), triangulations, most, streams.console)
-        _write_all(cones, as_json, streams)
-        return None
+        return _print_all(spec, triangulations, most, as_json, streams)
     if triangulations or most is not None:
         raise click.UsageError(f"{'--triangulations' if triangulations else '--max'} is for --all")
     with streams.spec_of(spec) as loaded:
@@ -67,38 +56,29 @@ def decompose(
             with about(f"patches[{index}]") if is_model else nullcontext():
                 parts.append(regular_decomposition(patch.knots, lifting_of(patch, lifting)))
     if as_json:
-        records = [_data(part) for part in parts]
+        records = [{"cells": part.cells, "polygons": part.polygons, "absent": part.absent} for part in parts]
         return write_json(streams.output, {"patches": records} if is_model else records[0])
-    streams.write("\n".join(map(_text, parts)))
+    texts = []
+    for part in parts:
+        lines = [f"cell {index}: {' '.join(map(str, cell))}\n" for index, cell in enumerate(part.cells)]
+        texts.append("".join([*lines, f"absent: {' '.join(map(str, part.absent)) or 'none'}\n"]))
+    streams.write("\n".join(texts))
 
 
-def _every_one(patch: Patch, triangulations: bool, most: int | None, console: Console) -> list[LiftingCone]:
-    """Return all regular decompositions of a patch's knots, or as many as are asked for, lexicographic by cells."""
+def _print_all(spec: str, triangulations: bool, most: int | None, as_json: bool, streams: Streams) -> None:
+    """Print all regular decompositions of a patch's knots, or as many as are asked for, lexicographic by cells."""
     from gtb_cli.knots.all_decompositions import regular_decompositions
 
-    found: list[LiftingCone] = []
-    with console.counter(None) as begin:
-        for cone in regular_decompositions(patch.knots, triangulations):
+    found = list[Any]()
+    with streams.spec_of(spec) as loaded, streams.console.counter(None) as begin:
+        for cone in regular_decompositions(single(loaded).knots, triangulations):
             if len(found) == most:
-                console.warn(f"there are more than these {most}")
+                streams.console.warn(f"there are more than these {most}")
                 break
             begin("regular decompositions")
             found.append(cone)
-    return sorted(found, key=lambda cone: cone.cells)
-
-
-def _data(found: RegularDecomposition) -> dict[str, Any]:
-    return {"cells": [*map(list, found.cells)], "polygons": [*map(list, found.polygons)], "absent": [*found.absent]}
-
-
-def _text(found: RegularDecomposition) -> str:
-    lines = [f"cell {index}: {' '.join(map(str, cell))}\n" for index, cell in enumerate(found.cells)]
-    return "".join([*lines, f"absent: {' '.join(map(str, found.absent)) or 'none'}\n"])
-
-
-def _write_all(cones: list[LiftingCone], as_json: bool, streams: Streams) -> None:
     records, lines = list[dict[str, Any]](), list[str]()
-    for number, cone in enumerate(cones):
+    for number, cone in enumerate(sorted(found, key=lambda cone: cone.cells)):
         record = {"cells": cone.cells, "absent": cone.absent, "lifting": cone.lifting.tolist()}
         records.append(record | {"dimension": cone.dimension, "used": cone.used})
         rest = f"; absent {' '.join(map(str, cone.absent))}" if cone.absent else ""
@@ -107,4 +87,4 @@ def _write_all(cones: list[LiftingCone], as_json: bool, streams: Streams) -> Non
         write_json(streams.output, {"decompositions": records}, by_row=True)
     else:
         streams.write("".join(lines))
-    streams.console.report(streams.output, f"{len(cones)} regular decompositions")
+    streams.console.report(streams.output, f"{len(found)} regular decompositions")

@@ -1,14 +1,12 @@
 """`gtb import`: a file of another program → a spec."""
 
-import os
-
 import click
 
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, output_options
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input
-from gtb_cli.vocabulary import IMPORTS
+from gtb_cli.vocabulary import IMPORTS, suffix_of
 
 
 @click.command("import")
@@ -36,19 +34,18 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
 
     source = shown_input(file)
     data = read_bytes(file)
-    if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
+    if format is not None or suffix_of(source) not in SUFFIXES:
+        shape, remarks = import_data(source, data, format)
+    else:
         sides = loop_from_text(data, source)
         with about(source):
             filling = fill_loop(sides, name=input_stem(file))
             if filling.fault:
                 raise RequirementError(f"{filling.fault}; it is not written")
-            text = dump(filling.patch)
-        remarks = (*filling.remarks, "the inside is made fair and is not that of the file's scheme")
-    else:
-        found = import_data(source, data, format)
-        remarks = found.remarks
-        with about(source):
-            text = dump(found.shape)
+        shape, remarks = filling.patch, filling.remarks
+        remarks += ("the inside is made fair and is not that of the file's scheme",)
+    with about(source):
+        text = dump(shape)
     streams.write(text)
     for remark in remarks:
         streams.console.note(f"{source}: {remark}")

@@ -21,7 +21,6 @@ from gtb_cli.verdicts.mesh_reports import corners, mesh_line, mesh_text, printin
 from gtb_cli.vocabulary import SPEC_FORMATS, UP, Up, suffix_of
 
 if TYPE_CHECKING:
-    from gtb_cli.checks.description import Description
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.models.model import Model
     from gtb_cli.theory.patch import Patch
@@ -125,12 +124,10 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
 
     from gtb_cli.arrays import bounds_of
     from gtb_cli.checks.bounding_boxes import bounds
-    from gtb_cli.checks.description import description
     from gtb_cli.models.model import Model
 
     if isinstance(loaded, Model):
         all_shown = in_full or len(loaded.patches) <= MAX_PATCHES_SHOWN
-        found = [*map(description, loaded.patches)] if all_shown else []
         return {
             "name": loaded.name,
             "kind": "model",
@@ -138,9 +135,9 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
             "bounding_box": bounds(loaded.patches).tolist(),
             "control_box": bounds_of(np.concatenate([patch.control_points for patch in loaded.patches])).tolist(),
             **_joints(loaded, all_shown),
-            "patches": [*map(_report, loaded.patches, found)] or [{}] * len(loaded.patches),
+            "patches": [*map(_report, loaded.patches)] if all_shown else [{}] * len(loaded.patches),
         }
-    return _report(loaded, description(loaded))
+    return _report(loaded)
 
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
@@ -179,7 +176,10 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     }
 
 
-def _report(patch: Patch, found: Description) -> dict[str, Any]:
+def _report(patch: Patch) -> dict[str, Any]:
+    from gtb_cli.checks.description import description
+
+    found = description(patch)
     return {
         "name": patch.name,
         "kind": found.kind,

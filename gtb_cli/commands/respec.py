@@ -1,18 +1,11 @@
 """`gtb expand`, `elevate`, `boundary`, `bezier`, `coefficients` and `fair`: a spec in, another one out."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import click
 
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.options import WholeNumber, numbers_option, spec_argument, spec_from_spec, streams_options
 from gtb_cli.shell.streams import Spec, Streams, single
 from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
-
-if TYPE_CHECKING:
-    from gtb_cli.fairing.fair import Fairing
 
 
 @click.command
@@ -185,24 +178,25 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
         if part.free:
             free = f"{part.free} free control point{'s' if part.free > 1 else ''}"
             made = "no fairer one is found" if part.patch is given else free
-            streams.console.note(f"{name}{made}; {_changes(part)}")
+            least = _change("energy", *part.energies, part.error) if part.energies else ""
+            energies = f"{least} but for the outermost thousandth; " if least else ""
+            changes = [
+                _change("bending", part.before.energy, part.after.energy, part.error),
+                _change("variation", part.before.variation, part.after.variation, part.error),
+                _change(
+                    "largest curvature", part.before.curvature, part.after.curvature, 0.05
+                ),  # where it was looked at
+            ]
+            text = f"{energies}but for the outermost hundredth: {', '.join(changes)}"
+            streams.console.note(f"{name}{made}; {text}")
     if stiff := [name[:-2] for name, part in zip(names, found, strict=True) if not part.free]:
         where = "" if len(stiff) == len(found) else f" in {', '.join(stiff)}"
         streams.console.warn(f"no control point is free{where}: all stay")
 
 
-def _changes(part: Fairing) -> str:
+def _change(what: str, before: float, after: float, error: float) -> str:
     """Say what was measured before and after, with the digits on which two quadratures agree."""
     from gtb_cli.fairing.fair import agreed_text
 
-    def change(what: str, before: float, after: float, error: float = part.error) -> str:
-        one, other = agreed_text(before, error), agreed_text(after, error)
-        return f"{what} {one}" if one == other else f"{what} from {one} to {other}"
-
-    energies = f"{change('energy', *part.energies)} but for the outermost thousandth; " if part.energies else ""
-    changes = [
-        change("bending", part.before.energy, part.after.energy),
-        change("variation", part.before.variation, part.after.variation),
-        change("largest curvature", part.before.curvature, part.after.curvature, 0.05),  # of places that were looked at
-    ]
-    return f"{energies}but for the outermost hundredth: {', '.join(changes)}"
+    one, other = agreed_text(before, error), agreed_text(after, error)
+    return f"{what} {one}" if one == other else f"{what} from {one} to {other}"

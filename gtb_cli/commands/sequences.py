@@ -1,9 +1,6 @@
 """`gtb degenerate` and `gtb knot-limit`: meshes on the way to a limit, and of the limit."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import click
 
@@ -11,9 +8,6 @@ from gtb_cli.shell.limit_options import heights_option, merge_option, steps_opti
 from gtb_cli.shell.options import spec_argument
 from gtb_cli.shell.sequence_folder import SequenceOutput, sequence_options
 from gtb_cli.shell.streams import single
-
-if TYPE_CHECKING:
-    from gtb_cli.limits.knot_limit import KnotLimit
 
 
 @click.command
@@ -87,21 +81,12 @@ def knot_limit(spec: str, moves: dict[int, int], steps: tuple[float, ...], out: 
         sequence = out.made(knot_sequence, patch, moves, steps)
         text = dump(limit.merged) if out.emits_spec else ""
     # A file that cannot be written is not the spec's fault.
-    for message in _pointwise(limit):
-        out.streams.console.warn(message)
-    out.write(sequence, spec, text)
-
-
-def _pointwise(limit: KnotLimit) -> list[str]:
-    """Return the messages that explain where the limit holds only at inner points."""
     why = "the boundary there stays what it was, and as a set the limit is the merged patch with a film between the two"
-    shape, messages = limit.patch.domain, []
-    r = len(shape.vertices)
+    shape = limit.patch.domain
     for k, face in limit.arrivals.items():
-        if shape.dimension == 1 or face > r:
-            corner = shape.vertices[(face - 1) % r]
-            place = f"the {'end' if shape.dimension == 1 else 'corner'} ({', '.join(f'{x:.6g}' for x in corner)})"
-        else:
-            place = f"edge {face - 1}"
-        messages.append(f"knot {k} comes to {place}, where the limit is pointwise only: {why}")
-    return messages
+        place = f"edge {face - 1}"
+        if shape.dimension == 1 or face > len(shape.vertices):
+            corner = ", ".join(f"{x:.6g}" for x in shape.vertices[(face - 1) % len(shape.vertices)])
+            place = f"the {'end' if shape.dimension == 1 else 'corner'} ({corner})"
+        out.streams.console.warn(f"knot {k} comes to {place}, where the limit is pointwise only: {why}")
+    out.write(sequence, spec, text)

@@ -1,6 +1,5 @@
 """Holes from files: loops of curves in specs with ribbons, `.gbp` and `.lop`; models; CAD parts."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,9 @@ from gtb_cli.language.loading import parse_loop
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.models.model import Model, with_weld
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import percentage
+from gtb_cli.vocabulary import percentage, suffix_of
 
-SUFFIXES = (".gbp", ".lop")
+SUFFIXES = ("gbp", "lop")
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
@@ -31,8 +30,12 @@ def read_loop(
     file and line: the file is too large, has words that are not numbers, or too few or too many numbers; of specs see
     `gtb_cli.load`; or a ribbon is not valid.
     """
-    if reading.spec_format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
-        return _welded(loop_from_text(data, source), weld), None
+    if reading.spec_format is None and suffix_of(source) in SUFFIXES:
+        sides = loop_from_text(data, source)
+        if isinstance(weld, str):
+            extent = np.ptp(np.concatenate([side.points for side in sides]), axis=0)
+            weld = percentage(weld) / 100 * float(np.linalg.norm(extent))
+        return [replace(side, weld=weld or 0.0) for side in sides], None
     if reading.spec_format is None and (kind := cad_kind(data, source)) is not None:
         if weld is not None:
             raise SpecError(f"{source}: is a CAD part, and `weld` is for a loop or a model of patches")
@@ -50,14 +53,6 @@ def read_loop(
         return curve_sides(spec, rows), spec.name
     except DomainError as error:
         raise SpecError(f"{source}: {error}") from None
-
-
-def _welded(sides: list[HoleSide], weld: float | str | None) -> list[HoleSide]:
-    """Return sides whose ends may be moved by a weld, a distance or a percentage of their extent."""
-    if isinstance(weld, str):
-        extent = np.ptp(np.concatenate([side.points for side in sides]), axis=0)
-        weld = percentage(weld) / 100 * float(np.linalg.norm(extent))
-    return [replace(side, weld=weld) for side in sides] if weld else sides
 
 
 def loop_from_text(data: bytes, source: str) -> list[HoleSide]:

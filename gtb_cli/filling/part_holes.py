@@ -32,7 +32,11 @@ class Part:
                 name = f"{label} part {k}" if len(curves) > 1 else label
                 start = curve[0, :3] / curve[0, 3]  # far from the origin, points and derivatives lose digits
                 points, tangents = points_and_tangents(curve - np.append(start, 0) * curve[:, 3:], stations())
-                across = np.cross(tangents, _normals(face, start, points, name, self.size))
+                normals = nearest_normals(face, start, points, self.size)
+                if bad := np.flatnonzero(np.isnan(normals[:, 0])).tolist():
+                    near = point_text(points[bad[0]] + start, points + start)
+                    raise DomainError(f"{name}: its face has no normal near {near}")
+                across = np.cross(tangents, normals)
                 side = HoleSide(name, curve, -across if along else across)
                 sides.append(side if along else side.reversed())
                 remarks += [f"{name}: a curve {distance:.3g} from its edge"] if distance > 0 else []
@@ -59,14 +63,6 @@ def part_of(shape: Any) -> Part:
             rows.append(joints[:, :3] / joints[:, 3:])
     size = float(np.ptp(np.concatenate(rows), axis=0).max()) if edges else 1.0
     return Part(shape, edges, size, closed_rings(rows, [name for name, *_ in edges], MAX_GAP * size))
-
-
-def _normals(face: Any, start: FloatArray, points: FloatArray, name: str, size: float) -> FloatArray:
-    """Return the outward unit normals of a face at its nearest points; these are given from a start."""
-    normals = nearest_normals(face, start, points, size)
-    if bad := np.flatnonzero(np.isnan(normals[:, 0])).tolist():
-        raise DomainError(f"{name}: its face has no normal near {point_text(points[bad[0]] + start, points + start)}")
-    return normals
 
 
 def _curves(edge: Any, size: float, least: int) -> list[tuple[FloatArray, float]]:

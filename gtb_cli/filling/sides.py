@@ -276,8 +276,9 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     met = [_moved(*each, far) for each in zip(chain, corners, np.roll(corners, -1, axis=0), strict=True)]
     if worst > POINT_SIZE * size:
         remarks.append(f"ends of sides are moved by up to {worst / 2:.2g}, so that they meet")
-    if far and (turns := [_turn(*pair) for pair in zip(chain, met, strict=True) if pair[0].across is not None]):
-        remarks[-1] += f", which turns the planes along them by up to {max(turns):.2g}°"
+    if far and (pairs := [pair for pair in zip(chain, met, strict=True) if pair[0].across is not None]):
+        sine = max(np.linalg.norm(np.cross(side_normals(a), side_normals(b)), axis=1).max() for a, b in pairs)
+        remarks[-1] += f", which turns the planes along them by up to {np.degrees(np.arcsin(min(sine, 1.0))):.2g}°"
     return tuple(met), remarks
 
 
@@ -288,12 +289,6 @@ def _moved(side: HoleSide, start: FloatArray, end: FloatArray, evenly: bool) -> 
         curve[:, :3] += curve[:, 3:] * (fade * (start - side.ends[0]) + fade[::-1] * (end - side.ends[1]))
     curve[0, :3], curve[-1, :3] = start, end
     return replace(side, curve=curve)
-
-
-def _turn(side: HoleSide, moved: HoleSide) -> float:
-    """Return the largest angle, in degrees, by which the planes along a side turn where its curve is moved."""
-    sines = np.linalg.norm(np.cross(side_normals(side), side_normals(moved)), axis=1)
-    return float(np.degrees(np.arcsin(min(sines.max(), 1.0))))
 
 
 def _check_gap(gap: float, most: float, size: float, side: HoleSide, other: HoleSide) -> None:

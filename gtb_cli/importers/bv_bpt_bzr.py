@@ -8,8 +8,9 @@ one patch: two degrees, and the points row by row, the second index running fast
 
 import math
 
+from gtb_cli.arrays import positive
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.importers.classical_nets import MAX_DEGREE, dehomogenized, polygon, rectangle, triangle
+from gtb_cli.importers.classical_nets import MAX_DEGREE, polygon, rectangle, triangle
 from gtb_cli.importers.words import Words
 from gtb_cli.language.keys_and_values import valid_name
 from gtb_cli.language.patch_reader import MAX_PATCHES
@@ -62,8 +63,6 @@ def read_bv(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
             raise SpecError(f"{source}:{line}: {error}") from None
         if len(patches) > MAX_PATCHES:
             words.fail(f"has more than {MAX_PATCHES} patches", line)
-    if not patches:
-        raise SpecError(f"{source}: has no patches")
     return patches, []
 
 
@@ -81,7 +80,9 @@ def _segment(words: Words, kind: int, line: int) -> list[Patch]:
         return math.comb(degrees[0] + 2, 2) if is_triangle else (degrees[0] + 1) * (degrees[-1] + 1)
 
     if kind in (8, 11):
-        points, weights = dehomogenized(words.rows(count(degrees), 4, "homogeneous control points x y z w"))
+        rows = words.rows(count(degrees), 4, "homogeneous control points x y z w")
+        weights = positive("weights", rows[:, 3])
+        points = rows[:, :3] / weights[:, None]
     else:
         points, weights = words.rows(count(degrees), 3, "control points x y z"), None
     if normals:

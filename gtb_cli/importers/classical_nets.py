@@ -3,7 +3,6 @@
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 
 # Highest degree of a net: a rectangle of this degree in both directions has as many knots as a spec may have
@@ -36,12 +35,3 @@ def polygon(corners: FloatArray) -> Patch:
     angles = 2 * np.pi * np.arange(len(corners)) / len(corners)
     simple = {3: [[0, 0], [1, 0], [0, 1]], 4: [[0, 0], [1, 0], [1, 1], [0, 1]]}
     return Patch(simple.get(len(corners), np.column_stack([np.cos(angles), np.sin(angles)])), corners)
-
-
-def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the points and weights, which must be positive, of (m, 4) homogeneous control points x w, y w, z w, w."""
-    weights = rows[:, 3]
-    if not (weights > 0).all():
-        bad = int(np.argmin(weights > 0))
-        raise DomainError(f"weights[{bad}]: must be positive, got {weights[bad]:g}")
-    return rows[:, :3] / weights[:, None], weights

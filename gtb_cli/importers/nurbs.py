@@ -29,13 +29,9 @@ def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int,
 
 def _bezier_points(degree: int, knots: FloatArray, k: int) -> FloatArray:
     """Apply de Boor's algorithm to unit control points, with degree − j times the span's start and j times its end."""
-    start, end = knots[k], knots[k + 1]
-    rows = []
-    for j in range(degree + 1):
-        table = np.eye(degree + 1)
-        for step, place in enumerate([start] * (degree - j) + [end] * j, 1):
-            low, high = knots[k - degree + step : k + 1, None], knots[k + 1 : k + 2 + degree - step, None]
-            share = (place - low) / (high - low)
-            table = (1 - share) * table[:-1] + share * table[1:]
-        rows.append(table[0])
-    return np.array(rows)
+    table, j = np.tile(np.eye(degree + 1), (degree + 1, 1, 1)), np.arange(degree + 1)[:, None, None]
+    for step in range(1, degree + 1):
+        low, high = knots[k - degree + step : k + 1, None], knots[k + 1 : k + 2 + degree - step, None]
+        share = (np.where(step <= degree - j, knots[k], knots[k + 1]) - low) / (high - low)
+        table = (1 - share) * table[:, :-1] + share * table[:, 1:]
+    return table[:, 0]

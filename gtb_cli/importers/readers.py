@@ -9,7 +9,6 @@ from gtb_cli.files import read_file
 from gtb_cli.importers.cad_files import cad_kind
 from gtb_cli.language.document import MAX_BYTES, kind_of
 from gtb_cli.language.loading import stem_of
-from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CAD_FORMATS, suffix_of
@@ -67,8 +66,6 @@ def import_data(path: str, data: bytes, format: str | None = None) -> Imported:
         patches = surfaces
     if not patches:
         raise SpecError(*(Fault(line, path) for line in ["has no patches", *remarks]))
-    if len(patches) > MAX_PATCHES:
-        raise SpecError(f"{path}: has {len(patches)} patches, a model has at most {MAX_PATCHES}")
     name = stem_of(path)
     named = patches[0].replace(name=patches[0].name or name)
     return Imported(named if len(patches) == 1 else Model(tuple(patches), name), tuple(remarks))

@@ -11,14 +11,6 @@ MAX_MAGNITUDE = 1e100  # largest coordinate or weight: the product of three of t
 SHOWN_CHARACTERS = 60  # characters of a word that a message shows at most
 
 
-def as_number(word: str) -> float:
-    """Return a number up to `MAX_MAGNITUDE` as C, C++ and Fortran write it; NaN for any other word."""
-    if not re.fullmatch(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?", word):
-        return math.nan
-    value = float(word.lower().replace("d", "e"))
-    return value if abs(value) <= MAX_MAGNITUDE else math.nan
-
-
 class Words:
     """Words of a file in their order, with their lines; line ends and what follows a ``#`` do not matter."""
 
@@ -76,12 +68,13 @@ class Words:
         return int(word)
 
     def rows(self, count: int, width: int, what: str) -> FloatArray:
-        """Read (count, width) numbers."""
+        """Read (count, width) numbers, as C, C++ and Fortran write them."""
         self.need(count * width, what)
         values = []
         for word in self._words[self._next : self._next + count * width]:
-            values.append(as_number(word))
-            if math.isnan(values[-1]):
+            is_number = re.fullmatch(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?", word)
+            values.append(float(word.lower().replace("d", "e")) if is_number else math.nan)
+            if not abs(values[-1]) <= MAX_MAGNITUDE:
                 self.fail(
                     f"expected {what}, got {word[:SHOWN_CHARACTERS]!r}, which is not a number up to {MAX_MAGNITUDE:g}"
                 )

@@ -1,20 +1,16 @@
 """Work shared on a cluster by Dask, behind the same interface as `gtb_cli.process.processes`."""
 
-from __future__ import annotations
-
 import logging
 import os
 import re
 import socket
 import threading
 from collections.abc import Callable, Generator, Iterable
-from typing import TYPE_CHECKING, Any, TypeVar
+from concurrent.futures import CancelledError, Future, wait
+from typing import Any, TypeVar
 
 from gtb_cli.errors import GtbError
 from gtb_cli.process.processes import in_order
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -51,8 +47,6 @@ def in_cluster(
 
 
 def _connected(address: str) -> Any:
-    from concurrent.futures import Future
-
     try:
         from distributed import Client
     except ImportError:
@@ -102,8 +96,6 @@ def _scheduler(address: str) -> str:
 
 def _awaited(future: Future[R], client: Any, address: str, warn: Callable[[str], None]) -> R:
     """Wait for a result, unless no worker is left to compute it."""
-    from concurrent.futures import CancelledError, wait
-
     while not wait([future], 5.0).done:  # seconds between two checks that there are workers
         if client.status != "running":
             raise GtbError(f"--cluster {address}: the scheduler has gone")

@@ -54,7 +54,7 @@ def _data(change: Change) -> dict[str, Any]:
         "reasons": [printable(reason) for reason in change.reasons],
         "amount": amount(change),
         "tolerance": "" if change.found is None else f"{change.found.tolerance:.3g}",
-        "rows": [(row.label, row.old, row.new) for row in rows(change)],
+        "rows": rows(change),
         "uncoloured": uncoloured,  # why there are no distances to be shown, if there are none
         "old": None,
         "new": None,
@@ -78,8 +78,7 @@ def _data(change: Change) -> dict[str, Any]:
         }
         if side.turned is not None:
             data["coloured"] = {"side": key, "turned": True, "values": encoded(255 * side.turned, "<u1")}
-        elif change.coloured == key and change.found is not None and change.largest is not None:
-            assert side.distances is not None
+        elif side.distances is not None and change.found is not None and change.largest is not None:
             top = change.found.distance  # points between those that were compared may be farther
             data["coloured"] = {
                 "side": key,

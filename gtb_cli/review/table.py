@@ -1,14 +1,12 @@
 """The numbers of a change, old and new: what a page and a Markdown table show of it."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from gtb_cli.meshes.measures import labelled
 from gtb_cli.review.changes import Change
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """A number of both versions, as text; empty where a version has none."""
 
     label: str

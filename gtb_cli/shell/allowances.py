@@ -4,7 +4,6 @@ import math
 import os
 import re
 import signal
-import tempfile
 import time
 from contextlib import suppress
 
@@ -43,6 +42,8 @@ def bound(seconds: float | None, size: int | None) -> None:
     """
     if not hasattr(os, "fork"):
         raise GtbError("--max-seconds and --max-memory are not available on this system, which cannot copy processes")
+    import tempfile
+
     from gtb_cli.files import discard, list_unfinished_in
 
     with tempfile.TemporaryFile() as ledger:

@@ -104,13 +104,11 @@ class Comparing:
         return Verdict("", (first, second), "different")
 
     def shown(self, verdict: Verdict) -> Verdict:
-        """Return a verdict with the meshes that there are of a file that could not be compared."""
-        old, new = verdict.meshes
-        if verdict.word in ("missing", "unreadable"):
-            old = self._mesh(verdict.paths[0])
-        if verdict.word in ("extra", "unreadable"):
-            new = self._mesh(verdict.paths[1])
-        return replace(verdict, meshes=(old, new))
+        """Return a verdict with the meshes that there are of a file, if it could not be compared."""
+        if verdict.word == "different":
+            return verdict
+        meshes = self._mesh(verdict.paths[0]), self._mesh(verdict.paths[1])
+        return replace(verdict, meshes=meshes)
 
     def _mesh(self, path: str) -> Mesh | None:
         """Return the mesh in a file; None if it cannot be read, or is not a mesh."""

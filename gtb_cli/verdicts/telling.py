@@ -79,18 +79,13 @@ def _farthest(found: Difference) -> str:
 
 def _row(label: str, values: list[float | int | None]) -> str:
     """Return a line of a table; if its two numbers differ, it has a star and enough digits to show that."""
-    digits = 9  # unless two different numbers would look the same
-    first, second = (_number(value, digits) for value in values)
+    first, second = ("–" if value is None else f"{value:.9g}" for value in values)
     is_rounding = None not in values and math.isclose(values[0] or 0, values[1] or 0, rel_tol=1e-12)
     if is_rounding or values[0] == values[1]:
         return f"  {label:24}{first:>16}{second:>16}\n"
-    first, second = (_number(value, 17) for value in values) if first == second else (first, second)
+    first, second = (f"{value:.17g}" for value in values) if first == second else (first, second)
     width = 16 if max(len(first), len(second)) < 16 else 24
     return f"  {label:24}{first:>{width}}{second:>{width}}  *\n"
-
-
-def _number(value: float | int | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}g}"
 
 
 def _at(point: Point, style: str = ".9g") -> str:

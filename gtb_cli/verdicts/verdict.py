@@ -102,7 +102,8 @@ class Verdicts:
         if not self.of_folders:
             return self.each[0].text
         told = sorted((each for each in self.each if not each.same), key=lambda each: WORDS.index(each.word))
-        return "".join(each.text for each in told) + f"{counted(self.counts)}\n"
+        counts = ", ".join(f"{count} {word}" for word, count in self.counts.items() if count or word != "unreadable")
+        return "".join(each.text for each in told) + f"{counts}\n"
 
     @property
     def record(self) -> dict[str, Any]:
@@ -116,8 +117,3 @@ class Verdicts:
             "renamed": {each.name: each.renamed for each in self.each if each.word == "missing" and each.renamed},
             "errors": [{"name": each.name, **error_record(error)} for each in self.each for error in each.errors],
         }
-
-
-def counted(counts: dict[Word, int]) -> str:
-    """Say how many files have each verdict; of unreadable ones only if there are any."""
-    return ", ".join(f"{count} {word}" for word, count in counts.items() if count or word != "unreadable")
