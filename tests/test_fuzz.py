@@ -17,15 +17,11 @@ def test_what_is_made_by_rules_gives_what_it_should(judged, count):
     assert judged(count, seed=1) is None
 
 
-@pytest.mark.parametrize(
-    ("name", "count", "seed"),
-    [
-        *((name, 40, 1) for name in sorted(foreign_files()) if name != "part.igs"),
-        *mostly_long(
-            [("part.igs", 8, 1), *((name, 160, 2) for name in sorted(foreign_files()) if name != "part.igs")], 0
-        ),
-    ],
-)
+FOREIGN = [name for name in sorted(foreign_files()) if name != "part.igs"]
+LONG = [("part.igs", 8, 1), *((name, 160, 2) for name in FOREIGN)]
+
+
+@pytest.mark.parametrize(("name", "count", "seed"), [(name, 40, 1) for name in FOREIGN] + mostly_long(LONG, 0))
 @pytest.mark.usefixtures("probed_here")
 def test_mutated_files_of_other_programs_are_read_or_refused(name, count, seed):
     assert imports(count, seed, names=[name]) is None

@@ -82,17 +82,11 @@ def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
     assert filling.angle < PLANES
     assert largest_angle(filling, sides) < PLANES
     assert len(filling.patch.domain.vertices) == len(sides)
-    said = any("its tangent planes turn by 1" in remark for remark in filling.remarks)
-    assert said == bool(filling.sharp_turns)
+    assert any("its tangent planes turn by 1" in remark for remark in filling.remarks) == bool(filling.sharp_turns)
 
 
-# Seeds of loops by their number of sides, of which those below have more. Some patches turn sharply.
-SEEDS = {3: range(3), 4: (0, 2), 5: (0,)}
-
-
-@pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
+@pytest.mark.parametrize(("n", "seed"), mostly_long([(3, 0), (3, 1), (3, 2), (4, 0), (4, 2), (5, 0)]))
 def test_random_loops_are_filled(n, seed):
-    """Planes of some turn by 180 degrees along one side: the patch follows them, and says where it turns sharply."""
     filling = fill_loop(random_sides(n, seed))
     assert_fills(filling, random_sides(n, seed))
 
