@@ -7,9 +7,9 @@ from tests.tools.fuzz import foreign_files, imports, kill, models, mutate, overw
 from tests.tools.judge import CORPUS, READERS, judge, seeds
 
 
-@pytest.mark.parametrize("count", mostly_long([100, 300]))
-def test_mutated_specs_give_a_mesh_or_a_message(count):
-    assert mutate(count, seed=1) is None
+@pytest.mark.parametrize(("count", "seed"), mostly_long([(100, 1), (200, 2)]))
+def test_mutated_specs_give_a_mesh_or_a_message(count, seed):
+    assert mutate(count, seed) is None
 
 
 @pytest.mark.parametrize(("judged", "count"), mostly_long([(overwriting, 30), (models, 20)]))
@@ -17,16 +17,14 @@ def test_what_is_made_by_rules_gives_what_it_should(judged, count):
     assert judged(count, seed=1) is None
 
 
-@pytest.mark.parametrize(
-    ("name", "count"),
-    [
-        *((name, 40) for name in sorted(foreign_files()) if name != "part.igs"),
-        *mostly_long([("part.igs", 8), *((name, 200) for name in sorted(foreign_files()) if name != "part.igs")], 0),
-    ],
-)
+FOREIGN = [name for name in sorted(foreign_files()) if name != "part.igs"]
+LONG = [("part.igs", 8, 1), *((name, 160, 2) for name in FOREIGN)]
+
+
+@pytest.mark.parametrize(("name", "count", "seed"), [(name, 40, 1) for name in FOREIGN] + mostly_long(LONG, 0))
 @pytest.mark.usefixtures("probed_here")
-def test_mutated_files_of_other_programs_are_read_or_refused(name, count):
-    assert imports(count, seed=1, names=[name]) is None
+def test_mutated_files_of_other_programs_are_read_or_refused(name, count, seed):
+    assert imports(count, seed, names=[name]) is None
 
 
 @pytest.mark.parametrize("victim", mostly_long(["mesh.ply", "degenerate"], 0))

@@ -6,6 +6,7 @@ import shutil
 import pytest
 
 from gtb_cli.commands.cli import COMMANDS
+from gtb_cli.commands.plot import plot
 from tests.marks import long
 from tests.shell import REPOSITORY, SPECS, script, shell
 
@@ -63,7 +64,8 @@ def test_it_is_short():
 
 @pytest.mark.usefixtures("measured_roughly")
 @pytest.mark.parametrize("block", shell_blocks())
-def test_its_commands_run(block, workplace):
+def test_its_commands_run(block, workplace, monkeypatch):
+    monkeypatch.setattr(next(option for option in plot.params if option.name == "dpi"), "default", 30)
     (workplace / "specs").unlink()
     for path in {path for name in re.findall(r"specs/([\w.*-]+)", block) for path in SPECS.glob(name)}:
         (workplace / "specs").mkdir(exist_ok=True)  # has what is named only, which `gtb info specs` measures, too

@@ -82,19 +82,13 @@ def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
     assert filling.angle < PLANES
     assert largest_angle(filling, sides) < PLANES
     assert len(filling.patch.domain.vertices) == len(sides)
+    assert any("its tangent planes turn by 1" in remark for remark in filling.remarks) == bool(filling.sharp_turns)
 
 
-# Seeds of loops by their number of sides: few of many sides, which take long. Some patches turn sharply.
-SEEDS = {3: range(3), 4: (0, 2), 5: (0,), 6: (2,), 9: (7,)}
-
-
-@pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
+@pytest.mark.parametrize(("n", "seed"), mostly_long([(3, 0), (3, 1), (3, 2), (4, 0), (4, 2), (5, 0)]))
 def test_random_loops_are_filled(n, seed):
-    """Planes of some turn by 180 degrees along one side: the patch follows them, and says where it turns sharply."""
     filling = fill_loop(random_sides(n, seed))
     assert_fills(filling, random_sides(n, seed))
-    said = any("its tangent planes turn by 1" in remark for remark in filling.remarks)
-    assert said == bool(filling.sharp_turns)
 
 
 @pytest.mark.parametrize(("height", "folded"), [(0.0, True), (0.02, False)])
@@ -252,7 +246,7 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     edges = np.minimum(edges, np.roll(edges, 1))
     assert (told * edges).max() < most
     assert filling.bending.energy < {6: 8, 7: 9, 8: 22}[n]  # 45 in (6, 5) and 248 in (7, 2) with their first plans
-    fan, far = 1 / (1 + np.exp(np.linspace(-14, 14, 91)))[:, None], np.geomspace(1e-4, 0.3, 60)[:, None, None]
+    fan, far = 1 / (1 + np.exp(np.linspace(-14, 14, 46)))[:, None], np.geomspace(1e-4, 0.3, 30)[:, None, None]
     for corner in range(n):
         ways = patch.knots[[corner - 1 + n * (corner == 0), (corner + 1) % n]] - patch.knots[corner]
         places = patch.knots[corner] + (far * (fan * ways[0] + (1 - fan) * ways[1])).reshape(-1, 2)
@@ -443,15 +437,22 @@ def test_corners_where_ribbons_disagree_are_said():
     assert (angles[2:] < 1e-6).all()
 
 
+PLAIN = random_sides(3, 5, (3, 3))
+
+
+@pytest.fixture(scope="module")
+def plain() -> Filling:
+    return fill_loop(PLAIN, raises=ONCE)
+
+
 @pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e-9, 0.0), (1.0, 1e7), (1e-200, 0.0), (1e9, 0.0)]))
-def test_any_size_and_place(scale, shift):
-    plain = random_sides(3, 5, (3, 3))
+def test_any_size_and_place(scale, shift, plain):
     moved = []
-    for side in plain:
+    for side in PLAIN:
         weights = side.curve[:, 3:]
         curve = np.column_stack([side.curve[:, :3] * scale + shift * weights, weights])
         moved.append(HoleSide(side.name, curve, side.across * scale))
-    fillings = [fill_loop(each, raises=ONCE) for each in (plain, moved)]
+    fillings = [plain, fill_loop(moved, raises=ONCE)]
     np.testing.assert_allclose(fillings[1].corner_curvatures, np.array(fillings[0].corner_curvatures) / scale, 1e-5)
     one, other = (filling.patch for filling in fillings)
     back = other.replace(control_points=(other.control_points - shift) / scale)

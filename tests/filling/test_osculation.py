@@ -91,7 +91,7 @@ def assert_osculates(filling: Filling, found: Strips) -> None:
 @pytest.mark.parametrize(("n", "degree"), mostly_long([(3, 2), (4, 3), (6, 1)]))
 def test_curvatures_are_those_of_polynomial_strips(n: int, degree: int) -> None:
     found = strips(n, 0, degree)
-    filling = fill_loop(sides(found), continuity="g2")
+    filling = fill_loop(sides(found), continuity="g2", raises=None if n == 3 else 0)
     assert_osculates(filling, found)
     assert n > 3 or filling.bending.energy < 50  # where they disagree, no pull inside edges makes it bend much more
 
@@ -161,7 +161,7 @@ def test_a_row_is_exact_to_the_rounding_of_its_neighbours_curvature() -> None:
 
 @long
 def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
-    found = strips(3, 0, 2)
+    found = strips(4, 1, 2)
     curves, ribbons, ribbons2 = ([rows[k, :, :3] for rows in found.values()] for k in range(3))
     named = zip(found, curves, strict=True)
     loop = Model([Patch(np.arange(3.0), curve, np.array([1, 2, 1]), name=name) for name, curve in named])
@@ -177,7 +177,7 @@ def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
     spec = tmp_path / "loop.toml"
     spec.write_text("\n".join(lines), encoding="utf-8")
     kinds = ["--elevate", 0, "--continuity", "g2", "--continuity", "side 1=g1", "--long"]
-    assert gtb("fill", spec, *kinds, status=0).err.count("curvatures across differ by up to") == 2
+    assert gtb("fill", spec, *kinds, status=0).err.count("curvatures across differ by up to") == 3
     spec.write_text("\n".join(line for line in lines if not line.startswith("ribbon ")), encoding="utf-8")
     assert "ribbon2: is the row after ribbon, which is missing" in gtb("fill", spec, status=2).err
     spec.write_text("\n".join(lines).replace(str(ribbons2[0].tolist()), str(ribbons[0].tolist())), encoding="utf-8")
@@ -187,7 +187,7 @@ def test_python_takes_both_ribbons_and_so_does_a_spec(tmp_path) -> None:
 @long
 def test_a_side_may_differ() -> None:
     found = strips(4, 1, 2)
-    filling = fill_loop(sides(found), continuity={"": "g2", "side 1": "g1", "side 2": "g0"})
+    filling = fill_loop(sides(found), continuity={"": "g2", "side 1": "g1", "side 2": "g0"}, raises=0)
     for contact, name in zip(filling.contacts, found, strict=True):
         assert (contact.bend < RELATIVE * 10) == (name in {"side 0", "side 3"})
         assert (contact.angle < RELATIVE) == (name != "side 2")
