@@ -1,6 +1,7 @@
 """`fill` for Python: a hole from a file, from curves, or in a model; `one_patch` makes the patch."""
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -163,17 +164,30 @@ def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Call
             filling = filled_in_some_way(spec, hole, None, continuity=kind)
         except DomainError as error:
             raise DomainError(f"`fills` {hole}: {str(error).removeprefix('hole: ')}") from None
+        end = _loose_end(spec, hole)
         if filling.fault:
             without = f'`fills` "{hole}=g0"'
             fault = filling.fault.replace('`continuity="g0"`', without)
             other = f", or {without}" * (kind != "g0" and without not in fault)
-            raise RequirementError(f"`fills` {hole}: {fault}{other}")
+            raise RequirementError(f"`fills` {hole}: {'; '.join(filter(None, (end, fault + other)))}")
+        if end:
+            warn(f"`fills` {hole}: {end}")
         if filling.tried:
             warn(f"`fills` {hole}: {filling.remarks[0]}")
         if doubts := "; ".join(filling.doubts):
             warn(f"`fills` {hole}: {doubts}; `fill` says all")
         spec = filling.model or spec
     return spec
+
+
+def _loose_end(model: Model, hole: str) -> str:
+    """Say which of several patches has all edges but one in the ring of a hole, as where copies do not close."""
+    refs = [model.joints.open[edge] for edge in one_ring(model_rings(model), hole, "model").edges]
+    for k, edges in Counter(patch for patch, _ in refs).items():
+        if 3 <= edges >= len(model.patches[k].domain.vertices) - 1 and len(model.patches) > 1:
+            name = model.patches[k].name or f"patches[{k}]"
+            return f"the hole has {edges} edges of {name}: a copy may be missing, or not turned as far as it has to be"
+    return ""
 
 
 def holes_of(found: Sequence[HoleSide] | Model | Part) -> Sequence[Ring]:

@@ -74,7 +74,8 @@ def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | No
     if not re.fullmatch(NAME_PATTERN, name) or len(name) > MAX_NUMBER_NAME:
         return f"must be a letter, then at most {MAX_NUMBER_NAME - 1} letters, digits and _, to be the name of a number"
     if name in FUNCTIONS or name in CONSTANTS:
-        return "is the name of a function or constant"
+        meaning = f"{CONSTANTS[name]:.6g}" if name in CONSTANTS else "a function"
+        return f"is {meaning} in expressions: choose another name"
     if name == COUNTER:
         return "is the number of a copy: choose another name"
     return "is a word with another meaning in expressions" if keyword.iskeyword(name) else None

@@ -123,7 +123,7 @@ class Recipe:
         """Mesh the surface or curve; also return the tolerance, for a tube without what its rings need."""
         from gtb_cli.tessellation.tessellate import tessellate
 
-        tolerance, around = self.tolerance_for(spec), 1
+        tolerance, around = self.tolerance_for(spec), 1 + (self.thickness is not None)
         if tolerance is not None and self.radius is not None and spec.dimension == 1:  # others are refused later
             from gtb_cli.solids.tube import ring_size
 
@@ -144,7 +144,8 @@ class Recipe:
         except ToleranceError as error:
             if around == 1:
                 raise
-            raise ToleranceError(f"{error}: the tube has {around} faces around each segment") from None
+            more = "the solid has both sides" if around == 2 else f"the tube has {around} faces around each segment"
+            raise ToleranceError(f"{error}: {more}") from None
         return mesh, tolerance
 
     def _remarks(self, spec: Patch | Model, surface: Mesh) -> list[str]:

@@ -24,7 +24,7 @@ from gtb_cli.errors import SpecError
 from gtb_cli.filling.loops import SUFFIXES, loop_from_text
 from gtb_cli.importers.readers import import_data
 from gtb_cli.language.writer import dump
-from gtb_cli.vocabulary import SEQUENCE_RECORD
+from gtb_cli.vocabulary import SEQUENCE_RECORD, suffix_of
 from tests import foreign
 from tests.shell import REPOSITORY, SPECS, command, environment, gtb
 from tests.tools.generators import model, overwriting_line
@@ -133,7 +133,7 @@ def imports(count: int, seed: int, names: Iterable[str] | None = None) -> str | 
 
 def read_foreign(name: str, data: bytes) -> None:
     """Do what `gtb import` does, but fill no hole."""
-    if os.path.splitext(name)[1] in SUFFIXES:
+    if suffix_of(name) in SUFFIXES:
         loop_from_text(data, name)
     else:
         dump(import_data(name, data).shape)
