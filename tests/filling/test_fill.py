@@ -22,6 +22,7 @@ from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
 from tests.solids.test_rims import walls
 from tests.specs import SECONDS
+from tests.surfaces import box
 from tests.tools.mutations import mutated
 
 
@@ -158,6 +159,7 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
         return good if cure and cure.items() <= options.items() else replace(good, folds=3)
 
     monkeypatch.setattr(room, "filled", stand_in)
+    monkeypatch.setattr(room, "_loose_end", lambda *_: "")
     if cure:
         (word,) = (word for word in words if word.endswith(str(*cure.values())))
         text = f"filled with {word}, as otherwise the patch folds at 3 of some thousand places"
@@ -177,9 +179,23 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
 
 def test_a_fill_says_in_one_line_in_how_many_parts_it_is_and_where_planes_differ_most(monkeypatch):
     good, model, said = gtb_cli.fill(triangle(), raises=0), gtb_cli.load(SPECS / "box-corner.toml"), []
+    monkeypatch.setattr(room, "_loose_end", lambda *_: "")
     for parts, angle in (((), 0.9), ((good, good), 0.9), ((), 26.66)):
         found = replace(good, parts=parts, corner_angles=np.array([np.nan, angle / 2, angle]))
         monkeypatch.setattr(room, "filled", lambda *_, found=found, **__: found)
         room.with_fills(model, [("x", "g1")], said.append)
     planes = "neighbours' planes differ by up to 26.7 degrees at their corner (0, 0, 1)"
     assert said == [f"`fills` x: {text}; `fill` says all" for text in ("filled in 2 parts", planes)]
+
+
+def test_the_last_of_copies_that_do_not_close_is_named_before_a_fill_is_blamed(monkeypatch):
+    """Of three of four walls, two have all edges but one in the ring; of one wall by itself any ring has all."""
+    good, walls, said = gtb_cli.fill(triangle(), raises=0), box().patches[:4], []
+    monkeypatch.setattr(room, "filled", lambda *_, **__: good)
+    for count in (1, 4, 3):
+        room.with_fills(Model(walls[:count]), [("0,1,0", "g1")], said.append)
+    end = "the hole has 3 edges of box-00: a copy may be missing, or not turned as far as it has to be"
+    assert said == [f"`fills` 0,1,0: {end}"]
+    good = replace(good, folds=3)
+    with pytest.raises(RequirementError, match=f"`fills` 0,1,0: {end}; the patch folds"):
+        room.with_fills(Model(walls[:3]), [("0,1,0", "g1")], said.append)
