@@ -49,9 +49,11 @@ def test_a_hole_in_a_cubic_is_filled_near_to_it(capsys):
     filling.main(["3"])
     rows = [line.split() for line in capsys.readouterr().out.splitlines() if "gtb fill" in line]
     assert [row[3] for row in rows] == ["g1", "g2"]
-    for missed, _, _, _, _, _, degrees, folds, *_ in rows:
+    for missed, _, _, _, _, _, _, _, degrees, off, nearer, _, curved, folds, *_ in rows:
         assert float(missed) < 2e-3  # Open CASCADE misses it by 2.2e-3, and a thin plate by 3.5e-3
         assert float(degrees) < 1e-9
+        assert float(nearer) < 0.011 * float(off)  # from the plane of a corner, a hundredth as far from it
+        assert float(curved) < 4
         assert folds == "0"
 
 
