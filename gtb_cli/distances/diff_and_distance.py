@@ -228,7 +228,7 @@ def _options(spec: Patch | Model, held: Values) -> tuple[list[str], bool]:
     if isinstance(spec, Patch):
         known |= {f"basis_{index}": None for index in range(len(spec.knots))}
     columns, uv = {name: rows for name, (rows, _) in held.items()}, TEXTURE in held
-    if uv and spec.dimension == 2 and not {"u", "v"} <= columns.keys():  # named u and v, or s and t
+    if uv and spec.dimension == 2 and not {"u", "v"} & columns.keys():  # named u and v, or s and t
         columns, uv = {"u": columns[TEXTURE][:, :1], "v": columns[TEXTURE][:, 1:], **columns}, False
     names = [name for name in columns if name in known]  # first the one that is there again as the quality
     names.sort(key=lambda name: not np.array_equal(columns[name], columns.get(QUALITY_NAME, [])))
