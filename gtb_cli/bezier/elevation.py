@@ -47,8 +47,7 @@ def multiplier(patch: Patch) -> FloatArray:
     shape = patch.domain
     if (lattice := lattice_of(shape)) is not None:
         steps = np.concatenate([direction.steps for direction in lattice])
-        diagonal = [steps.sum(axis=0)] if len(lattice) == 2 else []
-        return np.array([np.zeros(shape.dimension), *steps, *diagonal])
+        return np.array([np.zeros(shape.dimension), *steps, *[steps.sum(axis=0)] * (len(lattice) == 2)])
     if shape.dimension == 2:
         return np.asarray((shape.vertices - shape.vertices[0]) / _common_steps(shape))
     return np.array([[0.0], [np.diff(np.sort(shape.knots[:, 0])).max()]])

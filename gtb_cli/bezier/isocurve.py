@@ -30,8 +30,7 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     name = f"{patch.name or 'patch'}-{'uv'[axis]}{value:g}"
     # Edges 0 … 3 are bottom, right, top, left.
     beside = [3, 1] if axis == 0 else [0, 2]
-    place = np.where(np.arange(2) == axis, value, shape.vertices.mean(axis=0))
-    heights = shape.heights_of_columns(place[None])
+    heights = shape.heights_of_columns(np.where(np.arange(2) == axis, value, shape.vertices.mean(axis=0))[None])
     on = [edge for edge in beside if heights[edge, 0] == 0]
     members = np.flatnonzero(shape.incidence[:, on[0]]) if on else np.arange(len(patch.knots))
     logs = patch.log_products[members]

@@ -123,8 +123,7 @@ def _powers(patch: Patch, max_degree: int) -> IntArray:
         if most > MAX_ELEVATED_KNOTS:
             found = f"has Bézier pieces of {most} control points each"
             raise DomainError(f"{found}, at most {MAX_ELEVATED_KNOTS} are allowed")
-    steps = shape.heights.max(axis=0) / degrees
-    return np.asarray(np.rint(shape.heights / steps), dtype=np.int64)
+    return np.asarray(np.rint(shape.heights / (shape.heights.max(axis=0) / degrees)), dtype=np.int64)
 
 
 def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Patch, ...]:

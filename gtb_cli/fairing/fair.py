@@ -113,8 +113,7 @@ def fair(
     for patch, keeps in zip(found, _kept_edges(found, keep), strict=True):
         size = np.linalg.norm(patch.control_points - patch.control_points.mean(axis=0))
         k = alike.setdefault((patch.knots.tobytes(), tuple(keeps), f"{size:.6g}"), len(made))
-        copy = _copied(found[k], made[k], patch) if k < len(made) else None
-        made.append(copy or _faired(patch, energy, keeps))
+        made.append((k < len(made) and _copied(found[k], made[k], patch)) or _faired(patch, energy, keeps))
     return tuple(made)
 
 

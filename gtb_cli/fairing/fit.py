@@ -36,7 +36,7 @@ class Fit:
 
 
 def fit(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
-    """Find a curve through points, by progressive iterative approximation.
+    """Find a curve through points, by progressive iterative approximation (Section 3, property (c); Thm 2.1 (c)).
 
     Parameters
     ----------
@@ -60,10 +60,6 @@ def fit(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
     1000 rounds the limit is found as the solution of linear equations. Weights are free, and are chosen so that the
     basis is local: about 100 rounds suffice for 10 points and for 70. Parameters are those at which each knot's T is
     largest, and the scale of the edge functions makes them evenly spread.
-
-    References
-    ----------
-    Section 3, property (c); Thm 2.1 (c).
     """
     places = finite("points", points)
     if places.ndim != 2 or places.shape[1] not in (2, 3):

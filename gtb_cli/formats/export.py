@@ -34,9 +34,6 @@ def write_mesh(
 ) -> None:
     """Write a mesh to a file, whole or not at all.
 
-    Raises `ExportError` if the format cannot hold the mesh, a number is not finite, or the file cannot be written, and
-    `BrokenPipeError` if the reader of a pipe has closed it.
-
     Parameters
     ----------
     mesh : Mesh
@@ -127,7 +124,7 @@ def encode_mesh(
     if kind == "ply":
         from gtb_cli.formats.ply import ply_blocks
 
-        return ply_blocks(mesh, mesh.vertex_normals, coordinates, attributes, ascii=ascii)
+        return ply_blocks(mesh, coordinates, attributes, ascii=ascii)
     if kind == "stl":
         from gtb_cli.formats.stl import stl_blocks
 
@@ -139,7 +136,7 @@ def encode_mesh(
         return threemf_blocks(mesh.vertices, mesh.cells, groups, name, unit or next(iter(UNITS)))
     from gtb_cli.formats.glb import glb_blocks
 
-    return glb_blocks(mesh, groups, mesh.normals, coordinates, up or FORMATS[kind].up, unit, name)
+    return glb_blocks(mesh, groups, coordinates, up or FORMATS[kind].up, unit, name)
 
 
 def _check_request(mesh: Mesh, kind: str, ascii: bool, unit: str | None) -> None:
@@ -188,22 +185,16 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
     messages += [f"{shown}: holds no texture coordinates, none are written"] * (uv and not holds.uv)
     messages += [f"{shown}: a curve has no normals, none are written"] * (normals and mesh.is_curve)
     if kind == "ply" and normals and not mesh.is_curve and round(mesh.largest_split, 6) > 1.0:
-        messages.append(
-            f"PLY: holds one normal a vertex, the mean where several meet, here at up to {mesh.largest_split:.3g} "
-            "degrees; OBJ and GLB hold all"
-        )
+        split = f"here at up to {mesh.largest_split:.3g} degrees; OBJ and GLB hold all"
+        messages.append(f"PLY: holds one normal a vertex, the mean where several meet, {split}")
     if kind == "obj" and normals and mesh.normals is not None and len(mesh.normals) > len(mesh.vertices):
-        messages.append(
-            "OBJ: a vertex where patches meet at an angle has several normals: viewers and renderers show them, and "
-            "meshio does not read such a file"
-        )
+        readers = "viewers and renderers show them, and meshio does not read such a file"
+        messages.append(f"OBJ: a vertex where patches meet at an angle has several normals: {readers}")
     if kind == "obj" and uv and mesh.parameters is not None and len(mesh.parameters):
         extent, size = (float(np.ptp(rows, axis=0).max()) for rows in (mesh.parameters, mesh.bounds))
         if 0.0 < extent < 1e-3 * min(1.0, size):
-            messages.append(
-                "OBJ: texture coordinates have the decimals of the vertices, too few for parameters that span "
-                f"{extent:.3g}; PLY keeps their digits"
-            )
+            few = f"too few for parameters that span {extent:.3g}; PLY keeps their digits"
+            messages.append(f"OBJ: texture coordinates have the decimals of the vertices, {few}")
     return messages
 
 

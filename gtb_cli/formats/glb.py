@@ -33,13 +33,7 @@ _Part: TypeAlias = tuple[int, int, object, FloatArray]  # first vertex, number o
 
 
 def glb_blocks(
-    mesh: Mesh,
-    groups: Sequence[tuple[str, int, int]],
-    normals: FloatArray | None,
-    uv: FloatArray | None,
-    up: Up,
-    unit: str | None = None,
-    name: str = "",
+    mesh: Mesh, groups: Sequence[tuple[str, int, int]], uv: FloatArray | None, up: Up, unit: str | None, name: str
 ) -> Iterable[bytes]:
     """Return a GLB file of at most 4 GB with a node for each group. `up` is the vertical axis.
 
@@ -49,14 +43,14 @@ def glb_blocks(
     for label, start, stop in groups:
         whole = len(groups) == 1  # then vertices without cells stay
         used, cells = (slice(None), mesh.cells) if whole else compacted(mesh.cells[start:stop])
-        parts.append(Node(label, mesh.vertices[used], cells, *(v if v is None else v[used] for v in (normals, uv))))
-    _check_size(sum(4 * np.size(values) for part in parts for values in part[1:] if values is not None))
+        values = (v if v is None else v[used] for v in (mesh.normals, uv))
+        parts.append(Node(label, mesh.vertices[used], cells, *values))
+    _check_size(sum(4 * np.size(each) for part in parts for each in part[1:] if each is not None))
     said = ({} if up == FORMATS["glb"].up else {"up": up}) | ({} if unit is None else {"unit": unit})  # for `read_glb`
-    extras: dict[str, Any] = {"extras": said} if said else {}
-    return _lines(parts, extras, name) if mesh.is_curve else [_triangles(parts, extras, name)]
+    return _lines(parts, said, name) if mesh.is_curve else [_triangles(parts, said, name)]
 
 
-def _triangles(parts: Sequence[Node], extras: dict[str, Any], root: str) -> bytes:
+def _triangles(parts: Sequence[Node], said: dict[str, str], root: str) -> bytes:
     from trimesh import Scene, Trimesh
     from trimesh.exchange.gltf import export_glb
     from trimesh.visual import TextureVisuals
@@ -75,8 +69,7 @@ def _triangles(parts: Sequence[Node], extras: dict[str, Any], root: str) -> byte
 
     def finish(tree: dict[str, Any]) -> None:
         """Say which views hold vertices or indices, as graphics cards want to know, and colour the parts."""
-        tree["asset"] |= extras
-        _gather(tree, root, extras)
+        _gather(tree, root, said)
         if len(parts) > 1:
             (plain,) = tree["materials"]
             tree["materials"] = []
@@ -95,21 +88,21 @@ def _triangles(parts: Sequence[Node], extras: dict[str, Any], root: str) -> byte
                 tree["bufferViews"][tree["accessors"][primitive["indices"]]["bufferView"]]["target"] = INDICES
 
     plain = {"unitize_normals": True, "extension_webp": False, "extension_draco": False}
-    has_normals = parts[0].normals is not None
-    return bytes(export_glb(scene, include_normals=has_normals, tree_postprocessor=finish, **plain))
+    return bytes(export_glb(scene, include_normals=parts[0].normals is not None, tree_postprocessor=finish, **plain))
 
 
-def _gather(tree: dict[str, Any], name: str, extras: dict[str, Any]) -> None:
-    """Put several nodes below one of this name, and scale the topmost node to metres if there is a unit of length."""
+def _gather(tree: dict[str, Any], name: str, said: dict[str, str]) -> None:
+    """Put several nodes below one of this name, and scale the topmost node to metres if a unit of length is said."""
+    tree["asset"] |= {"extras": said} if said else {}
     nodes = tree["nodes"]
     if len(nodes) > 1:
         nodes.append({"name": name, "children": [*range(len(nodes))]})
         tree["scenes"][tree["scene"]]["nodes"] = [len(nodes) - 1]
-    if (unit := extras.get("extras", {}).get("unit")) is not None:
-        nodes[-1]["scale"] = [UNITS[unit]] * 3
+    if "unit" in said:
+        nodes[-1]["scale"] = [UNITS[said["unit"]]] * 3
 
 
-def _lines(parts: Sequence[Node], extras: dict[str, Any], root: str) -> list[bytes]:
+def _lines(parts: Sequence[Node], said: dict[str, str], root: str) -> list[bytes]:
     """Return indexed lines, which trimesh reads as they are; its exporter writes inner vertices of polylines twice."""
     chunks: list[bytes] = []
     meshes, accessors, views, length = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, int]](), 0
@@ -135,10 +128,10 @@ def _lines(parts: Sequence[Node], extras: dict[str, Any], root: str) -> list[byt
         primitive = {"attributes": attributes, "indices": indices, "mode": 1}
         meshes.append({"name": part.name, "primitives": [primitive]})
     nodes = [{"name": part.name, "mesh": number} for number, part in enumerate(parts)]
-    tree = {"asset": {"version": "2.0", **extras}, "scene": 0, "scenes": [{"nodes": [*range(len(parts))]}]}
+    tree = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [*range(len(parts))]}]}
     tree |= {"nodes": nodes, "meshes": meshes, "accessors": accessors, "bufferViews": views}
     tree["buffers"] = [{"byteLength": length}]
-    _gather(tree, root, extras)
+    _gather(tree, root, said)
     text = json.dumps(tree, separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)
     total = HEADER_BYTES + 8 + len(text) + 8 + length

@@ -93,8 +93,7 @@ def size_limit(start: bytes, otherwise: int) -> int:
     if format_of(start) is not None or len(start) < STL_HEADER_BYTES:
         return MAX_FILE_BYTES
     said = STL_HEADER_BYTES + 50 * int.from_bytes(start[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
-    is_text = not start.translate(None, text_bytes)
-    return max(otherwise, 0 if is_text else min(said, MAX_FILE_BYTES))
+    return max(otherwise, min(said, MAX_FILE_BYTES) if start.translate(None, text_bytes) else 0)
 
 
 def format_of(data: bytes) -> str | None:
@@ -140,9 +139,7 @@ def _check(content: FileArrays) -> None:
     low, high = int(cells.min()), int(cells.max())
     if low < 0 or high >= len(vertices):
         cell = int(np.flatnonzero(((cells < 0) | (cells >= len(vertices))).any(axis=1))[0])
-        what = "segment" if cells.shape[1] == 2 else "face"
-        raise GtbError(
-            f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {low if low < 0 else high}"
-        )
+        what, wrong = "segment" if cells.shape[1] == 2 else "face", low if low < 0 else high
+        raise GtbError(f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {wrong}")
     if fault := faulty_point(vertices):
         raise MeshError(f"vertex {fault[0]}: {fault[1]}")

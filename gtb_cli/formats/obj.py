@@ -143,7 +143,6 @@ class _ObjLines:
         self.names += [(keyword, name, start) for (_, keyword, name), start in zip(names, starts, strict=True)]
 
     def content(self) -> FileArrays:
-        """The whole content."""
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
         vertices = np.concatenate([np.empty((0, 3)), *self.vertices])

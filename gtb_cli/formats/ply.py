@@ -19,11 +19,11 @@ from gtb_cli.vocabulary import plain_name
 
 
 def ply_blocks(
-    mesh: Mesh, normals: FloatArray | None, uv: FloatArray | None, attributes: Mapping[str, FloatArray], *, ascii: bool
+    mesh: Mesh, uv: FloatArray | None, attributes: Mapping[str, FloatArray], *, ascii: bool
 ) -> Iterator[bytes]:
     """Yield a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers, as trimesh does."""
     columns = dict(zip("xyz", mesh.vertices.T, strict=True))
-    if normals is not None:
+    if (normals := mesh.vertex_normals) is not None:
         columns |= zip(("nx", "ny", "nz"), normals.T, strict=True)
     if uv is not None:
         columns |= zip("st", uv.T, strict=True)

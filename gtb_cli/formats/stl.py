@@ -17,22 +17,24 @@ from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import FACETS, OTHER, Values
 
+FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])  # of a binary file
+
 
 def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterable[bytes]:
     """Return an STL file: binary with 32-bit numbers, or text with numbers that read back exactly, and a name."""
-    from trimesh import Trimesh
-    from trimesh.exchange.stl import export_stl
+    from trimesh.triangles import normals
 
     # trimesh takes triangles with a cross product below 1e-13 for points, and squares lengths; powers of two are exact.
     exponent = int(np.frexp(np.ptp(bounds_of(vertices), axis=0).max() or 1.0)[1])
     exponent = 0 if -10 < exponent < 200 else exponent
-    facets = Trimesh(np.ldexp(vertices, -exponent), triangles, process=False, validate=False)
+    directions = np.zeros(triangles.shape)
+    known, has_normal = normals(np.ldexp(vertices, -exponent)[triangles])
+    directions[has_normal] = known
     if ascii:
-        return _text(vertices, triangles, facets.face_normals, name)
-    if exponent:
-        facets.face_normals  # noqa: B018 (they stay as they are when the facets shrink)
-        facets.apply_scale(2.0**exponent)
-    return [export_stl(facets)]
+        return _text(vertices, triangles, directions, name)
+    facets = np.zeros(len(triangles), FACET)
+    facets["normal"], facets["corners"] = directions, vertices[triangles]
+    return [bytes(STL_HEADER_BYTES - 4) + len(facets).to_bytes(4, "little") + facets.tobytes()]
 
 
 def _text(vertices: FloatArray, triangles: IntArray, normals: FloatArray, name: str) -> Iterator[bytes]:
@@ -49,10 +51,9 @@ def _text(vertices: FloatArray, triangles: IntArray, normals: FloatArray, name: 
 
 def read_stl(data: bytes) -> FileArrays:
     """Read an STL file: a whole binary one, or text with whole facets."""
-    facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     number = int.from_bytes(data[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
-    if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * facet.itemsize:
-        facets = np.frombuffer(data, dtype=facet, offset=STL_HEADER_BYTES)
+    if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * FACET.itemsize:
+        facets = np.frombuffer(data, dtype=FACET, offset=STL_HEADER_BYTES)
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
         attribute = {"attribute": facets["attribute"]} if facets["attribute"].any() else {}  # which text has not
         content = _content(corners, single_half_steps, {FACETS: facets["normal"], **attribute})
@@ -62,7 +63,7 @@ def read_stl(data: bytes) -> FileArrays:
         return _read_text(data)
     if len(data) < STL_HEADER_BYTES:
         raise GtbError(f"is not an STL file: {len(data)} bytes, and not text that begins with solid")
-    held = (len(data) - STL_HEADER_BYTES) / facet.itemsize
+    held = (len(data) - STL_HEADER_BYTES) / FACET.itemsize
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 

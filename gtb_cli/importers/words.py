@@ -75,9 +75,8 @@ class Words:
             is_number = re.fullmatch(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?", word)
             values.append(float(word.lower().replace("d", "e")) if is_number else math.nan)
             if not abs(values[-1]) <= MAX_MAGNITUDE:
-                self.fail(
-                    f"expected {what}, got {word[:SHOWN_CHARACTERS]!r}, which is not a number up to {MAX_MAGNITUDE:g}"
-                )
+                found = f"{word[:SHOWN_CHARACTERS]!r}, which is not a number up to {MAX_MAGNITUDE:g}"
+                self.fail(f"expected {what}, got {found}")
             self._next += 1
         return read_only(values).reshape(count, width)
 

@@ -88,9 +88,7 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     cells = tuple(tuple(sorted(face.knots)) for face in faces)
     present = {i for cell in cells for i in cell}
     gradients, offsets = map(read_only, zip(*(face.affine() for face in faces), strict=True))
-    representative: dict[int, int] = {}
-    for i in sorted(present):
-        representative.setdefault(lifted.places[i], i)
+    representative = {lifted.places[i]: i for i in sorted(present, reverse=True)}
     absent = tuple(i for i in range(len(lifted.points)) if i not in present)
     polygons = tuple(tuple(representative[i] for i in face.polygon) for face in faces)
     return RegularDecomposition(lifted.points, lifted.heights, cells, absent, gradients, offsets, polygons)

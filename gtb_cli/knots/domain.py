@@ -285,8 +285,7 @@ def _normals(vertices: FloatArray, edge_normals: EdgeNormals) -> FloatArray:
         raise DomainError(f"edge_normals: primitive needs integer corners of the hull, got {corner}")
     if edge_normals == "unit" or not integer:
         return np.asarray(normals / np.hypot(normals[:, 0], normals[:, 1])[:, None])
-    common = [[math.gcd(int(a), int(b))] for a, b in normals]
-    return np.asarray(normals / np.array(common, dtype=np.float64))
+    return np.asarray(normals / [[float(math.gcd(int(a), int(b)))] for a, b in normals])
 
 
 def _cross_of_differences(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:

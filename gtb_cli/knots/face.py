@@ -73,8 +73,7 @@ class Faces(tuple[Face, ...]):
     def on_boundary(self, heights: FloatArray) -> list[tuple[Face, IntArray]]:
         """Return the edges and corners on which points lie, each with their indices, from (r, m) edge functions."""
         boundary = np.flatnonzero((heights == 0).any(axis=0))
-        found = list(groups(self.at(heights[:, boundary])))
-        return [(self[number], boundary[members]) for number, members in found]
+        return [(self[number], boundary[members]) for number, members in groups(self.at(heights[:, boundary]))]
 
     def smallest(self, knots: int | Sequence[int]) -> Face:
         """Return the smallest face that contains the given knots."""

@@ -14,8 +14,7 @@ KNOT_ULPS = 8  # of the largest coordinate: knots meant to be collinear may be o
 
 def knot_tolerance(points: FloatArray) -> float:
     """Return the distance within which (n, d) knots count as collinear or equal."""
-    size = float(np.ptp(points, axis=0).max())
-    return float(KNOT_TOLERANCE * size + KNOT_ULPS * EPS * np.abs(points).max())
+    return float(KNOT_TOLERANCE * np.ptp(points, axis=0).max() + KNOT_ULPS * EPS * np.abs(points).max())
 
 
 def convex_hull(points: FloatArray) -> IntArray:

@@ -28,8 +28,7 @@ def extreme_rays(rows: Sequence[Vector], size: int, rounding: float) -> list[Vec
         rise = on(row, line) if line else 0
         if line and rise:
             # All of the cone so far is moved along a line into the plane of the row, which bounds one half of the line.
-            others = [x for x in lines if x is not line]
-            lines = [_combined(rise, x, -on(row, x), line) for x in others]
+            lines = [_combined(rise, x, -on(row, x), line) for x in lines if x is not line]
             rays = [(_signed(rise, _combined(rise, x, -on(row, x), line)), zeros | here) for x, zeros in rays]
             rays.append((_signed(rise, line), here - 1))
         else:

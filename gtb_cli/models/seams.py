@@ -160,6 +160,5 @@ def _rims(
             signs = np.array([-1.0 if flipped[index] else 1.0 for index in indices])
             normals[some] = signs[:, None, None] * on_edge(part, edge, s)
             for number, patch, sign, row in zip(some, part, signs.tolist(), s, strict=True):
-                place = Location(slice(0, SEAM_PLACES), face, whole.knots, row[None])
-                rims[number] = _SeamRim(patch, sign, place)
+                rims[number] = _SeamRim(patch, sign, Location(slice(0, SEAM_PLACES), face, whole.knots, row[None]))
     return rims, normals

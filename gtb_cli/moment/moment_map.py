@@ -71,11 +71,9 @@ class MomentMap:
             total, there = total.columns(missing), there[:, missing]
             s[:, begin + missing], rest = solve(total, there, np.zeros_like(there), target)
             if len(rest):
-                residual = np.abs(total.moments(s[:, begin + missing]).mean - there)[:, rest].max()
-                raise ToleranceError(
-                    f"linear parametrisation: residual {residual:.1e} of the hull's size after {MAX_STEPS} steps, "
-                    f"{RESIDUAL:g} is required"
-                )
+                residual = np.abs(total.moments(s[:, begin + missing])[0] - there)[:, rest].max()
+                found = f"residual {residual:.1e} of the hull's size after {MAX_STEPS} steps"
+                raise ToleranceError(f"linear parametrisation: {found}, {RESIDUAL:g} is required")
         return np.asarray(s / self._extents[:, None])
 
     def starts(self, p: FloatArray) -> FloatArray:
@@ -124,12 +122,8 @@ def layer_starts(knots: FloatArray, p: FloatArray) -> FloatArray:
     δ_j is the distance from edge j of the hull of (n, d) unit knots to the nearest knots not on it.
     """
     normals, offsets, layer = _layers(np.ascontiguousarray(knots).tobytes(), knots.shape[1])
-    heights = normals @ p
-    heights -= offsets
-    heights /= layer
-    np.maximum(heights, 1e-17, out=heights)  # nearer to an edge, points start there
-    np.log(heights, out=heights)
-    return np.asarray((normals / layer).T @ heights)
+    heights = np.maximum((normals @ p - offsets) / layer, 1e-17)  # nearer to an edge, points start there
+    return np.asarray((normals / layer).T @ np.log(heights))
 
 
 @lru_cache(1024)  # the patches of a family, and of a model, share their knots

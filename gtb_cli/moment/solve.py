@@ -22,15 +22,6 @@ TARGET_RESIDUAL = 1e-14  # residual at which a point is done if all digits are a
 MAX_STEPS = 300  # regularised steps after which a point is missing
 
 
-class Moments(NamedTuple):
-    """Means μ, (d, m), variances (1, m), or variances and covariance (3, m), and the sums under their shift."""
-
-    mean: FloatArray
-    spread: FloatArray
-    total: FloatArray
-    shift: FloatArray
-
-
 @frozen
 class LogSum:
     """``log Σ_i c_i ω_i e^<a_i, s>`` for each column s."""
@@ -42,8 +33,8 @@ class LogSum:
         """Return the function for some columns."""
         return self if self.log_weights.ndim == 1 else LogSum(self.knots, self.log_weights[:, rows])
 
-    def moments(self, s: FloatArray) -> Moments:
-        """Return the derivatives at (d, m) torus coordinates."""
+    def moments(self, s: FloatArray) -> tuple[FloatArray, ...]:
+        """Return means μ, (d, m), variances, (1, m), or variances and covariance, (3, m), and sums with their shift."""
         d, e = len(s), self.knots @ s
         e += self.log_weights if self.log_weights.ndim == 2 else self.log_weights[:, None]
         shift = e.max(axis=0)
@@ -53,7 +44,7 @@ class LogSum:
         # The spread of a column near a knot is of the order of the rounding, but positive.
         spread[:d] -= (1 - 8 * EPS) * mean**2
         spread[d:] -= mean[:1] * mean[1:]
-        return Moments(mean, spread, sums[0], shift)
+        return mean, spread, sums[0], shift
 
     @cached_property
     def _summed(self) -> FloatArray:
@@ -193,7 +184,5 @@ def _step(
     yy, xy = hessian[1] + regular, hessian[2]
     ratio = xy / xx
     rest = yy - ratio * xy
-    step = np.empty_like(gradient)
-    np.divide(ratio * gradient[0] - gradient[1], np.where(rest > 0, rest, np.maximum(yy, least)), out=step[1])
-    np.subtract(-gradient[0] / xx, ratio * step[1], out=step[0])
-    return step
+    y = (ratio * gradient[0] - gradient[1]) / np.where(rest > 0, rest, np.maximum(yy, least))
+    return np.array([-gradient[0] / xx - ratio * y, y])

@@ -102,7 +102,6 @@ class ChordProofs:
             fails[todo.row[stuck]] = True
             todo, places = rows_of(todo, ~stuck), places[~stuck]
             todo = Intervals(np.tile(todo.row, 2), np.append(todo.start, places), np.append(places, todo.end))
-            todo = rows_of(todo, ~fails[todo.row])
         fails[todo.row] = True
         return fails
 

@@ -99,9 +99,9 @@ class Recipe:
             where = f"at {lost} of {len(mesh.vertices)} vertices, which get the mean of their neighbours'"
             remarks += [f"the curvature has no finite limit {where}"] * bool(lost)
         maker = self._maker(spec, tolerance)
-        size = self.thickness if self.radius is None else self.radius
+        size = self.radius or self.thickness or 0.0
         faults, folds, thin = list[str](), list[str](), list[str]()
-        if maker is not None and size is not None:
+        if maker is not None:
             mesh, faults, folds, thin = maker.solid(mesh, size)
         held = held or (lambda mesh: (mesh, ""))
         is_solid = not mesh.is_curve and (self.thickness is not None or "solid" in self.require)
@@ -111,7 +111,7 @@ class Recipe:
             from gtb_cli.tessellation.solid_making import crossings_of
 
             folds += crossings_of(mesh, stored, coarse)
-        if maker is not None and size is not None and folds and not faults:
+        if maker is not None and folds and not faults:
             folds[-1] += f"; {maker.smaller(surface, size, held)}"
         if self.require:
             from gtb_cli.tessellation.requirements import require

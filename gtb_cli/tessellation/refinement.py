@@ -203,8 +203,7 @@ class _Refinement:
         """Return the steps of the lattices on which some cells are sampled, (k,)."""
         columns = self.mesh.cells.corners.take(rows, axis=0).reshape(-1, 6).T
         extents = (reduce(np.maximum, columns[axis::2]) - reduce(np.minimum, columns[axis::2]) for axis in (0, 1))
-        width = np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows])
-        return steps_for(width, self.points_in_all)
+        return steps_for(np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows]), self.points_in_all)
 
     def sample_on_lattices(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
         """Sample cells at peaks and lattices; return cells that fail, and cells in doubt, where no quadratic fits."""

@@ -58,8 +58,8 @@ def _leaks(spec: Patch | Model, mesh: Mesh, held: tuple[Mesh, str], is_solid: bo
     lines, (stored, remark) = (_inward_faces(mesh) if is_solid else []) or _merged_faces(mesh), held
     if lines or stored is mesh:
         return lines
-    found = _merged_faces(stored) or (_inward_faces(stored) if is_solid else [])
-    return [f"{line}: {remark}" for line in found]
+    lines = _merged_faces(stored) or (_inward_faces(stored) if is_solid else [])
+    return [f"{line}: {remark}" for line in lines]
 
 
 def _folded_patches(spec: Patch | Model) -> list[str]:

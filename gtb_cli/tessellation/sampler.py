@@ -106,19 +106,15 @@ class Sampler:
 
     def _alike(self, patch: IntArray) -> Iterator[tuple[_AlikePatches, IntArray, IntArray]]:
         """Yield the patches with equal knots, the (k,) rows of points in them, and the ascending numbers among them."""
-        for kind, rows in groups(self._kinds[patch]):
-            nets = self._nets[kind]
+        kinds, nets = self._kinds
+        for kind, rows in groups(kinds[patch]):
             rows = rows[np.argsort(patch[rows], kind="stable")]
-            yield nets, rows, np.searchsorted(nets.members, patch[rows])
+            yield nets[kind], rows, np.searchsorted(nets[kind].members, patch[rows])
 
     @cached_property
-    def _kinds(self) -> IntArray:
-        return kinds_of([patch.domain for patch in self.patches])
-
-    @cached_property
-    def _nets(self) -> dict[int, _AlikePatches]:
-        kinds = groups(self._kinds)
-        return {kind: _AlikePatches(members, [self.patches[index] for index in members]) for kind, members in kinds}
+    def _kinds(self) -> tuple[IntArray, dict[int, _AlikePatches]]:
+        kinds = kinds_of([patch.domain for patch in self.patches])
+        return kinds, {k: _AlikePatches(own, [self.patches[index] for index in own]) for k, own in groups(kinds)}
 
 
 @frozen

@@ -278,8 +278,7 @@ def _edges_of(start: Complex, domains: Sequence[Domain], kinds: IntArray) -> tup
     face = np.zeros(len(first), dtype=np.int64)
     for index, rows in groups(kinds[patch]):
         domain = domains[index]
-        heights = [domain.heights_of_columns(places[rows, end]) for end in (0, 1)]
-        face[rows] = domain.faces.at(np.maximum(*heights))
+        face[rows] = domain.faces.at(np.maximum(*(domain.heights_of_columns(places[rows, end]) for end in (0, 1))))
     return _unknown_edges(sides.directed[first], patch, places, face), sides.edge
 
 

@@ -35,11 +35,7 @@ def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:
 
 
 def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> FloatArray:
-    """Evaluate the GT-Bernstein basis ``β_i(u) = c_i ∏_j h_j(u)^{h_j(a_i)}``, 0⁰ = 1: (m, n) (eq. 201, eq. 204).
-
-    Unlike the rational basis, β depends on the scale of the edge functions and can exceed the range of floats
-    (exponents in the hundreds); its entries are then 0 or inf.
-    """
+    """Evaluate ``β_i(u) = c_i ∏_j h_j(u)^{h_j(a_i)}`` with 0⁰ = 1, (m, n), as `Patch.beta` does (eq. 201, eq. 204)."""
     heights = domain.edge_functions(u)
     zero = heights == 0
     logs = np.log(np.where(zero, 1.0, heights))

@@ -89,8 +89,7 @@ def summed(number: IntArray, logs: FloatArray, factors: FloatArray) -> tuple[Flo
     tops = np.full(count, -np.inf)
     np.maximum.at(tops, number, logs)
     weights = np.exp(logs - tops[number])
-    columns = [np.bincount(number, weights * column, count) for column in factors.T]
-    return tops, np.stack(columns, axis=1)
+    return tops, np.stack([np.bincount(number, weights * column, count) for column in factors.T], axis=1)
 
 
 def newton_polygon(x: FloatArray, gaps: FloatArray) -> IntArray:

@@ -321,8 +321,7 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
     leading = []
     for k, rates in zip((sector.first, sector.second), _coordinates(knots.x, knots.gaps, sector[:2]), strict=True):
         every = Powers(knots.x[live], knots.logs[live], rates[live, None] * knots.points[live])
-        along = np.abs(orders_on(every.x - knots.x[k], ray, knots.gaps)) == 0
-        leading.append(rows_of(every, along))
+        leading.append(rows_of(every, orders_on(every.x - knots.x[k], ray, knots.gaps) == 0))
     i, j = knots.x[[sector.first, sector.second]] @ ray
     area = area.of_order(i + j, ray, gaps)
     limits = [form.of_order(order, ray, gaps) for form, order in zip(forms, _orders(i, j), strict=True)]

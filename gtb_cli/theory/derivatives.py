@@ -59,8 +59,8 @@ class DerivativeField:
             for location in self.basis.locations(u, parametrization):
                 rows = np.arange(len(u))[location.rows]
                 for here, local, e, layers in neighbourhoods(shape, self.basis.log_weights, location, work_arrays):
-                    p = u[rows[here]]
-                    result[..., rows[here]] = self._linear(location.face, p, local, e, layers)[order]
+                    jet = self._linear(location.face, u[rows[here]], local, e, layers)
+                    result[..., rows[here]] = jet[order]
         result[np.isnan(result)] = np.inf  # differences of numbers beyond floats
         return np.asarray(np.moveaxis(result, [-1, -2], [0, 1]))
 

@@ -36,9 +36,8 @@ def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> Float
 
     Inside, moments are taken about the nearest corner, in heights over its two edges, which are exact zeros for the
     knots that dominate near the boundary. If this still loses digits (a heavy knot inside, large exponents), they are
-    taken about the knot with the largest T_i, along and across the direction to the second. The normal on an edge is
-    tangent × derivative towards the nearest layer of knots not parallel to it. At a corner it is the limit on all ways,
-    or NaN: see `gtb_cli.theory.corners`. `DomainError` is raised for a curve.
+    taken about the knot with the largest T_i, along and across the direction to the second. For limits on the boundary
+    see `Patch.normals`. `DomainError` is raised for a curve.
     """
     if patch.rational_basis.domain.dimension == 1:
         raise DomainError("normals: a curve has none")

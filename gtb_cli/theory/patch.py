@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -180,15 +181,18 @@ class Patch:
         DomainError
             A parameter lies outside Δ by more than rounding.
         """
+        return self._mapped(self.points_at, u, parametrization)
+
+    def _mapped(
+        self, rows_at: Callable[[Iterable[Location], int], FloatArray], u: ArrayLike, parametrization: Parametrization
+    ) -> FloatArray:
         columns, grid = self.domain.grid(u)
-        points = self.points_at(self.rational_basis.locations(columns, parametrization), len(columns))
-        return points.reshape(*grid, 3)
+        found = rows_at(self.rational_basis.locations(columns, parametrization), len(columns))
+        return found.reshape(*grid, found.shape[1])
 
     def basis(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """Evaluate the rational basis: T_i(u), (…, n), at parameters as in `evaluate` (eq. 202, eq. 205)."""
-        columns, grid = self.domain.grid(u)
-        basis = self.rational_basis
-        return basis.values(basis.locations(columns, parametrization), len(columns)).reshape(*grid, len(self.knots))
+        return self._mapped(self.rational_basis.values, u, parametrization)
 
     def beta(self, u: ArrayLike) -> FloatArray:
         """Evaluate the basis ``β_i(u) = c_i Π_j h_j(u)^{h_j(a_i)}``, not normalised: (…, n) (eq. 201, eq. 204).
@@ -200,9 +204,7 @@ class Patch:
 
     def moment(self, u: ArrayLike) -> FloatArray:
         """Map toric parameters to linear ones: ``Σ_i T_i(u) a_i``, (…, d), a point of Δ (Birch's theorem)."""
-        columns, grid = self.domain.grid(u)
-        found = self.rational_basis.blend(self.knots, self.rational_basis.locations(columns), len(columns))
-        return found.reshape(*grid, self.dimension)
+        return self._mapped(partial(self.rational_basis.blend, self.knots), u, "toric")
 
     def points_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """Return points at locations found by any parametrisation, (count, 3)."""
@@ -266,9 +268,7 @@ class Patch:
         it is the limit on all ways to it, up to 1e-4 degrees: see `gtb_cli.corner_limits`. Inside, digits are kept up
         to the boundary, even if a few knots hold nearly all of T; see `gtb_cli.theory.normals`.
         """
-        columns, grid = self.domain.grid(u)
-        normals = self.normals_at(self.rational_basis.locations(columns, parametrization), len(columns))
-        return normals.reshape(*grid, 3)
+        return self._mapped(self.normals_at, u, parametrization)
 
     def normals_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """Return unit normals at locations found by any parametrisation, (count, 3); see `normals`."""

@@ -149,6 +149,7 @@ def test_weights_beyond_the_range_of_floats_stay_logarithms() -> None:
         (Patch([0, 0.3, 1], [[0, 0], [1, 1], [2, 0]]), 9, "degree 10 only.*common denominator 10, and at most 9"),
         (named("pentagon"), 25, "from edge 0, as fractions of the largest, have the common denominator 70"),
         (named("irrational_hexagon"), 25, "from edge 0 have no common step"),
+        (Patch([[0, 0], [101, 0], [101, 101], [0, 101], [1, 1]], np.eye(5)[:, :3]), 200, "10404 control points each"),
     ],
 )
 def test_the_reason_where_there_are_none(patch: Patch, most: int, message: str) -> None:

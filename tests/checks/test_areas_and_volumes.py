@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.checks.areas_and_volumes import extents
+from gtb_cli.checks.areas_and_volumes import _integrals, extents
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.quadrature import quadrature
@@ -76,6 +76,11 @@ def test_areas_have_the_digits_that_are_said_beside_finer_rules(span):
     slopes = np.moveaxis(steep.derivatives(rule.parameters, 1, "linear"), 2, 0)
     fine = np.linalg.norm(np.cross(*slopes), axis=1) @ rule.weights
     assert abs(area.value - fine) <= area.error <= 0.02 * fine
+
+
+def test_an_area_of_few_places_has_its_error():
+    found, error = _integrals(octant(), octant().control_points[None], 1)
+    assert abs(found[0, 0] - math.pi / 2) <= error[0, 0]
 
 
 def test_what_overflows_is_left_out():

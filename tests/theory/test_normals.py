@@ -31,14 +31,14 @@ def test_normals_keep_their_digits_everywhere_inside(name):
         assert np.abs(normal - exact.normal(patch, parameter.tolist())).max() < tolerance
 
 
-@pytest.mark.parametrize("weight", mostly_long([1e12, 1e300, 1e3, 1e100], 2))
+@pytest.mark.parametrize("weight", mostly_long([1e12, 2e6, 1e300, 1e3, 1e100], 2))
 def test_a_heavy_knot_inside_spoils_no_digits(weight):
     patch = bicubic()
     weights = patch.weights.copy()
     weights[5] = weight
     heavy = patch.replace(weights=weights)
     for u in ([1.5, 1.4], [0.3, 2.7], [1e-9, 1e-5]):
-        assert np.abs(heavy.normals([u])[0] - exact.normal(heavy, u)).max() < NORMAL_ERROR
+        assert np.abs(heavy.normals([u])[0] - exact.normal(heavy, u)).max() < NORMAL_ERROR / 10
 
 
 def test_normals_follow_the_orientation_of_the_domain():
