@@ -136,8 +136,7 @@ def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Patch, ...]:
     for end, place in enumerate(curve.domain.vertices[:, 0].tolist()):
         shifted = curve.replace(log_weights=curve.log_weights + (curve.knots[:, 0] - place) * s)
         logs, points = _bernstein(shifted, powers[:, [end]])
-        rate = -np.logaddexp(0.0, x if end == 0 else -x)
-        logs = logs[:, 0] + rate * np.arange(degree + 1)
+        logs = logs[:, 0] - np.logaddexp(0.0, x if end == 0 else -x) * np.arange(degree + 1)
         order = slice(None) if end == 0 else slice(None, None, -1)
         halves.append(_bezier(curve, np.arange(degree + 1.0)[:, None], logs[order], points[:, 0][order], f"piece{end}"))
     return tuple(halves)

@@ -127,8 +127,7 @@ def _copied(patch: Patch, made: Fairing, other: Patch) -> Fairing | None:
     if np.abs(ours @ turn - theirs).max() > CURVE_TOLERANCE * np.abs(theirs).max():
         return None
     shifts = (made.patch.control_points - patch.control_points) @ turn
-    moved = other.replace(control_points=other.control_points + shifts) if shifts.any() else other
-    return replace(made, patch=moved)
+    return replace(made, patch=other.replace(control_points=other.control_points + shifts) if shifts.any() else other)
 
 
 def _kept_edges(model: Model, keep: Keep) -> list[list[Keep]]:

@@ -93,6 +93,5 @@ def _highest_above(decomposition: RegularDecomposition, gaps: FloatArray, triang
         return np.inf
     shares = (decomposition.knots - corner) @ np.linalg.inv(sides)
     shares = np.column_stack([1 - shares.sum(axis=1), shares])
-    inside = shares[(shares >= 0).all(axis=1)]
-    heights = (gaps[:, list(triangle)] @ inside.T).min(axis=0)
+    heights = (gaps[:, list(triangle)] @ shares[(shares >= 0).all(axis=1)].T).min(axis=0)
     return float(heights.max()) if heights.max() > 0 else np.inf

@@ -77,5 +77,4 @@ class Faces(tuple[Face, ...]):
 
     def smallest(self, knots: int | Sequence[int]) -> Face:
         """Return the smallest face that contains the given knots."""
-        holds = self.knots[:, np.atleast_1d(knots)].all(axis=1)
-        return self[int(np.flatnonzero(holds)[-1])]
+        return self[int(np.flatnonzero(self.knots[:, np.atleast_1d(knots)].all(axis=1))[-1])]

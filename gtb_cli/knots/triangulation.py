@@ -65,9 +65,7 @@ class Triangulation:
 def cell_count(domain: Domain | int, resolution: int) -> int:
     """Count the cells of `triangulation` without making it, of a domain or of a polygon with so many corners."""
     corners = domain if isinstance(domain, int) else len(domain.vertices)
-    if corners == 2:
-        return resolution
-    return resolution**2 * {3: 1, 4: 2}.get(corners, corners)
+    return resolution if corners == 2 else resolution**2 * {3: 1, 4: 2}.get(corners, corners)
 
 
 def triangulation(domain: Domain, resolution: int) -> Triangulation:
@@ -143,8 +141,7 @@ def _squares(n: int) -> tuple[IntArray, IntArray]:
     side = np.arange(n, dtype=index_type((n + 1) ** 2))
     square = np.array([0, 1, n + 2, 0, n + 2, n + 1], dtype=side.dtype)
     cells = (side * (n + 1))[:, None] + (side[:, None] + square).ravel()
-    boundary = np.stack([side, n + side * (n + 1), n * (n + 2) - side, (n - side) * (n + 1)])
-    return cells.reshape(-1, 3), boundary
+    return cells.reshape(-1, 3), np.stack([side, n + side * (n + 1), n * (n + 2) - side, (n - side) * (n + 1)])
 
 
 def _sectors(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:

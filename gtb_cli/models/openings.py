@@ -87,8 +87,7 @@ def above(distance: float) -> str:
 
 
 def _row(values: FloatArray) -> str:
-    shown = [f"{value:.4g}" for value in values[:MAX_SHOWN]]
-    return " ".join(shown) + " ..." * (len(values) > MAX_SHOWN)
+    return " ".join(f"{value:.4g}" for value in values[:MAX_SHOWN]) + " ..." * (len(values) > MAX_SHOWN)
 
 
 def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:

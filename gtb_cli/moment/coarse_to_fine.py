@@ -75,8 +75,7 @@ class VertexLattices:
         if self.is_worth_it:
             start = _between(self.lines(solve))[..., : self.last + 1].reshape(2, -1).take(place, axis=1)
         values = np.zeros((2, math.prod(shape)))
-        for row, value in zip(values, solve(self._points(place), start), strict=True):
-            row[place] = value
+        values[:, place] = solve(self._points(place), start)
         return values.reshape(2, *shape)
 
     def _points(self, place: IntArray) -> FloatArray:
@@ -121,8 +120,7 @@ def vertex_lattices(domain: Domain, resolution: int) -> VertexLattices:
     """Return the lattices of the inner vertices of `triangulation`."""
     v, n = domain.vertices, resolution
     if len(v) > 4:
-        following = np.roll(v, -1, axis=0)
-        along, across = (following - v) / n, (v.mean(axis=0) - v) / n
+        along, across = (np.roll(v, -1, axis=0) - v) / n, (v.mean(axis=0) - v) / n
         return VertexLattices(v + across, along, across, np.zeros_like(v), n - 1, True)
     along, across = (v[1] - v[0])[None] / n, (v[-1] - v[0])[None] / n
     twist = (v[0] - v[1] + v[2] - v[-1])[None] / n**2 if len(v) == 4 else np.zeros((1, 2))

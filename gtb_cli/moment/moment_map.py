@@ -108,8 +108,7 @@ class MomentMap:
     def _origin(self) -> FloatArray:
         """Origin, (d,): 0 in coordinates whose zeros are exact, as over an edge; otherwise the middle of the hull."""
         low, high = self.knots.min(axis=0), self.knots.max(axis=0)
-        far = np.maximum(np.abs(low), np.abs(high)) > 4 * self._extents
-        return np.where(far, (low + high) / 2, 0.0)
+        return np.where(np.maximum(np.abs(low), np.abs(high)) > 4 * self._extents, (low + high) / 2, 0.0)
 
     @cached_property
     def _unit_knots(self) -> FloatArray:

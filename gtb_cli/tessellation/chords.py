@@ -138,12 +138,11 @@ class ChordProofs:
 
     def _at(self, s: FloatArray, chords: _Chords) -> _Ends:
         """Evaluate T and the curve at (m,) torus coordinates."""
-        finite = np.isfinite(s)
-        at = np.where(finite, s, 0.0)
+        at = np.where(np.isfinite(s), s, 0.0)
         # Relative to the knot with the largest T, differences of exponents are exact to rounding.
         leader = (self.knots[:, None] / self.size * at + self.log_weights[:, None]).argmax(axis=0)
-        steps = (self.knots[:, None] - self.knots[leader]) / self.size
-        e = steps * at + (self.log_weights[:, None] - self.log_weights[leader])
+        e = (self.knots[:, None] - self.knots[leader]) / self.size * at
+        e += self.log_weights[:, None] - self.log_weights[leader]
         for own, infinite in zip(self.ends, (s == -np.inf, s == np.inf), strict=True):
             if infinite.any():
                 e[:, infinite] = np.where(own, self.log_weights, -np.inf)[:, None]

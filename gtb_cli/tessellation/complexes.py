@@ -70,8 +70,7 @@ class Complex:
         row, k = np.nonzero(self.face[cells] != INTERIOR)
         vertex, patch, places = cells[row, k], self.cell_patch[rows][row], self.corners[rows][row, k]
         others = (patch != self.patch[vertex]) | (places != self.parameters[vertex]).any(axis=1)
-        table = np.column_stack([vertex, patch, places])[others]
-        found, number = np.unique(table, axis=0, return_inverse=True)
+        found, number = np.unique(np.column_stack([vertex, patch, places])[others], axis=0, return_inverse=True)
         corners = (cells.shape[1] * row + k)[others]
         return found[:, :2].astype(np.int64), found[:, 2:], corners, number.ravel()
 

@@ -80,5 +80,4 @@ class Weld:
         label = merged(offsets[-1], np.array(pairs, dtype=np.int64).reshape(-1, 2))
         corners = [patch.evaluate(patch.domain.vertices) for patch in self.patches]
         sums = np.column_stack([np.bincount(label, column) for column in np.concatenate(corners).T])
-        means = sums[label] / np.bincount(label)[label, None]
-        return corners, np.split(means, offsets[1:-1])
+        return corners, np.split(sums[label] / np.bincount(label)[label, None], offsets[1:-1])

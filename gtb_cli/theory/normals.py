@@ -65,8 +65,7 @@ def _about_corners(patch: Blend, t: FloatArray) -> tuple[FloatArray, BoolArray]:
     r, columns = len(shape.vertices), np.arange(heights.shape[1])
     distance = heights / shape.normal_lengths[:, None]
     edge = shape.nearest_edge(heights)
-    following = distance[(edge + 1) % r, columns] < distance[edge - 1, columns]
-    corner = np.where(following, (edge + 1) % r, edge)
+    corner = np.where(distance[(edge + 1) % r, columns] < distance[edge - 1, columns], (edge + 1) % r, edge)
     points = patch.control_points - (patch.control_points.min(axis=0) + patch.control_points.max(axis=0)) / 2
     extent = np.abs(points).max()
     result = np.empty((heights.shape[1], 3))
@@ -173,8 +172,7 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
     def logarithms(knots: IntArray, columns: IntArray) -> FloatArray:
         return np.asarray(along[knots, None] * s[:, None, columns] + log_weights[:, knots, None])
 
-    every = np.arange(s.shape[1])
-    leader = logarithms(members, every).argmax(axis=1)
+    leader = logarithms(members, np.arange(s.shape[1])).argmax(axis=1)
     result = np.full((*s.shape, 3), np.nan)
     for k in range(len(members)):
         led = leader == k
