@@ -70,7 +70,7 @@ def test_the_certificate_folds_with_some_weights() -> None:
 
 def test_the_jacobian_is_measured_for_the_given_weights() -> None:
     assert jacobian(Patch(SQUARE, BENT)).value == 0.0
-    assert jacobian(Patch(SQUARE, SQUARE @ [[1, 1], [0, 1e-12]])).value == 0.0
+    assert jacobian(Patch(SQUARE, SQUARE @ [[1, 1], [1, 1 + 1e-12]])).value == 0.0
     weights = np.ones(9)
     weights[4] = 50.0
     folded = jacobian(Patch(SQUARE, BENT, weights))
