@@ -145,7 +145,8 @@ def moved(origin: FloatArray, *shapes: Any) -> list[Any]:
     """Return shapes as seen from an origin, near which points and derivatives keep their digits."""
     move = kernel("gp").gp_Trsf()
     move.SetTranslation(kernel("gp").gp_Vec(*(-origin).tolist()))
-    return [shape.Moved(kernel("TopLoc").TopLoc_Location(move)) for shape in shapes]
+    location = kernel("TopLoc").TopLoc_Location(move)  # one for all: another one, though equal, parts edges from faces
+    return [shape.Moved(location) for shape in shapes]
 
 
 def extent_of(shape: Any, what: str) -> float:
