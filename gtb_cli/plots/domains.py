@@ -135,9 +135,8 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
         (lifted, 1.2, [f"λ={value:.4g}" for value in found.lifting], 6, INK),
         (ground, 0.9, [subscript("a", i) for i in range(len(flat))], -6, LINE_COLOURS[0]),
     ):
-        view.lines(
-            [level[[*polygon, polygon[0]]] for polygon in found.polygons], width=width, hidden=scene.HIDDEN_STRENGTH
-        )
+        closed = [level[[*polygon, polygon[0]]] for polygon in found.polygons]
+        view.lines(closed, width=width, hidden=scene.HIDDEN_STRENGTH)
         _draw_knots(view, level, found.absent)
         for place, text in zip(view.seen(level)[:, :2], texts if look.numbers(len(flat)) else (), strict=False):
             scene.note(ax, text, place, (0, up), bbox=scene.HALO, va="bottom" if up > 0 else "top", color=colour)
