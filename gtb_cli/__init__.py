@@ -6,8 +6,7 @@ own help, and all are in specs/PYTHON.md with examples. They are imported when f
 
 from gtb_cli.version import __version__ as __version__
 
-with open(f"{__path__[0]}/__init__.pyi", encoding="utf-8") as _file:
-    _SECTIONS = _file.read().split("\n# ")[1:]
+_SECTIONS = __spec__.loader.get_data(f"{__path__[0]}/__init__.pyi").decode("utf-8").split("\n# ")[1:]
 _HOMES = {}  # the module of each name
 for _title, *_lines in map(str.splitlines, _SECTIONS):
     __doc__ = f"{__doc__}\n{_title}\n"
