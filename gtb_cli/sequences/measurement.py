@@ -19,7 +19,6 @@ from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.refinement_samples import MIN_SAMPLES
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.patch import Patch
-from gtb_cli.values import frozen
 
 LEAST_RESOLUTION = 4  # segments along each edge of what is measured
 
@@ -36,7 +35,6 @@ class Accuracy:
 ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}  # the accuracy for curves and for surfaces
 
 
-@frozen
 class Measurement:
     """Distances of surfaces from a limit, whatever the resolution of the meshes that are written.
 
@@ -45,8 +43,8 @@ class Measurement:
     distance is off by at most twice the chord error.
     """
 
-    family: Family
-    accuracy: Accuracy
+    def __init__(self, family: Family, accuracy: Accuracy) -> None:
+        self.family, self.accuracy = family, accuracy
 
     def distances(self, members: range) -> Iterator[tuple[float, float, float | None, str]]:
         """Yield each member's distances from the limit and from the limit with its film, their error, and a doubt."""
