@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import field, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from gtb_cli.arrays import FloatArray, angles_between, point_text
 from gtb_cli.fairing.folds import most_curved, sharp_turns as turns
@@ -231,10 +232,10 @@ def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31
 def curvature_near(patch: Patch, corner: int) -> float:
     """Return the largest curvature from a tenth to a millionth of the shorter edge from a corner of Δ, or NaN.
 
-    At some distances the largest of a fan of ways, from one edge to the other, is looked for again round its place.
+    The highest peaks over a fan of ways, from one edge to the other, and distances are climbed.
     """
     surface = patch.domain, patch.rational_basis.log_weights, patch.control_points
-    steepest, fine = 300.0, np.linspace(-0.75, 0.75, 7)  # rate of a way that runs in an edge; shares of a step
+    steepest, peaks, fine = 300.0, 4, np.linspace(-1, 1, 7)  # rate of a way that runs in an edge; shares of a step
 
     def curvatures(u: FloatArray, far: FloatArray) -> FloatArray:
         """Return those at shares of the steepest way's rate, and logarithms of distances."""
@@ -242,10 +243,16 @@ def curvature_near(patch: Patch, corner: int) -> float:
         return corner_layer(*surface, corner, at).curvatures.reshape(u.shape)
 
     u, far = np.meshgrid(np.linspace(-1, 1, 41), np.log(10) * np.linspace(-6, -1, 11))
-    best = np.nan_to_num(curvatures(u, far)).argmax(axis=1)
-    u = np.clip(u[0, best] + (u[0, 1] - u[0, 0]) * fine[:, None, None], -1, 1)
-    far = np.clip(far[:, 0] + (far[1, 0] - far[0, 0]) * fine[:, None], far[0, 0], far[-1, 0])
-    return float(np.fmax.reduce(curvatures(*np.broadcast_arrays(u, far)), axis=None))
+    found = np.nan_to_num(curvatures(u, far))
+    around = sliding_window_view(np.pad(found, 1), (3, 3)).max(axis=(2, 3))
+    best = np.argsort(np.where(found == around, found, 0).ravel())[-peaks:]
+    at, steps = np.stack([u, far]).reshape(2, -1)[:, best], np.array([u[0, 1] - u[0, 0], far[1, 0] - far[0, 0]])
+    for step in (steps, steps / 3, steps / 9):
+        shifts = np.stack(np.meshgrid(*step[:, None] * fine)).reshape(2, -1, 1)
+        tried = np.clip(at[:, None] + shifts, [[[-1]], [[far[0, 0]]]], [[[1]], [[far[-1, 0]]]])
+        found = curvatures(*tried)
+        at = tried[:, np.nan_to_num(found).argmax(axis=0), np.arange(len(best))]
+    return float(np.fmax.reduce(found, axis=None))
 
 
 def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:

@@ -43,7 +43,7 @@ class CornerForms:
         own[is_straight] = np.cross(b[:, 1] - b[:, 4], b[:, 2] + b[:, 3])[is_straight]
         planes = [unit(np.cross(b[:, i], b[:, i + 1])) for i in (1, 3)]
         normals = unit(np.where(neither[:, None], own, planes[0] * given[:, None] + planes[1] * before[:, None]))
-        known = lengths.min(axis=1) > short * lengths.max(axis=1)
+        known = given & before | (lengths.min(axis=1) > short * lengths.max(axis=1))
         equations = []
         for i, j, k, sums in ((1, 2, 3, (5, 6, 7)), (4, 3, 2, (9, 8, 7))):
             across = np.cross(normals, b[:, j])

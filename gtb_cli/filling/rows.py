@@ -116,6 +116,7 @@ class Rows:
         smooth_cosine = np.cos(np.radians(150))  # in space: there, rows that ran along their edges would fold
         # Least distances of a row from its edge, of the edge's first leg, and from the way midway between the edges
         crossing, apart = 0.25, 0.1
+        short = 0.05  # first way, of the longer one, for which rows cross edges: they would run along those beside it
         rows, least, of_corner = [], [], np.broadcast_to(share, len(self._net.corners))
         for corner in range(len(self._net.corners)):
             legs, normals = self._legs(self._given, corner)
@@ -123,24 +124,29 @@ class Rows:
             smooth = legs[0] @ legs[3] <= smooth_cosine * lengths.prod()
             if lengths.min() <= POINT * lengths.max():
                 continue
-            crossings = np.full(2, crossing)
+            seen = np.maximum(lengths, short * lengths[::-1])
+            heights = crossing * np.diag(lengths)  # of first knots of rows, over both edges
             if not (smooth or corner in turning):
                 knots = self._net.knots[self._net.corners[corner, :5]]
                 parts = np.linalg.solve((knots[[4, 1]] - knots[0]).T, (knots[[2, 3]] - knots[0]).T)
-                crossings = of_corner[corner] * np.diag(parts) * np.linalg.norm(np.cross(legs[0], legs[3])) / lengths**2
+                sine = np.linalg.norm(np.cross(legs[0], legs[3])) / lengths.prod()
+                heights = of_corner[corner] * sine * parts * seen[::-1, None]
             middle = legs[0] / lengths[0] + legs[3] / lengths[1]
             convex = np.cross(legs[0], legs[3]) @ normals.sum(axis=0) > 0
             for knot, end, normal, sign in zip((2, 3), (0, 1), normals, (1, -1), strict=True):
                 if self._normals[corner - end] is None:
                     continue
                 own = self._moves[: self._count, self._net.corners[corner, knot]]
-                ways = [(np.cross(normal, legs[3 * end] / lengths[end]), crossings[end])]
+                across = np.cross(normal, legs[[0, 3]] / lengths[:, None])
+                ways = [(across[end], heights[end, end])]
+                if seen[end] > lengths[end] and heights[1 - end, end]:
+                    ways.append((-across[1 - end], heights[1 - end, end]))
                 if corner in turning and convex and not smooth:
-                    ways.append((np.cross(middle / np.linalg.norm(middle), normal), apart))
+                    ways.append((np.cross(middle / np.linalg.norm(middle), normal), apart * lengths[end]))
                 for way, height in ways:
                     if np.abs(own @ way).max(initial=0.0) > rounding * np.abs(own).max(initial=0.0):
                         rows.append(sign * own @ way)
-                        least.append(height * lengths[end] - sign * legs[knot - 1] @ way)
+                        least.append(height - sign * legs[knot - 1] @ way)
         return np.array(rows).reshape(len(rows), self._count), np.array(least)
 
 

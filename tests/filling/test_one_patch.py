@@ -25,8 +25,9 @@ from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.loops import loop_from_text, read_loop
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.rows import Rows, _Form, _multipliers
-from gtb_cli.filling.sides import HoleSide, bezier_form, points_and_tangents, raised, stations
+from gtb_cli.filling.sides import HoleSide, bezier_form, points_and_tangents, raised, side_normals, stations
 from gtb_cli.filling.spline_sides import single_curves
+from gtb_cli.filling.tangent_rows import edge_rows
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
@@ -310,6 +311,29 @@ def test_rows_are_free_where_a_patch_is_fairer_so(monkeypatch):
 
     monkeypatch.setattr(Rows, "fairest", spoiled)
     assert fill_loop(sides, raises=2).bending.variation < 1.1 * fair
+
+
+def test_beside_a_short_side_rows_cross_the_long_one():
+    """They ran along it there, a third of the short side away from it, and corners had no bounded curvature."""
+    ends = np.array([[0, 0, 0], [1, 0, 0.2], [1, 0.999, 0], [0.999, 1, 0], [0, 1, 0.2]])
+    ways, t = np.roll(ends, -1, axis=0) - ends, stations()[:, None]
+    to = ways / np.linalg.norm(ways, axis=1)[:, None]
+    curves = [homogeneous(np.stack([end, end + way / 2, end + way])) for end, way in zip(ends, ways, strict=True)]
+    sides = [HoleSide(f"{k}", curve, t * to[k - 4] - (1 - t) * to[k - 1]) for k, curve in enumerate(curves)]
+    edges = [edge_rows(side, side_normals(side), 2) for side in sides]
+    shape = net.net(edges)
+    rows = Rows(shape, edges)
+    table, least = rows._bounds(set(), 0.9)
+    assert len(least) == 12  # two at each corner, and of the short side's row over both long edges
+    points, _ = rows._at(table.T @ _multipliers(table @ table.T, least))  # as near to their edges as they may be
+    equations = CornerForms.of(points, shape.log_weights, shape.corners, np.ones(5, dtype=bool))
+    points = _Form(np.eye(len(points)), rows._free).moved(points, equations)
+    patch = Patch(shape.knots, points, log_weights=shape.log_weights)
+    for corner, (edge, first, second) in {2: (4, 3, 2), 3: (1, 2, 3)}.items():
+        b = (points[shape.corners[corner]] - points[shape.corners[corner, 0]])[[edge, first, second]]
+        sines = np.linalg.norm(np.cross(b[0], b[1:]), axis=1) / (b[0] @ b[0])
+        assert sines.min() > 0.01
+        assert corner_limits(patch, corner).curvature < 1e3  # and neither infinite
 
 
 def hole_side(curve, way):
