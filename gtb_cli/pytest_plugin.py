@@ -169,10 +169,8 @@ class MeshRegression:
             mesh = found.made if recipe.normals else found.known.mesh
             files, kept = dict[str, bytes](), FORMATS.get(format)
             if isinstance(path, Path) and found.known.format == format:  # then it may hold more than a mesh
-                data, files = (
-                    path.read_bytes(),
-                    {n: held for n, held in found.libraries.items() if isinstance(held, bytes)},
-                )
+                data = path.read_bytes()
+                files = {name: held for name, held in found.libraries.items() if isinstance(held, bytes)}
                 if far := [name for name in files if os.path.dirname(name)]:
                     raise GtbError(f"{path}: {far[0]} is in another folder, and is not kept beside a golden file")
             else:

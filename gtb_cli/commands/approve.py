@@ -170,7 +170,6 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
         return ", ".join([*(verdict.found.faults if verdict.found else ()), f"{len(content)} bytes"])
     from gtb_cli.distances.diff_and_distance import decoded
     from gtb_cli.review.changes import change
-    from gtb_cli.review.table import rows
 
     new = decoded(content, source, comparing.recipe).known.mesh
     made = change(replace(verdict, word="different", found=None, meshes=(verdict.meshes[0], new)))
@@ -179,7 +178,7 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
     if made.old is None:
         count = f"{made.new.faces} {'segments' if new.is_curve else 'faces'}"
         return f"new, {count}" if verdict.word == "extra" else count
-    what = [f"{row.label} {row.old or '–'} → {row.new or '–'}" for row in rows(made) if row.is_changed]
+    what = [f"{row.label} {row.old or '–'} → {row.new or '–'}" for row in made.rows if row.old != row.new]
     found = verdict.found
     apart = [f"{found.distance:.3g} apart", *found.words, *found.faults] if found is not None else []
     return ", ".join(apart + what) or "the same measures"

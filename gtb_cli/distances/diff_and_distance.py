@@ -1,8 +1,10 @@
 """`diff` and `distance` of any two things: meshes, patches, models, and files of meshes or specs."""
 
 import os
+import re
 from bisect import bisect_left
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import IO, TypeAlias, get_args
@@ -20,11 +22,11 @@ from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.meshes.corner_values import unlike_values
-from gtb_cli.meshes.correspondence import matching, turned_cells
+from gtb_cli.meshes.correspondence import matching, nearest_cells
 from gtb_cli.meshes.difference import Difference, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
 from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, TEXTURE, KnownMesh, Mesh, Values, are_marks, known_exactly, rounding
-from gtb_cli.models.model import Model
+from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.attributes import QUALITY_NAME
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
@@ -90,11 +92,22 @@ class Operand:
 
     @cached_property
     def libraries(self) -> dict[str, bytes | str]:
-        """What its material libraries hold, by their names in the file; the names of those that are not there."""
-        place = partial(os.path.join, os.path.dirname(self.name))
-        lines = ([line] if os.path.isfile(place(line)) else line.split() for line in self.known.libraries)
-        names = {name: os.path.isfile(place(name)) for line in lines for name in line}
-        return {name: read_file(place(name), MAX_STREAM_BYTES) if there else name for name, there in names.items()}
+        """What the libraries and pictures that it names hold, by their names; the names of those that are not there."""
+        held = self._named(self.known.libraries)
+        for name, data in [*held.items()] if self.known.format == "obj" else ():  # materials name pictures
+            keys = rb"(?im)^[ \t]*(?:map_\w+|bump|disp|decal|norm|refl)[ \t]+(.*\S)"
+            pictures = re.findall(keys, data) if isinstance(data, bytes) else []
+            held |= self._named([os.fsdecode(picture) for picture in pictures], os.path.dirname(name))
+        return held
+
+    def _named(self, lines: Iterable[str], place: str = "") -> dict[str, bytes | str]:
+        """Read the files that lines name, each one or several, in a folder beside it."""
+        beside = partial(os.path.join, os.path.dirname(self.name))
+        paths = (line.replace("\\", "/") for line in lines)  # as Windows separates folders
+        listed = ([path] if os.path.isfile(beside(place, path)) else path.split() for path in paths)
+        names = [os.path.join(place, name) for names in listed for name in names]
+        there = {name: os.path.isfile(beside(name)) for name in names}
+        return {name: read_file(beside(name), MAX_STREAM_BYTES) if is_file else name for name, is_file in there.items()}
 
 
 def diff(
@@ -167,34 +180,14 @@ def compared(
             if word not in known:
                 raise DomainError(f"{name}: expected {' or '.join(known)}, got {word!r}")
     if kind == "vertices" or a.spec is None or b.spec is None:
-        are_held = kind != "surface" and "attributes" not in aspects
-        known = (a.beside(b.known), b.beside(a.known)) if are_held else (a.known, b.known)
-        result = difference(*known, tolerance, kind, aspects)
-        if are_held and a.known.libraries and b.known.libraries:  # what they hold counts, and no names
-            others = [remark for remark in result.values if not remark.startswith(LIBRARIES)]
-            are_other = [*a.libraries.values()] != [*b.libraries.values()]
-            result = replace(result, values=(*others, *[f"{LIBRARIES}: not the same"] * are_other))
-        return result
+        return _meshes_compared(a, b, tolerance, kind, aspects)
     found = shape_distance(a.spec, b.spec)
     bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]
     resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
-    turned, values, left_out = 0, tuple[str, ...](), ""
-    if found.distance <= allowed:
-        one, other = (replace(each, recipe=Recipe(8)).known for each in (a, b))
-        meshes = one.mesh, other.mesh
-        parts = [mesh.groups or (("", 0, len(mesh.cells)),) for mesh in meshes]
-        old, new = (" ".join(sorted(name for name, *_ in each)) for each in parts)
-        matched = matching(one, other, allowed)
-        if matched is not None and matched.distances.max() <= allowed:
-            turned, values = matched.turned, unlike_values(one, other, matched.slots)[0]
-        elif len(parts[0]) != len(parts[1]):
-            left_out = "names and sides of patches are not compared, as there are others"
-        else:
-            values = (f"groups: {old} against {new}",) * (old != new and len(parts[0]) > 1)
-            over = np.zeros(0) if any(each.is_curve for each in meshes) else turned_cells(*meshes)  # most of each tell
-            turned = sum(stop - start for _, start, stop in parts[0] if 2 * over[start:stop].sum() > stop - start)
+    dimensions = {spec.patches[0].dimension for spec in (a.spec, b.spec)}
+    turned, values, left_out = _patches_compared(a, b, allowed) if found.distance <= allowed else (0, (), ())
     return Difference(
         method="patches",
         distance=found.distance,
@@ -205,13 +198,53 @@ def compared(
         diagonal=diagonal,
         forward=found.forward,
         backward=found.backward,
-        same_kind=a.spec.patches[0].dimension == b.spec.patches[0].dimension,
-        is_curve=a.spec.patches[0].dimension == b.spec.patches[0].dimension == 1,
+        same_kind=len(dimensions) == 1,
+        is_curve=dimensions == {1},
         turned=turned,
+        remarks=_open_edges(a.spec, b.spec) if found.distance <= allowed else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
         uncompared=left_out,
     )
+
+
+def _meshes_compared(
+    a: Operand, b: Operand, tolerance: float | str | None, kind: Comparison, aspects: tuple[Aspect, ...]
+) -> Difference:
+    """Compare meshes, all else that they hold, and files that they name: by what these hold, and not by their names."""
+    if kind == "surface" or "attributes" in aspects:
+        return difference(a.known, b.known, tolerance, kind, aspects)
+    found = difference(a.beside(b.known), b.beside(a.known), tolerance, kind, aspects)
+    if not a.known.libraries or not b.known.libraries:
+        return found
+    values = [remark for remark in found.values if not remark.startswith(LIBRARIES)]
+    are_other = [*a.libraries.values()] != [*b.libraries.values()]
+    return replace(found, values=(*values, *[f"{LIBRARIES}: not the same"] * are_other))
+
+
+def _patches_compared(a: Operand, b: Operand, allowed: float) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
+    """Compare two specs of one surface in sides and names: how many faces are turned, remarks, and what is left out."""
+    one, other = (replace(each, recipe=Recipe(8)).known for each in (a, b))
+    matched = matching(one, other, allowed)
+    if matched is not None and matched.distances.max() <= allowed:
+        return matched.turned, unlike_values(one, other, matched.slots)[0], ()
+    old, new = (each.mesh.groups or (("", 0, len(each.mesh.cells)),) for each in (one, other))
+    if len(old) != len(new):
+        return 0, (), ("names and sides of patches are not compared, as there are others",)
+    nearest, over = nearest_cells(one.mesh, other.mesh)
+    names = [name for name, start, stop in new for _ in range(start, stop)]
+    turned = sum(stop - start for _, start, stop in old if over[start:stop].mean() > 0.5)  # most faces of each tell
+    here = [name for name, *_ in old]
+    there = [Counter(names[cell] for cell in nearest[start:stop]).most_common(1)[0][0] for _, start, stop in old]
+    remark = f"groups: {' '.join(here)} against {' '.join(there)}"
+    return turned, (remark,) if here != there and len(old) > 1 else (), ()
+
+
+def _open_edges(a: Patch | Model, b: Patch | Model) -> tuple[str, ...]:
+    """Remark on other open edges of patches, as another weld leaves: by their number, if there are as many patches."""
+    one, other = (len(joints_of(spec).open) for spec in (a, b))
+    is_other = one != other if len(a.patches) == len(b.patches) else bool(one) != bool(other)
+    return (f"{one} open edges of patches against {other}",) * is_other
 
 
 def _computed(mesh: Mesh) -> KnownMesh:

@@ -92,13 +92,16 @@ class FarthestSearch:
 
     def candidates(self) -> Candidates:
         """Return all points of the start, at the distances of the nearest points of the other surface."""
+        from scipy.spatial import cKDTree
+
         rows = []
         for way, (one, other) in enumerate(zip(self.source.tolist(), self.target.tolist(), strict=True)):
-            squares, nearest = _nearest(self.surfaces[one].points, self.surfaces[other].points)
-            _, like = _nearest(self.surfaces[one].relative, self.surfaces[other].relative)
-            points = self.first[one] + np.arange(len(squares))
+            here, there = self.surfaces[one], self.surfaces[other]
+            apart, nearest = map(np.asarray, cKDTree(there.points).query(here.points))
+            like = np.asarray(cKDTree(there.relative).query(here.relative)[1])
+            points = self.first[one] + np.arange(len(apart))
             near, like = self.first[other] + nearest, self.first[other] + like
-            rows.append(Candidates(np.full(len(points), way), points, np.sqrt(squares), near, like))
+            rows.append(Candidates(np.full(len(points), way), points, apart, near, like))
         return joined(rows)
 
     def bounded(self, candidates: Candidates) -> Candidates:
@@ -275,17 +278,6 @@ def _table(pairs: IntArray, filling: IntArray) -> IntArray:
     table = np.repeat(filling[:, None], max(int(number.max(initial=0)), 1), axis=1)
     table[pairs[:, 0], np.arange(len(pairs)) - np.repeat(np.cumsum(number) - number, number)] = pairs[:, 1]
     return table
-
-
-def _nearest(a: FloatArray, b: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return the nearest of (n, 3) points to each of (m, 3) points, by squared distance and number, (m,) each."""
-    squares, nearest = np.empty(len(a)), np.empty(len(a), dtype=np.int64)
-    step = 1 + 2_000_000 // len(b)
-    for start in range(0, len(a), step):
-        rows = slice(start, start + step)
-        between = _squares_between(a[rows], b)
-        squares[rows], nearest[rows] = between.min(axis=1), between.argmin(axis=1)
-    return squares, nearest
 
 
 def _squares_between(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ class FileArrays:
     `half_steps` gives the largest rounding of a coordinate along each axis, half a unit in the last digit or bit, at
     (3,) largest coordinates. `space` is what the file says of the unit and the vertical axis, in words. `values` reads
     what else it holds at the corners of its cells; `ranges` are rows of numbers for cells, each from one to another.
-    `libraries` are names of files with its materials.
+    `libraries` are names of files with its materials and pictures.
     """
 
     vertices: FloatArray

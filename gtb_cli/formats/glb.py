@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeAlias
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -226,7 +227,10 @@ def read_glb(data: bytes) -> FileArrays:
             found[f"{OTHER}description"] = np.array([[mark]]), np.zeros(corners.shape, dtype=np.int64)
         return found
 
-    return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, {f"{MATERIALS}GLB": materials})
+    uris = sorted(str(image["uri"]) for image in tree.get("images", ()) if isinstance(image, dict) and "uri" in image)
+    pictures = tuple(unquote(uri) for uri in uris if not uri.startswith("data:"))
+    ranges = {f"{MATERIALS}GLB": materials}
+    return FileArrays(points, corners, single_half_steps, tuple(groups), space, values, ranges, pictures)
 
 
 def _values(tree: dict[str, Any], binary: bytes, name: str, parts: list[_Part], count: int, is_z: bool) -> FloatArray:

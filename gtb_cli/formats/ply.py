@@ -1,8 +1,10 @@
 """PLY, both ways: vertices, faces, and edges (which trimesh does not read); text, and binary in both byte orders."""
 
+import os
 import re
 from array import array
 from collections.abc import Container, Iterable, Iterator, Mapping
+from functools import partial
 from itertools import chain, islice
 from typing import Any, NamedTuple, TypeAlias
 
@@ -14,7 +16,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, triangles, unreserved
 from gtb_cli.formats.obj_writing import text_rows
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
-from gtb_cli.meshes.mesh import ABSENT, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
+from gtb_cli.meshes.mesh import ABSENT, LIBRARIES, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 
 
@@ -85,7 +87,7 @@ Columns: TypeAlias = dict[str, tuple[NDArray[Any], IntArray]]
 def read_ply(data: bytes) -> FileArrays:
     """Read a PLY file: the elements `vertex` (x, y, z), `face` (a list of corners) and `edge` (vertex1, vertex2)."""
     elements, order, start = _header(data)
-    pictures = b"\n".join(re.findall(rb"^comment TextureFile (.*?)\s*$", data[:start], re.MULTILINE))
+    pictures = tuple(map(os.fsdecode, re.findall(rb"(?m)^comment TextureFile (.*?)\s*$", data[:start])))
     if "vertex" not in elements:
         raise GtbError("has no element vertex")
     tables: dict[str, Columns] = {}
@@ -109,8 +111,9 @@ def read_ply(data: bytes) -> FileArrays:
         return np.maximum(half_step(sample, largest), single_half_steps(largest) if is_single else 0.0)
 
     cells = _cells(elements, tables)
-    ranges = {f"{OTHER}texture files": [([mark_of(pictures)], 0, len(cells))] if pictures else []}
-    return FileArrays(vertices, cells, half_steps, values=lambda: _values(elements, tables, cells), ranges=ranges)
+    ranges = {LIBRARIES: [([mark_of(*pictures)], 0, len(cells))] if pictures else []}
+    values = partial(_values, elements, tables, cells)
+    return FileArrays(vertices, cells, half_steps, values=values, ranges=ranges, libraries=pictures)
 
 
 def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: IntArray) -> Values:

@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.correspondence import Slots, by_nearness
-from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, KnownMesh, Mesh, Values, are_marks
+from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, TEXTURE, KnownMesh, Mesh, Values, are_marks
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
@@ -46,10 +46,10 @@ def _remarks(
     a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float, keys: list[list[IntArray]]
 ) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
-    remarks = []
+    remarks, on_request = [], {NORMALS: {"obj", "ply"}, TEXTURE: {"obj", "ply", "glb", "3mf"}}
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
-            if a.format == b.format and (a.format != "stl" or (old and new)):  # a binary one has no solids
+            if a.format == b.format:
                 lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
                 for which, names in lone:
                     rest = f" and {len(names) - 5} more" if len(names) > 5 else ""
@@ -69,7 +69,7 @@ def _remarks(
             nowhere = [f"{name}: cannot be compared, as no vertices are in the same place"]
             at_places, vertex = len(keys) > 0, a.mesh.cells.ravel()[one]
             remarks += _unlike(name, held, others_held, vertex, at_places) if len(one) else nowhere
-        elif a.format == b.format:
+        elif a.format == b.format or (name in on_request and on_request[name] >= {a.format, b.format}):
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
 

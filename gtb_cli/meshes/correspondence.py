@@ -218,13 +218,15 @@ def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
     return np.lexsort((odd, rank[part], face))
 
 
-def turned_cells(mesh: Mesh, other: Mesh) -> BoolArray:
-    """(k,) true for the faces that look to the other side than the nearest faces of another mesh."""
+def nearest_cells(mesh: Mesh, other: Mesh) -> tuple[IntArray, BoolArray]:
+    """(k,) the nearest cell of another mesh to each, and (k,) true where faces look to the other side than these."""
     frame = Frame.around(mesh.vertices, other.used)
     here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
-    nearest = there[NearestCells(there).nearest(middles(here))[1]]
-    one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, nearest))
-    return np.asarray(dot(one, second) < 0)
+    nearest = NearestCells(there).nearest(middles(here))[1]
+    if mesh.is_curve or other.is_curve:
+        return nearest, np.zeros(len(nearest), dtype=bool)
+    one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, there[nearest]))
+    return nearest, np.asarray(dot(one, second) < 0)
 
 
 @dataclass(frozen=True)
@@ -289,23 +291,20 @@ def unlike(
     parts, holes, and faces that are missing, there twice or without area.
     """
     first, second = measure(a.mesh), measure(b.mesh)
-    rows = [("parts", first.components, second.components)]
+    rows, some = [("parts", first.components, second.components)], list[tuple[str, int, int]]()
     rows.append(("for vertices − edges + faces", first.euler_characteristic, second.euler_characteristic))
     if a.has_indices and b.has_indices:
         one, other = (component_count(each.mesh.cells, len(each.mesh.vertices)) for each in (a, b))
         rows.append(("parts that share no vertex", one, other))
         one, other = (len(each.mesh.used) - len(_places(each.mesh)[0]) for each in (a, b))
-        if bool(one) != bool(other):
-            rows.append(("further vertices at the places of others", one, other))
+        some.append(("further vertices at the places of others", one, other))
     cell, side = ("segment", "end") if first.is_curve else ("face", "edge")
     what = ("ends", "segments at a vertex") if first.is_curve else ("edges with one face", "faces at an edge")
-    if first.is_closed != second.is_closed:
-        rows.append((f"open {what[0]}", first.open_edges, second.open_edges))
-    if bool(first.crowded_edges) != bool(second.crowded_edges):
-        rows.append((f"places with more than two {what[1]}", first.crowded_edges, second.crowded_edges))
+    some.append((f"open {what[0]}", first.open_edges, second.open_edges))
+    some.append((f"places with more than two {what[1]}", first.crowded_edges, second.crowded_edges))
     thin, others_thin = (_without_extent(each.mesh) for each in (a, b))
-    if bool(thin.sum()) != bool(others_thin.sum()):
-        rows.append(("cells without extent", int(thin.sum()), int(others_thin.sum())))
+    some.append(("cells without extent", int(thin.sum()), int(others_thin.sum())))
+    rows += [row for row in some if 0 in row[1:]]  # how many there are need not be the same
     told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
     extent, others_extent = (each.length or each.area or 0.0 for each in (first, second))
     reach = sum(float(np.ptp(each.mesh.vertices[each.mesh.cells], axis=1).sum()) for each in (a, b))

@@ -59,7 +59,7 @@ class Difference:
     values: tuple[str, ...] = ()  # how normals, texture coordinates and attributes differ
     is_curve: bool = False  # whether both are curves
     kind: Comparison = "auto"  # as what they were to be compared
-    uncompared: str = ""  # where alone there are such values that were compared, as there are other faces
+    uncompared: tuple[str, ...] = ()  # sentences on such values that were not compared, or not everywhere
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
@@ -107,13 +107,7 @@ class Difference:
     def limits(self) -> tuple[str, ...]:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
-        if self.uncompared and self.method == "patches":
-            result.append(self.uncompared)
-        elif self.uncompared:
-            only, why = f"only compared at {self.uncompared}", "the faces are others"
-            if self.kind == "surface":
-                only, why = "not compared", "surfaces were asked for"
-            result.append(f"normals, texture coordinates, attributes and groups are {only}, as {why}")
+        result += self.uncompared
         if self.asked and self.asked < self.tolerance:
             finest = "the numbers in the files are no finer at this size"
             result.append(f"tolerance {self.tolerance:.3g} instead of {self.asked:.3g}: {finest}")
@@ -206,9 +200,12 @@ def difference(
         found = _decided(a.mesh, b.mesh, allowed)
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks = 0 if lone is None else lone.turned, tuple[str, ...]()
+    is_held = any(each.values().keys() - {FACETS} for each in (a, b))
     close = min(allowed, max(resolution, 1e-6 * diagonal))
     is_told = "attributes" not in ignore and (found.distance <= allowed or lone is not None)
     values, where = ((), "no place") if "attributes" in ignore or kind == "surface" else unlike_values(a, b, close)
+    limit = f"only compared at {where}, as the faces are others"
+    limit = "not compared, as surfaces were asked for" if kind == "surface" else limit
     if same_kind and found.distance <= allowed:
         turned, remarks = unlike(a, b, allowed, close, lone is None)
     return made(
@@ -223,7 +220,7 @@ def difference(
         remarks=remarks,
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
         values=values,
-        uncompared=where if any(each.values().keys() - {FACETS} for each in (a, b)) and is_told else "",
+        uncompared=(f"normals, texture coordinates, attributes and groups are {limit}",) * (is_told and is_held),
     )
 
 

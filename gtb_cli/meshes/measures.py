@@ -11,7 +11,7 @@ from gtb_cli.arrays import bounds_of, cross, dot
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh, vertices_to_measure
-from gtb_cli.meshes.topology import are_proper, are_used, component_count, sides_of
+from gtb_cli.meshes.topology import are_proper, are_used, components_of, sides_of
 
 
 def in_unit(value: float, power: int, unit: str | None) -> tuple[float, str]:
@@ -35,16 +35,12 @@ class Measures:
     volume: float | None  # negative if the faces look inwards; None if they are not closed and consistently oriented
     boundary_length: float | None  # of the edges with one face; None for a curve
     components: int  # parts that share no vertex
+    inward_parts: int | None  # those of them with negative volumes; None without a volume
     euler_characteristic: int  # vertices in use, less edges, plus faces
     open_edges: int  # edges with one face; for a curve, vertices with one segment
     crowded_edges: int  # edges with more than two faces; for a curve, vertices with more than two segments
     turned_edges: int  # edges with two faces that look in opposite directions; 0 for a curve
     collapsed: int  # cells with two corners at the same place; they count nowhere else
-
-    @property
-    def is_closed(self) -> bool:
-        """True if there is no boundary."""
-        return self.open_edges == 0
 
     def record(self) -> dict[str, Any]:
         """Plain data, ready for ``json.dumps``; None also for a value that overflows, as an area may."""
@@ -87,7 +83,8 @@ def measure(mesh: Mesh) -> Measures:
     sides = vertices[edges[:, 1]] - vertices[edges[:, 0]]
     lengths = np.sqrt(dot(sides, sides))
     euler = int(are_used(cells, len(vertices)).sum()) - len(edges) + (0 if mesh.is_curve else len(cells))
-    area = length = volume = boundary = None
+    parts = components_of(cells, len(vertices))[cells[:, 0]]
+    area = length = volume = boundary = inward = None
     if mesh.is_curve:
         number = np.bincount(edges.ravel(), minlength=1)
         length = float(frame.length(lengths.sum()))
@@ -97,7 +94,8 @@ def measure(mesh: Mesh) -> Measures:
         area = float(frame.length(np.sqrt(dot(normal, normal)).sum() / 2, 2))
         boundary = float(frame.length(lengths[number == 1].sum()))
         if len(cells) and not len(topology.open):
-            volume = float(frame.length(dot(a, normal).sum() / 6, 3))
+            volume = float(frame.length((cones := dot(a, normal)).sum() / 6, 3))
+            inward = int((np.bincount(parts, cones) < -1e-9 * np.bincount(parts, np.abs(cones))).sum())
     return Measures(
         vertices=len(mesh.vertices),
         cells=len(mesh.cells),
@@ -107,7 +105,8 @@ def measure(mesh: Mesh) -> Measures:
         length=length,
         volume=volume,
         boundary_length=boundary,
-        components=component_count(cells, len(vertices)),
+        components=int(np.count_nonzero(np.bincount(parts))),
+        inward_parts=inward,
         euler_characteristic=euler,
         open_edges=int(np.count_nonzero(number == 1)),
         crowded_edges=int(np.count_nonzero(number > 2)),

@@ -30,7 +30,7 @@ GROUPS, OBJECTS, MATERIALS = "groups", "objects", "materials in "  # these with 
 COLOURS, SMOOTHING = "colours of vertices", "smoothing groups"
 MARKED = " (long lists)"  # values that are marks end with it
 OTHER = "other data: "  # what a file holds that belongs to neither vertices nor cells: compared as a whole
-LIBRARIES = f"{OTHER}material libraries"
+LIBRARIES = f"{OTHER}libraries and pictures"
 
 
 @by_value
@@ -309,7 +309,7 @@ class KnownMesh:
     format: str  # one of `FORMATS`, or "spec"
     space: str = ""  # what the file says of its unit and vertical axis
     values: Callable[[], Values] = dict  # normals, texture coordinates and attributes, which are read when asked
-    libraries: tuple[str, ...] = ()  # names of files with its materials
+    libraries: tuple[str, ...] = ()  # names of files with its materials and pictures
     doubtful: tuple[str, ...] = ()  # names of values that are compared only where faces are the same
 
     @property

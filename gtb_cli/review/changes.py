@@ -3,23 +3,31 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.correspondence import nearest_cells
 from gtb_cli.meshes.difference import Difference, Point
 from gtb_cli.meshes.frame import Frame
-from gtb_cli.meshes.measures import Measures, measure
+from gtb_cli.meshes.measures import Measures, labelled, measure
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.review.colouring import distances, turned
-from gtb_cli.review.simplification import simplified
+from gtb_cli.review.shown_meshes import distances, simplified
 from gtb_cli.verdicts.verdict import WORDS, Verdict, Word
 
 MAX_SHOWN_FACES = 20_000  # of one mesh: finer ones look the same in a third of a window
 MAX_ALL_FACES = 2_000_000  # of all meshes of a page, with which a browser still opens it
 REPORTED: tuple[Word, ...] = ("unreadable", "different", "missing", "extra")  # in this order
+
+
+class Row(NamedTuple):
+    """A number of both versions, as text; empty where a version has none."""
+
+    label: str
+    old: str
+    new: str
 
 
 @dataclass(frozen=True)
@@ -68,11 +76,27 @@ class Change:
         return self.found.distance / self.found.tolerance if self.found.tolerance else np.inf
 
     @property
+    def amounts(self) -> tuple[str, str]:
+        """How far both are apart, and the tolerance, in few digits; empty if that was not measured."""
+        return (f"{self.found.distance:.3g}", f"{self.found.tolerance:.3g}") if self.found else ("", "")
+
+    @property
     def largest(self) -> Point | None:
         """Where the coloured side is farthest from the other."""
         if self.found is None or not self.coloured:
             return None
         return (self.found.forward if self.coloured == "old" else self.found.backward).at
+
+    @property
+    def rows(self) -> list[Row]:
+        """The measures of both versions, in the order of `gtb info`, with digits enough to show what differs.
+
+        There are none where one file is unreadable: the other one's would look like a change.
+        """
+        if self.verdict.word == "unreadable":
+            return []
+        old, new = (labelled(side.measures.record()) if side and side.measures else {} for side in (self.old, self.new))
+        return [_row(label, old.get(label), new.get(label)) for label in dict.fromkeys((*old, *new))]
 
 
 @dataclass(frozen=True)
@@ -138,7 +162,9 @@ def _side(mesh: Mesh | None, other: Mesh | None, found: Difference | None) -> Si
     if other is None or found is None:
         return Side(measures, shown, len(mesh.cells))
     if found.distance <= found.tolerance:
-        return Side(measures, shown, len(mesh.cells), turned=turned(shown, other))
+        marked = np.zeros(len(shown.vertices), dtype=bool)
+        marked[shown.cells[nearest_cells(shown, other)[1]]] = True
+        return Side(measures, shown, len(mesh.cells), turned=marked)
     if found.method == "vertices" and np.array_equal(mesh.cells, other.cells):
         frame = Frame.around(shown.vertices, others := other.vertices[kept])
         apart = np.linalg.norm(frame.inside(shown.vertices) - frame.inside(others), axis=1)
@@ -180,3 +206,20 @@ def _at_most(change: Change, most: int) -> Change:
         return Side(side.measures, mesh, side.faces, apart, corners)
 
     return replace(change, old=coarser(change.old), new=coarser(change.new))
+
+
+def _row(label: str, old: object, new: object) -> Row:
+    """Write two values to 6 digits; if they differ and would look the same, to 9 or 12. More are rounding."""
+    for digits in (6, 9, 12):
+        texts = [_text(value, digits) for value in (old, new)]
+        if old == new or texts[0] != texts[1]:
+            break
+    return Row(label, *texts)
+
+
+def _text(value: Any, digits: int) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, list):
+        return " ".join(_text(each, digits) for each in value)
+    return str(value) if isinstance(value, int) else f"{value + 0.0:.{digits}g}"  # no -0

@@ -3,7 +3,6 @@
 import re
 
 from gtb_cli.review.changes import Review
-from gtb_cli.review.table import amount, rows
 from gtb_cli.vocabulary import printable
 
 MAX_BYTES = 60_000  # which GitHub takes as a comment, at most 65,536 characters
@@ -19,18 +18,17 @@ def markdown(review: Review, page: str = "") -> str:
     text = f"### {_code(review.names[0])} → {_code(review.names[1])}\n\n{counts}.\n"
     if page and review.changes:
         text += f"Old and new side by side: {_code(page)}.\n"
-    tables = [{row.label: row for row in rows(change) if row.old or row.new} for change in review.changes]
+    tables = [{row.label: row for row in change.rows if row.old or row.new} for change in review.changes]
     labels = [label for label in COLUMNS if any(label in table for table in tables)]
     head = ["name", "verdict", "distance", "tolerance", *labels]
     more = "\nAnd {} more.\n"
     table = f"\n| {' | '.join(head)} |\n|{'---|' * len(head)}\n" if tables else ""
     below = ""
     for k, (change, numbers) in enumerate(zip(review.changes, tables, strict=True)):
-        cells = [_code(change.verdict.name).replace("|", "\\|"), change.verdict.word, amount(change)]
-        cells.append("" if change.found is None else f"{change.found.tolerance:.3g}")
+        cells = [_code(change.verdict.name).replace("|", "\\|"), change.verdict.word, *change.amounts]
         for label in labels:
             row = numbers.get(label)
-            changed = row is not None and row.is_changed
+            changed = row is not None and row.old != row.new
             cells.append("" if row is None else f"{row.old or '–'} → **{row.new or '–'}**" if changed else row.old)
         line = f"| {' | '.join(cells)} |\n"
         lines = [_code(reason) for reason in change.reasons]  # what the table does not hold

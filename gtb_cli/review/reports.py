@@ -10,7 +10,6 @@ from gtb_cli.files import StagedFiles
 from gtb_cli.pages.page import encoded, page_with
 from gtb_cli.review.changes import MAX_SHOWN_FACES, Change, Review, change, review
 from gtb_cli.review.markdown import markdown
-from gtb_cli.review.table import amount, rows
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict
 from gtb_cli.vocabulary import printable, suffix_of
@@ -52,9 +51,8 @@ def _data(change: Change) -> dict[str, Any]:
         "verdict": change.verdict.word,
         "approvable": len({*map(suffix_of, change.verdict.paths)}) == 1,  # a spec does not take a mesh's place
         "reasons": [printable(reason) for reason in change.reasons],
-        "amount": amount(change),
-        "tolerance": "" if change.found is None else f"{change.found.tolerance:.3g}",
-        "rows": rows(change),
+        **dict(zip(("amount", "tolerance"), change.amounts, strict=True)),
+        "rows": change.rows,
         "uncoloured": uncoloured,  # why there are no distances to be shown, if there are none
         "old": None,
         "new": None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import filecmp
 import json
 import os
+import re
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
@@ -48,12 +49,14 @@ class Comparing:
         found = compared(a, b, self.tolerance, self.kind, self.ignore)
         notes = []
         if self.kind == "auto" and found.method == "surface" and found.same_kind and self.recipe.tolerance is None:
-            made = made_with(a, b)
+            made, (spec, mesh) = made_with(a, b), shown if a.spec is not None else shown[::-1]
             if made not in (None, self.recipe.resolution):
-                spec, mesh = shown if a.spec is not None else shown[::-1]
-                notes.append(
-                    f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices"
-                )
+                notes = [f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices"]
+            elif not found.same and (a.spec is None) != (b.spec is None):
+                command = f"gtb mesh {spec} OPTIONS -f ply --ascii | gtb diff {mesh} -"
+                notes = [
+                    f"what other options of gtb mesh make of {spec}, as --fill and --weld, is compared by {command}"
+                ]
         verdict = replace(verdict, found=found, warnings=found.limits, notes=tuple(notes))
         return verdict if found.same else replace(verdict, word="different", meshes=(a.known.mesh, b.known.mesh))
 
@@ -107,16 +110,12 @@ class Comparing:
         """Return a verdict with the meshes that there are of a file, if it could not be compared."""
         if verdict.word == "different":
             return verdict
-        meshes = self._mesh(verdict.paths[0]), self._mesh(verdict.paths[1])
-        return replace(verdict, meshes=meshes)
-
-    def _mesh(self, path: str) -> Mesh | None:
-        """Return the mesh in a file; None if it cannot be read, or is not a mesh."""
-        try:
-            is_mesh = suffix_of(path) in FORMATS and os.path.isfile(path)  # reading a pipe would wait for its writer
-            return self.read(path).known.mesh if is_mesh else None
-        except (GtbError, OSError):
-            return None
+        meshes: list[Mesh | None] = [None, None]
+        for k, path in enumerate(verdict.paths):
+            with suppress(GtbError, OSError):
+                is_mesh = suffix_of(path) in FORMATS and os.path.isfile(path)  # a pipe would wait for its writer
+                meshes[k] = self.read(path).known.mesh if is_mesh else None
+        return replace(verdict, meshes=(meshes[0], meshes[1]))
 
     def read(self, path: str) -> Operand:
         """Read a mesh file, or a spec, which becomes a mesh where one is needed."""
@@ -189,5 +188,6 @@ def _are_equal_meshes(first: str, second: str) -> bool:
     is_mesh = format_of(start) is not None or size_limit(start, 0) == os.path.getsize(first)  # binary STL
     if not is_mesh or not filecmp.cmp(first, second, shallow=False):
         return False
-    with opened(first) as file:  # an OBJ file in another folder may have other materials
-        return os.path.dirname(first) == os.path.dirname(second) or not any(b"mtllib" in line for line in file)
+    with opened(first) as file:  # in another folder there may be other materials and pictures
+        names = re.compile(rb'mtllib|TextureFile|"uri"')
+        return os.path.dirname(first) == os.path.dirname(second) or not any(map(names.search, file))

@@ -50,7 +50,7 @@ def _report(known: KnownMesh, printed: Callable[[Mesh], dict[str, Any]]) -> dict
     cells = "segments" if mesh.is_curve else "faces"
     groups = [{"name": name, cells: stop - start} for name, start, stop in mesh.groups]
     space = {"space": known.space} if known.space else {}
-    sides = {} if mesh.is_curve else {"turned_edges": measures.turned_edges}
+    sides = {} if mesh.is_curve else {"turned_edges": measures.turned_edges, "inward_parts": measures.inward_parts}
     report = {"kind": "mesh", "format": known.format, **space, **measures.record(), **sides}
     centroid, spread = moments(mesh)
     report |= {"centroid": centroid, "second_moments": spread}
@@ -153,6 +153,10 @@ def mesh_text(report: dict[str, Any]) -> str:
                 shown[name] = row(_rounded(shown[name], size, power))
         if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
+    if 0 < (inward := shown.pop("inward_parts", None) or 0) < (parts := shown.get("components", 0)):
+        shown["volume"] = (
+            f"{shown['volume']:.6g}, a signed sum: {inward} of {parts} parts face{'s' * (inward == 1)} inwards"
+        )
     lines = [*labelled(shown).items(), *(("hole", text) for text in holes), *printing_rows(printed)]
     lines += [(f"digest of {name}", digest) for name, digest in digests.items()]
     lines += [("group", ": ".join(map(str, group.values()))) for group in groups[:max_groups_shown]]

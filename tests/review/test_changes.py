@@ -18,7 +18,7 @@ from gtb_cli import Mesh, Recipe, diff, load
 from gtb_cli.errors import Fault
 from gtb_cli.review.changes import Change, review
 from gtb_cli.review.reports import page
-from gtb_cli.review.simplification import simplified
+from gtb_cli.review.shown_meshes import simplified
 from gtb_cli.verdicts.verdict import Verdict, Word
 from tests.specs import SPECS
 

@@ -1,12 +1,38 @@
-"""The numbers that colours show: distances of a mesh, and faces that are turned over; colours are in `page.js`."""
+"""Meshes to be looked at: with fewer faces, and with distances from another one, which colours show in `page.js`."""
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
-from gtb_cli.meshes.correspondence import turned_cells
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, paired
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, middles
+from gtb_cli.meshes.topology import are_proper, compacted
+
+
+def simplified(mesh: Mesh, most: int) -> tuple[Mesh, IntArray]:
+    """Return a mesh with at most so many faces, and the (m,) vertices of the given one that it has.
+
+    Vertices in one cube of a grid become one of them. A mesh that is small enough only loses the vertices that no face
+    uses. All vertices must be finite.
+    """
+    kept, cells = compacted(mesh.cells)
+    points = mesh.vertices[kept]
+    low, high = bounds_of(points)
+    size = float((high / 2 - low / 2).max()) or 1.0  # halves, because high - low may overflow
+    number = 2.0 * np.sqrt(most)  # cubes along the longest side
+    found, chosen = cells, np.arange(len(kept))
+    while len(found) > most:
+        number *= 0.8
+        x, y, z = np.floor((points / 2 - low / 2) / size * number).astype(np.int64).T
+        count = int(number) + 1
+        _, chosen, label = np.unique(paired(paired(x, y, count), z, count), return_index=True, return_inverse=True)
+        found = label[cells]
+        found = found[are_proper(found)]
+    if len(found) < len(cells):  # other faces may have become the same one
+        found = found[np.sort(np.unique(np.sort(found, axis=1), axis=0, return_index=True)[1])]
+    used, found = compacted(found)
+    kept = kept[chosen[used]]
+    return Mesh(mesh.vertices[kept], found, name=mesh.name), kept
 
 
 def distances(mesh: Mesh, other: Mesh, largest: float) -> tuple[Mesh, FloatArray]:
@@ -42,10 +68,3 @@ def _parts(corners: IntArray, between: IntArray) -> list[IntArray]:
         return [np.stack([corners[:, k], between[:, k]], axis=1) for k in (0, 1)]
     around = [np.stack([between[:, k - 1], corners[:, k], between[:, k]], axis=1) for k in range(3)]
     return [between, *around]
-
-
-def turned(mesh: Mesh, other: Mesh) -> BoolArray:
-    """(m,) true at the corners of faces that look to the other side than the nearest faces of another mesh."""
-    marked = np.zeros(len(mesh.vertices), dtype=bool)
-    marked[mesh.cells[turned_cells(mesh, other)]] = True
-    return marked
