@@ -1,11 +1,9 @@
 """The public names of the library: each in its lists, in `specs/PYTHON.md` with an example, and typed."""
 
-import ast
 import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -30,10 +28,6 @@ def test_the_page_is_made_of_the_docstrings() -> None:
 
 def test_each_public_name_stands_in_each_list_once() -> None:
     assert sorted(NAMES) == sorted(set(gtb_cli.__all__) - {"__version__"})
-    tree = ast.parse(Path(gtb_cli.__file__).read_text(encoding="utf-8"))
-    (typed,) = (node for node in tree.body if isinstance(node, ast.If))
-    imported = [alias.asname for node in typed.body if isinstance(node, ast.ImportFrom) for alias in node.names]
-    assert sorted(imported) == sorted([*NAMES, "frame"])
 
 
 def test_each_public_name_is_in_an_example() -> None:
