@@ -107,12 +107,10 @@ def discreet(fault: Fault) -> Fault:
 
 def leads_out(path: str) -> bool:
     """Tell whether one of the links in a path leads out of the folder in which it stands."""
-    folder, steps = "", path.split(os.sep)
-    for step in steps:
-        place = os.path.join(folder, step) if step else folder or os.sep
-        if step and os.path.islink(place):
-            inside = os.path.realpath(folder or os.curdir)
-            if os.path.commonpath([inside, os.path.realpath(place)]) != inside:
+    while path.strip(os.sep):
+        if os.path.islink(path):
+            folder = os.path.realpath(os.path.dirname(path))
+            if os.path.commonpath([folder, os.path.realpath(path)]) != folder:
                 return True
-        folder = place
+        path = os.path.dirname(path)
     return False

@@ -1,7 +1,6 @@
 """Folders as inputs: the specs or meshes in them, and the files of two folders that belong together."""
 
 import os
-import stat
 from collections.abc import Sequence
 
 from gtb_cli.errors import Fault, GtbError, SpecError
@@ -88,34 +87,39 @@ def files_in(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
         place, above = waiting.pop()
         path = os.path.join(folder, place) if place else folder
         try:
-            status = os.stat(path)
-            here = status.st_dev, status.st_ino
-            if here in above:  # a link to a folder that contains it
-                continue
-            count += 1
-            if count > MAX_FOLDERS:
-                raise GtbError(f"{folder}: has more than {MAX_FOLDERS} folders in it; do links lead to each other?")
-            names = sorted(name for name in os.listdir(path) if not name.startswith("."))
+            status, names = os.stat(path), sorted(os.listdir(path))
         except OSError as error:
-            if not place:
-                raise GtbError(f"{error.filename}: {error.strerror}") from None
             unreadable[place] = f"{error.filename}: {error.strerror}"
+            if not place:
+                raise GtbError(unreadable[place]) from None
             continue
-        for name in names:
+        here = status.st_dev, status.st_ino
+        if here in above:  # a link to a folder that contains it
+            continue
+        count += 1
+        if count > MAX_FOLDERS:
+            raise GtbError(f"{folder}: has more than {MAX_FOLDERS} folders in it; do links lead to each other?")
+        for name in [name for name in names if name[0] != "."]:
             inner, file = os.path.join(place, name), os.path.join(path, name)
-            if "\n" in name and os.path.islink(file):  # its errors would not begin with its name
-                unreadable[inner] = f"{path}: {name!r} is a link with a line break in its name"
-                continue
-            try:
-                is_folder = stat.S_ISDIR(os.stat(file).st_mode)
-            except OSError as error:
-                unreadable[inner] = f"{file}: {error.strerror}"
-                continue
-            if is_folder:
+            if fault := _fault_of(path, name):
+                unreadable[inner] = fault
+            elif os.path.isdir(file):
                 waiting.append((inner, above | {here}))
             elif not _is_manifest(file):
                 files[inner] = file
     return files
+
+
+def _fault_of(folder: str, name: str) -> str | None:
+    """Say why something in a folder cannot be read, such as a link to nothing."""
+    file = os.path.join(folder, name)
+    if "\n" in name and os.path.islink(file):  # its errors would not begin with its name
+        return f"{folder}: {name!r} is a link with a line break in its name"
+    try:
+        os.stat(file)
+    except OSError as error:
+        return f"{file}: {error.strerror}"
+    return None
 
 
 def _is_manifest(path: str) -> bool:
