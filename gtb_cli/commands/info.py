@@ -23,7 +23,6 @@ from gtb_cli.vocabulary import SPEC_FORMATS, UP, Up, suffix_of
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.models.model import Model
-    from gtb_cli.theory.patch import Patch
 
 MAX_PATCHES_SHOWN = 4  # largest number of patches of a model that are all described without --long
 
@@ -124,6 +123,7 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
 
     from gtb_cli.arrays import bounds_of
     from gtb_cli.checks.bounding_boxes import bounds
+    from gtb_cli.checks.description import description
     from gtb_cli.models.model import Model
 
     if isinstance(loaded, Model):
@@ -135,9 +135,9 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
             "bounding_box": bounds(loaded.patches).tolist(),
             "control_box": bounds_of(np.concatenate([patch.control_points for patch in loaded.patches])).tolist(),
             **_joints(loaded, all_shown),
-            "patches": [*map(_report, loaded.patches)] if all_shown else [{}] * len(loaded.patches),
+            "patches": [*map(description, loaded.patches)] if all_shown else [{}] * len(loaded.patches),
         }
-    return _report(loaded)
+    return description(loaded)
 
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
@@ -173,26 +173,6 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
             }
             for seam, (bend, _) in zip(seams, bends(seams), strict=True)
         ],
-    }
-
-
-def _report(patch: Patch) -> dict[str, Any]:
-    from gtb_cli.checks.description import description
-
-    found = description(patch)
-    return {
-        "name": patch.name,
-        "kind": found.kind,
-        "degree": list(found.degree) or None,
-        "dimension": patch.dimension,
-        "knots": len(patch.knots),
-        "hull_vertices": patch.domain.vertices.tolist(),
-        "edges": [list(edge) for edge in found.edges],
-        "edge_normals": found.edge_normals,
-        "repeated_knots": [list(group) for group in found.repeated_knots],
-        "bounding_box": found.bounding_box.tolist(),
-        "control_box": found.control_box.tolist(),
-        "linear_precision_error": found.linear_precision_error,
     }
 
 

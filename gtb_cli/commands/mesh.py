@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
+from gtb_cli.language.reading import Reading
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.messages import STANDARD
@@ -33,7 +34,7 @@ from gtb_cli.shell.streams import (
 from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfaces
 from gtb_cli.shell.watching import watched
 from gtb_cli.shell.workers import Workers, workers_option
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CELL_FORMATS, FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
@@ -109,30 +110,20 @@ def mesh(
     """
     output, console, reading = streams.output, streams.console, streams.reading
     if (surfaces := surface_format(options.format, output)) is not None:
-        if manifest is not None:
-            raise click.UsageError(f"--manifest is for meshes, and {surfaces.upper()} holds surfaces")
-        return write_surfaces(specs, surfaces, options, streams)
+        return write_surfaces(specs, surfaces, options, streams, manifest)
     paths = inputs_of(specs, output)
     folder = output if _is_for_folder(specs, paths, output) else None
     if resume and (manifest is None or manifest == STANDARD or is_device(manifest)):
         raise click.UsageError("--resume needs --manifest FILE, which shows what is up to date")
     place = output if folder is None else os.path.join(folder, "")
-    kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_FORMATS))
+    kind = options.format_for(place)
     check_unit(options, kind)
-    book = None
-    if manifest is not None:
-        from gtb_cli.shell.manifest import Manifest
+    book = None if manifest is None else _book(manifest, replace(options, format=kind), reading, place, resume)
 
-        read: dict[str, object] = {"spec_format": reading.spec_format, "set": dict(reading.let)}
-        read |= {"fill": reading.fills} if reading.fills else {}
-        settings = replace(options, format=kind).settings | read
-        book = Manifest(manifest, settings, place, resume=resume)
-
-    errors: list[GtbError] = []  # of specs: none stops the others
-    plan: list[Task] = []
-    for path in paths:
-        task = attempted(path, partial(_planned, path, place, options, kind, streams, book))
-        errors.append(task) if isinstance(task, GtbError) else plan.append(task)
+    planner = partial(_planned, place=place, options=options, kind=kind, streams=streams, book=book)
+    planned = [attempted(path, planner) for path in paths]
+    errors = [error for error in planned if isinstance(error, GtbError)]  # of specs: none stops the others
+    plan = [task for task in planned if isinstance(task, Task)]
     if folder is not None:
         _check_targets(plan)
     if book is not None:
@@ -154,6 +145,15 @@ def mesh(
         console.report(target, f"{file.size}, with {reading}" if str(reading) else file.size, file.warnings)
     if errors:
         raise _joined(errors)
+
+
+def _book(path: str, options: MeshOptions, reading: Reading, place: str, resume: bool) -> Manifest:
+    """Return the manifest of meshes with these options, which are made in a place."""
+    from gtb_cli.shell.manifest import Manifest
+
+    read: dict[str, object] = {"spec_format": reading.spec_format, "set": dict(reading.let)}
+    read |= {"fill": reading.fills} if reading.fills else {}
+    return Manifest(path, options.settings | read, place, resume=resume)
 
 
 class Made(NamedTuple):
@@ -230,12 +230,12 @@ def _check_targets(plan: Iterable[Task]) -> None:
 def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | GtbError:
     """Make a mesh and the bytes of its file; these as one block, which a process can send to another, if `whole`."""
 
-    def made() -> Made:
+    def made(path: str) -> Made:
         from gtb_cli.formats.export import held
 
         spec = task.spec
         assert spec is not None
-        with about(shown_input(task.path)):
+        with about(shown_input(path)):
             mesh, remarks = options.made(spec, kind)
             blocks = options.encoded(mesh, kind)
         warnings = [in_options(text) for text in (*remarks, *options.warnings(mesh, kind))]
@@ -298,4 +298,4 @@ def _written(task: Task, made: Made | GtbError, write: Write, book: Manifest | N
 
     # Blocks are made as they are written: what is not an error in writing is this spec's.
     blocks = made.blocks if book is None else book.recorded(task.output, made.facts, made.blocks)
-    return attempted(task.path, partial(write, task.output, blocks), GtbError, OSError) or made
+    return attempted(task.path, lambda _: write(task.output, blocks), GtbError, OSError) or made

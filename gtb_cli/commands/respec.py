@@ -180,12 +180,11 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
             made = "no fairer one is found" if part.patch is given else free
             least = _change("energy", *part.energies, part.error) if part.energies else ""
             energies = f"{least} but for the outermost thousandth; " if least else ""
+            before, after = part.before, part.after
             changes = [
-                _change("bending", part.before.energy, part.after.energy, part.error),
-                _change("variation", part.before.variation, part.after.variation, part.error),
-                _change(
-                    "largest curvature", part.before.curvature, part.after.curvature, 0.05
-                ),  # where it was looked at
+                _change("bending", before.energy, after.energy, part.error),
+                _change("variation", before.variation, after.variation, part.error),
+                _change("largest curvature", before.curvature, after.curvature, 0.05),  # where it was looked at
             ]
             text = f"{energies}but for the outermost hundredth: {', '.join(changes)}"
             streams.console.note(f"{name}{made}; {text}")

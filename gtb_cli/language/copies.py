@@ -8,17 +8,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.language.document import shown
-from gtb_cli.language.expression import COUNTER, is_in_radians
-from gtb_cli.language.keys_and_values import (
-    COORDINATE,
-    MAX_POINTS,
-    MAX_SIZE,
-    SCALE,
-    Table,
-    Values,
-    name_fault,
-    suggestion,
-)
+from gtb_cli.language.expression import is_in_radians
+from gtb_cli.language.keys_and_values import COORDINATE, MAX_SIZE, SCALE, Table, Values, name_fault, suggestion
 from gtb_cli.language.patch_reader import AT_THE_TOP, COPY_KEYS, PATCH_KEYS
 from gtb_cli.language.scanner import Path
 from gtb_cli.theory.patch import Patch
@@ -36,8 +27,7 @@ class Moves:
 
     def made(self, patch: Patch, names: Sequence[str | None], values: Values, path: Path) -> list[Patch]:
         """Make the copies of a patch, with these names; none, and a fault, if they are too many or too large."""
-        if not values.has_points_left(len(self.moves) * len(patch.knots)):
-            values.faults.add(path, f"makes more than {MAX_POINTS} control points, together with the copies before")
+        if not values.takes_points(len(self.moves) * len(patch.knots), path):
             return []
         with np.errstate(over="ignore"):
             points = [move(patch.control_points) for move in self.moves]
@@ -127,7 +117,7 @@ def read_moves(table: Table, count: int) -> Moves:
     moves = []
     for k in range(1, count + 1):
         if "repeat" in entries or "repeat" in table.meant:
-            table = Table(entries, table.path, values.of_copy(COUNTER, k))
+            table = Table(entries, table.path, values.of_copy(k))
         moves.append(_move(table, mirror))
         if values.faults.count > before:  # the others have them, too
             moves = []

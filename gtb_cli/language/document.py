@@ -10,16 +10,30 @@ from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, SpecFormat,
 
 MAX_BYTES = 10_000_000  # a spec; a patch of a thousand knots takes a hundred kilobytes
 MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of them
-# Slips that a parser of TOML or JSON calls something else: its reason, what is before and after, and the fault
+# Slips that a parser of TOML or JSON calls something else: its reason, what is before and after, and the fault, which
+# stands after the reason if it is in parentheses. Last come names, expressions and units in the place of a value.
+_QUOTED, _DECIMAL = " (names and expressions go in quotes; numbers have no unit)", " (decimals have a point)"
+_WORD = r"^[ \t]*(?:[-+*(A-Za-z_]|/(?![/*]))"
 _SLIPS = (
     (r"^(?:Illegal character '\\[rn]|Unterminated string|Expected \"'\")", "", "", "a text in quotes is not closed"),
-    ("^Cannot overwrite", r"\[\[[\w-]+$", "", "{} is there already: [[{}]] begins each of several, the first as well"),
+    ("^Cannot overwrite", r"\[\[[\w-]+\Z", "", "{} is there already: [[{}]] begins each of several, the first as well"),
     ("", "", r"^[ \t]*(?://|/\*)", "a comment begins with #"),
     ("", "", r"^[ \t]*;", "a ; has no meaning: values stand apart by commas, and lines end by themselves"),
     ("", "", r"^[ \t]*[“”„‘’«»]", "quotes are straight"),
     ("", "", "^[ \t]*[\u00a0\u2007\u202f\u3000]", "a blank from a web page or text program: type a plain one"),
     ("", "", "^[ \t]*[\u2212\u2013\u2014]", "a minus sign is -"),
     ("^Invalid value", "", r"^[-+]?\.\d", "a digit stands before the point of a number"),
+    ("^Unclosed array$", "", r"^[\w-]+[ \t]*=", "a list before this is not closed: ] is missing"),
+    (
+        "^Unclosed",
+        r"""[\]\w."'}][ \t\r]*(?:#[^\n]*)?(?:\n[ \t\r]*(?:#[^\n]*)?)*$""",
+        r"""^(?:[\w-]+[ \t]*=|[\[{"']|[-+]?\.?\d)""",
+        "a comma is missing before this",
+    ),
+    ("^(?!Expected newline)(?!.*(?:key|property name))", "", _WORD, _QUOTED),
+    ("^Expected newline", r"\d\Z", _WORD, _QUOTED),
+    ("^(?!.*key)", r"\d(?:,\d+)?\Z", r"^,\d", _DECIMAL),
+    ("key", r"\d(?:,\d+)?\Z", "^[,}]", _DECIMAL),
 )
 # The beginnings of files that users mistake for specs
 _OTHER_FILES = {
@@ -241,24 +255,11 @@ def _parse(text: str, source: str, format: SpecFormat, repeated: tuple[tuple[Pat
 
 
 def _malformed(text: str, source: str, language: str, line: int, column: int, reason: str) -> SpecError:
-    before, rest = (part := text.split("\n")[line - 1])[: column - 1], part[column - 1 :]
-    # A name, an expression, or a number with a unit in the place of a value; a second statement on a line is none.
-    is_value = "key" not in reason and "property name" not in reason
-    is_value &= not reason.startswith("Expected newline") or before[-1:].isdigit()
-    earlier = "\n".join([*text.split("\n")[: line - 1], before])
-    ended = re.search(r"""[\]\w."'}][ \t\r]*(?:#[^\n]*)?(?:\n[ \t\r]*(?:#[^\n]*)?)*$""", earlier[-1000:])
-    is_key = re.match(r"[\w-]+[ \t]*=", rest) is not None
-    texts = reason, before, rest
+    lines = text.split("\n")[:line]
+    before, rest = lines[-1][: column - 1], lines[-1][column - 1 :]
+    texts = reason, "\n".join([*lines[:-1], before])[-1000:], rest
     if slip := next((row[3] for row in _SLIPS if all(map(re.search, row, texts))), ""):
-        reason = slip.replace("{}", before.lstrip("["))
-    elif reason == "Unclosed array" and is_key:
-        reason = "a list before this is not closed: ] is missing"
-    elif reason.startswith("Unclosed") and ended and (is_key or re.match(r"""[\[{"']|[-+]?\.?\d""", rest)):
-        reason = "a comma is missing before this"
-    elif is_value and re.match(r"[ \t]*(?:[-+*(A-Za-z_]|/(?![/*]))", rest):
-        reason += " (names and expressions go in quotes; numbers have no unit)"
-    elif re.search(r"\d(?:,\d+)?$", before) and re.match(r",\d" if "key" not in reason else "[,}]", rest):
-        reason += " (decimals have a point)"
+        reason = f"{reason if slip[0] == ' ' else ''}{slip.replace('{}', before.lstrip('['))}"
     elif reason.startswith("Expected") and rest:
         reason += f", got {rest[0]!r}"
     if (text.lstrip()[:1] == "{") != (language == "JSON"):

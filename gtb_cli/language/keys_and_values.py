@@ -13,7 +13,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import Faults, shown
-from gtb_cli.language.expression import degrees_in, evaluate_expression
+from gtb_cli.language.expression import COUNTER, degrees_in, evaluate_expression
 from gtb_cli.language.scanner import Path
 
 MAX_SIZE = 1e100  # a coordinate, lifting value or scale: squares and products of two stay finite
@@ -54,16 +54,18 @@ class Values:
         self._note = ""  # after each message
         self._evaluated: dict[str, float] = {}
 
-    def of_copy(self, name: str, number: int) -> "Values":
-        """Return a reader of the same file for whose expressions the copy's number has a name."""
+    def of_copy(self, number: int) -> "Values":
+        """Return a reader of the same file whose expressions know the copy's number."""
         values = Values(self.faults, self._budget)
-        values.names = ChainMap({name: float(number)}, self.names)
-        values._note = f" ({name} = {number})"
+        values.names = ChainMap({COUNTER: float(number)}, self.names)
+        values._note = f" ({COUNTER} = {number})"
         return values
 
-    def has_points_left(self, count: int) -> bool:
-        """Tell whether copies may have so many more control points, and count them."""
+    def takes_points(self, count: int, path: Path) -> bool:
+        """Count control points that copies add; False, and a fault, if they are too many."""
         self._budget.points -= count
+        if self._budget.points < 0:
+            self.faults.add(path, f"makes more than {MAX_POINTS} control points, together with the copies before")
         return self._budget.points >= 0
 
     def tuples(self, entries: list[object], path: Path, sizes: tuple[int, ...]) -> FloatArray | None:

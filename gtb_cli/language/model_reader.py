@@ -31,7 +31,7 @@ class ModelReader:
         if not isinstance(data, dict):
             self.faults.add((), f"must be a table with the keys of a patch, got {shown(data)}")
             return None
-        self.values.names = named_numbers(data, self.values, PATCH_KEYS | MODEL_KEYS, self._given)
+        self.values.names = named_numbers(data, self.values, self._given)
         if "patches" not in data and "include" not in data:
             return self._reader.patch(data, (), name)
         return self._model(data, name)

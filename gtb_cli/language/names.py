@@ -10,6 +10,7 @@ from gtb_cli.errors import SpecError
 from gtb_cli.language.document import shown
 from gtb_cli.language.expression import CONSTANTS, COUNTER, FUNCTIONS, evaluate_expression, names_in
 from gtb_cli.language.keys_and_values import FINITE, Values, suggestion
+from gtb_cli.language.patch_reader import MODEL_KEYS, PATCH_KEYS
 from gtb_cli.language.reading import Let, Number
 
 NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number
@@ -17,11 +18,8 @@ MAX_NUMBER_NAME = 60  # longest name of a number, in characters
 MAX_NAMES = 1000  # named numbers
 
 
-def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[str], given: Let) -> dict[str, float]:
-    """Read ``let``, if present, with the `given` numbers in place of those of the same names.
-
-    `spec_keys` are keys of the spec that a table [let] swallows by mistake.
-    """
+def named_numbers(table: dict[str, Any], values: Values, given: Let) -> dict[str, float]:
+    """Read ``let``, if present, with the `given` numbers in place of those of the same names."""
     names: dict[str, float] = {}
     values.names = names
     let = table.get("let", names)
@@ -37,7 +35,7 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
             values.faults.add((), f"`let` {name}: the spec has no number of this name in its let{likely}")
     for name, value in let.items():
         number = _given(name, given[name], let, values) if name in given else None
-        if number is None and (fault := _name_fault(name, value, spec_keys) or _late(value, let, names)):
+        if number is None and (fault := _name_fault(name, value) or _late(value, let, names)):
             values.faults.add(("let", name), fault)
         elif number is None:
             number = values.number(value, ("let", name), FINITE)
@@ -67,9 +65,9 @@ def _given(name: str, value: Number, let: Mapping[str, object], values: Values) 
         return None
 
 
-def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | None:
+def _name_fault(name: str, value: object) -> str | None:
     """Say why a number cannot have this name."""
-    if name in spec_keys and not isinstance(value, int | float):
+    if name in PATCH_KEYS | MODEL_KEYS and not isinstance(value, int | float):  # after [let] by mistake
         return "is a key of a spec, and [let] takes all keys that follow: put it before [let]"
     if not re.fullmatch(NAME_PATTERN, name) or len(name) > MAX_NUMBER_NAME:
         return f"must be a letter, then at most {MAX_NUMBER_NAME - 1} letters, digits and _, to be the name of a number"

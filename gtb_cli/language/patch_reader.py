@@ -50,14 +50,7 @@ class Reader:
         self._check_keys(table)
         title = table.name(name)
         knots, n = _knots(table)
-        points = _points(table, "control_points", n)
-        straight = "is the ribbon itself; of a strip straight across, it is 2 ribbon - curve"
-        faults = "is the curve itself, and leads nowhere", straight
-        for ribbon_key, fault in zip(RIBBONS[: self._row or 0], faults, strict=False):
-            if (ribbon := _points(table, ribbon_key, n)) is not None:
-                if points is not None and not np.any(ribbon - points):
-                    table.fault(ribbon_key, fault)
-                points = ribbon
+        points = self._control_points(table, n)
         weights = _row(table, "weights", n, POSITIVE)
         logs = _row(table, "log_weights", n, COORDINATE)
         if "weights" in entries and "log_weights" in entries:
@@ -74,10 +67,10 @@ class Reader:
         scale = table.numbers("edge_scale", SCALE) if is_list else table.number("edge_scale", SCALE)
         if knots is None:
             return None
+        points = np.zeros((len(knots), 3)) if points is None else points
+        arrays = (knots, weights, logs, coefficients, None if scale is None else np.asarray(scale))
+        key = (named, normals, *(None if array is None else (array.shape, array.tobytes()) for array in arrays))
         try:
-            points = np.zeros((len(knots), 3)) if points is None else points
-            arrays = (knots, weights, logs, coefficients, None if scale is None else np.asarray(scale))
-            key = (named, normals, *(None if array is None else (array.shape, array.tobytes()) for array in arrays))
             if key in self._bases:  # patches with the same Δ and basis share them
                 return self._bases[key].replace(control_points=points, lifting=lifting, name=title)
             _check_size(knots)
@@ -90,6 +83,18 @@ class Reader:
         except DomainError as error:
             self.domain_fault(path, error)
             return None
+
+    def _control_points(self, table: Table, n: int | None) -> FloatArray | None:
+        """Read the row that becomes the control points: their own or, of the ribbons asked for, the last."""
+        points = _points(table, "control_points", n)
+        straight = "is the ribbon itself; of a strip straight across, it is 2 ribbon - curve"
+        faults = "is the curve itself, and leads nowhere", straight
+        for key, fault in zip(RIBBONS[: self._row or 0], faults, strict=False):
+            if (ribbon := _points(table, key, n)) is not None:
+                if points is not None and not np.any(ribbon - points):
+                    table.fault(key, fault)
+                points = ribbon
+        return points
 
     def _check_keys(self, table: Table) -> None:
         """Note keys of a patch that are unknown, belong elsewhere, or are missing."""

@@ -1,8 +1,8 @@
 """The JSON Schema of a spec, for editors and for programs that write specs."""
 
-import os
 import re
 from keyword import kwlist
+from pathlib import Path
 from typing import Any, TypeAlias, get_args
 
 from gtb_cli.knots.domain import EdgeNormals
@@ -19,8 +19,7 @@ Schema: TypeAlias = dict[str, Any]
 
 def page() -> str:
     """Return the text of every key with an example, as Markdown."""
-    with open(os.path.join(os.path.dirname(__file__), "spec.md"), encoding="utf-8") as file:
-        return file.read()
+    return Path(__file__).with_name("spec.md").read_text(encoding="utf-8")
 
 
 def schema() -> Schema:

@@ -1,6 +1,6 @@
 """Starter specs: TOML with comments, to be edited by hand; their texts are the files in ``templates``."""
 
-import os
+from pathlib import Path
 
 from gtb_cli.errors import SpecError
 from gtb_cli.vocabulary import TEMPLATES
@@ -21,8 +21,7 @@ def template(name: str, sides: int | None = None) -> str:
         raise SpecError(f"{name}: expected a number of sides, such as {name} 5")
     elif not 3 <= sides <= most:
         raise SpecError(f"{name}: expected 3 to {most} sides, got {sides}")
-    with open(os.path.join(os.path.dirname(__file__), "templates", f"{name}.toml"), encoding="utf-8") as file:
-        text = file.read()
+    text = (Path(__file__).parent / "templates" / f"{name}.toml").read_text(encoding="utf-8")
     # Editors that use Taplo read the first line. It names a file: no address would serve the keys of every version.
     schema_lines = "#:schema ./spec-schema.json\n"
     schema_lines += "# gtb schema -o spec-schema.json makes the file by which editors know the keys.\n\n"

@@ -9,18 +9,9 @@ from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.knots.all_decompositions import LiftingCone, regular_decompositions
 from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
 from gtb_cli.knots.domain import Domain, domain
+from gtb_cli.plots import scene
 from gtb_cli.plots.look import Axes, Figure, Look, subscript
 from gtb_cli.plots.palette import FAINT, INK, LINE_COLOURS, patch_colour, rgb
-from gtb_cli.plots.scene import (
-    GRAPH_HEIGHT,
-    HALO,
-    HIDDEN_STRENGTH,
-    ShadedTriangles,
-    View,
-    note,
-    plane_view,
-    space_views,
-)
 from gtb_cli.theory.patch import Patch
 
 
@@ -33,12 +24,12 @@ def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
         ax.plot(corners[:, 0], [0, 0], "-", color=LINE_COLOURS[0], lw=2, zorder=2, solid_capstyle="butt")
         ax.set(yticks=[], xlabel="t", ylim=(-1, 1))
         ax.spines["left"].set_visible(False)
-        _draw_knots(View(ax), np.column_stack([knots, np.zeros(len(knots))]))
+        _draw_knots(scene.View(ax), np.column_stack([knots, np.zeros(len(knots))]))
         near, last = 0.13 * float(np.ptp(knots)), [-np.inf, -np.inf]
         for (place,), text in sorted(_gathered(knots, texts)):  # nearer to the last than a label is wide: one row up
             row = 0 if place - last[0] >= near or last[0] < last[1] else 1
             last[row] = place
-            note(ax, text, (place, 0), (0, 7 + 24 * row), va="bottom")
+            scene.note(ax, text, (place, 0), (0, 7 + 24 * row), va="bottom")
         return
     ax.fill(*corners.T, facecolor="#EAF2F8", edgecolor=LINE_COLOURS[0], lw=1.6, zorder=1)
     _draw_plane(ax, patch.domain, texts)
@@ -46,7 +37,7 @@ def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
         along = (b - a) / np.hypot(*(b - a))
         upright = 90 - (90 - np.degrees(np.arctan2(along[1], along[0]))) % 180  # so that it is not upside down
         style = {"va": "center", "fontsize": 7.5, "color": LINE_COLOURS[0], "rotation": upright, "zorder": 6}
-        note(ax, f"edge {edge}", (a + b) / 2, (9 * along[1], -9 * along[0]), **style)
+        scene.note(ax, f"edge {edge}", (a + b) / 2, (9 * along[1], -9 * along[0]), **style)
 
 
 def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> None:
@@ -64,7 +55,7 @@ def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> Non
 
 def _draw_plane(ax: Axes, shape: Domain, texts: Sequence[str], absent: Sequence[int] = ()) -> None:
     """Draw knots over Δ with texts on the inside, as edges have their numbers outside."""
-    view = plane_view(ax, shape.vertices)
+    view = scene.plane_view(ax, shape.vertices)
     ax.set(xlabel="u", ylabel="v")
     _draw_knots(view, shape.knots, absent)
     for place, text in _gathered(shape.knots, texts):
@@ -73,7 +64,7 @@ def _draw_plane(ax: Axes, shape: Domain, texts: Sequence[str], absent: Sequence[
         sharp = bool((shape.vertices == place).all(axis=1).any())  # edges run above and below
         up = int(not sharp) if abs(y) < 0.3 else int(np.sign(y))
         ha, va = ("center", "left", "right")[across], ("center", "bottom", "top")[up]
-        note(ax, text, place, (5 * across, 6 * up), ha=ha, va=va, bbox=HALO)
+        scene.note(ax, text, place, (5 * across, 6 * up), ha=ha, va=va, bbox=scene.HALO)
 
 
 def _inward(place: FloatArray, shape: Domain) -> FloatArray:
@@ -94,7 +85,7 @@ def _gathered(knots: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float
     return [(place, "\n".join(several)) for place, several in lines.items()]
 
 
-def _draw_knots(view: View, places: FloatArray, absent: Sequence[int] = ()) -> None:
+def _draw_knots(view: scene.View, places: FloatArray, absent: Sequence[int] = ()) -> None:
     """Draw knots as dots, those in no cell hollow."""
     view.points(np.delete(places, list(absent), axis=0), colour=INK, edge="white", size=5.5)
     view.points(places[list(absent)], size=6)
@@ -111,13 +102,13 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
     for x, height in zip(t.tolist(), heights.tolist(), strict=True):
         ax.plot([x, x], [floor, height], ":", color=FAINT, lw=0.9, zorder=2)
     for level in (heights, np.full(len(t), floor)):
-        _draw_knots(View(ax), np.column_stack([t, level]), found.absent)
+        _draw_knots(scene.View(ax), np.column_stack([t, level]), found.absent)
     if numbered:
         for i, (x, height) in enumerate(zip(t.tolist(), heights.tolist(), strict=True)):
             climbs = any(t[a] <= x < t[b] and heights[b] > heights[a] for a, b in found.polygons)
             rising = climbs and i not in found.absent
-            note(ax, f"{height:.4g}", (x, height), (-5 if rising else 5, 4), ha="right" if rising else "left")
-            note(ax, subscript("a", i), (x, floor), (0, -15), annotation_clip=False)
+            scene.note(ax, f"{height:.4g}", (x, height), (-5 if rising else 5, 4), ha="right" if rising else "left")
+            scene.note(ax, subscript("a", i), (x, floor), (0, -15), annotation_clip=False)
     ax.margins(x=0.07)
     ceiling = float(heights.max()) + 0.14 * (float(np.ptp(heights)) or 1.0)
     ax.set(ylim=(floor, ceiling), xticks=[], ylabel="λ")
@@ -130,7 +121,7 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     flat = (found.knots - (low + high) / 2) / float((high - low).max())
     rise = float(np.ptp(found.lifting)) or 1.0
     domain_gap = 0.4  # distance of Δ below the lowest lifted knot, relative to the width of Δ
-    heights = domain_gap + GRAPH_HEIGHT * (found.lifting - found.lifting.min()) / rise
+    heights = domain_gap + scene.GRAPH_HEIGHT * (found.lifting - found.lifting.min()) / rise
     lifted, ground = np.column_stack([flat, heights]), np.column_stack([flat, np.zeros(len(flat))])
     fans = [[(p[0], p[k], p[k + 1]) for k in range(1, len(p) - 1)] for p in found.polygons]
     upper = np.array([face for fan in fans for face in fan])
@@ -138,16 +129,17 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     colours = np.array([rgb(patch_colour(k)) for k in cell.tolist()])
     vertices = np.concatenate([lifted, ground])
     faces = np.concatenate([upper, upper + len(lifted)])
-    surface = ShadedTriangles(vertices, faces, None, np.concatenate([colours, colours]))
-    (view,) = space_views([ax], look.camera, [surface])
+    surface = scene.ShadedTriangles(vertices, faces, None, np.concatenate([colours, colours]))
+    (view,) = scene.space_views([ax], look.camera, [surface])
     for level, width, texts, up, colour in (
         (lifted, 1.2, [f"λ={value:.4g}" for value in found.lifting], 6, INK),
         (ground, 0.9, [subscript("a", i) for i in range(len(flat))], -6, LINE_COLOURS[0]),
     ):
-        view.lines([level[[*polygon, polygon[0]]] for polygon in found.polygons], width=width, hidden=HIDDEN_STRENGTH)
+        closed = [level[[*polygon, polygon[0]]] for polygon in found.polygons]
+        view.lines(closed, width=width, hidden=scene.HIDDEN_STRENGTH)
         _draw_knots(view, level, found.absent)
         for place, text in zip(view.seen(level)[:, :2], texts if look.numbers(len(flat)) else (), strict=False):
-            note(ax, text, place, (0, up), bbox=HALO, va="bottom" if up > 0 else "top", color=colour)
+            scene.note(ax, text, place, (0, up), bbox=scene.HALO, va="bottom" if up > 0 else "top", color=colour)
     view.lines(list(np.stack([ground, lifted], axis=1)), colour=FAINT, width=0.8, hidden=0.7)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of
 from gtb_cli.plots.look import Axes, Camera
-from gtb_cli.plots.palette import FAINT, INK, SURFACE_COLOUR, rgb
+from gtb_cli.plots.palette import FAINT, INK, OPEN, SURFACE_COLOUR, rgb
 from gtb_cli.plots.raster import Raster, rasterised
 from gtb_cli.values import frozen
 
@@ -179,11 +179,11 @@ class View:
             away = (9 * x / length, 9 * y / length) if length else (6.3, 6.3)
             note(self.ax, text, place, away, va="center", color=INK, bbox=HALO)
 
-    def names(self, texts: Sequence[str], places: Sequence[FloatArray], colour: str) -> None:
-        """Write texts at seen places, moved into the frame; one that would cover an earlier one is left out."""
+    def names(self, texts: Sequence[str], places: Sequence[FloatArray]) -> None:
+        """Write names of open edges at seen places, moved into the frame; one that would cover another is left out."""
         frame, taken = self.ax.get_window_extent(), list[Any]()
         for text, place in zip(texts, places, strict=True):
-            written = note(self.ax, text, place, (0, 0), va="center", color=colour, bbox=HALO)
+            written = note(self.ax, text, place, (0, 0), va="center", color=OPEN, bbox=HALO)
             box = written.get_window_extent()
             right, up = (
                 max(low - start, 0.0) - max(stop - high, 0.0)

@@ -7,13 +7,10 @@ import socket
 import threading
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import CancelledError, Future, wait
-from typing import Any, TypeVar
+from typing import Any
 
 from gtb_cli.errors import GtbError
-from gtb_cli.process.processes import in_order
-
-T = TypeVar("T")
-R = TypeVar("R")
+from gtb_cli.process.processes import R, T, in_order
 
 CONNECTION_SECONDS = 10.0  # seconds within which a scheduler must answer
 

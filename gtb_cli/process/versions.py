@@ -4,7 +4,7 @@ import functools
 import hashlib
 import platform
 from importlib.metadata import PackageNotFoundError, version
-from importlib.resources import files
+from pathlib import Path
 
 from gtb_cli.version import __version__
 
@@ -36,13 +36,10 @@ def package_version(package: str) -> str | None:
 
 
 def _checksum_of_sources() -> str:
-    found, waiting = hashlib.sha256(), [files("gtb_cli")]
-    while waiting:
-        for entry in sorted(waiting.pop().iterdir(), key=lambda entry: entry.name):
-            if entry.is_dir():
-                waiting += [entry] if entry.name != "__pycache__" else []
-            else:
-                found.update(f"{entry.name}:{hashlib.sha256(entry.read_bytes()).hexdigest()}\n".encode())
+    found = hashlib.sha256()
+    for file in sorted(Path(__file__).parents[1].rglob("*.*")):
+        if file.is_file() and file.suffix != ".pyc":
+            found.update(f"{file.name}:{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
     return found.hexdigest()
 
 

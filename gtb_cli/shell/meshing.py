@@ -13,7 +13,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.shell.streams import Spec, output_format, refuse_terminal
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import FORMATS, Up
+from gtb_cli.vocabulary import CAD_SUFFIXES, CELL_FORMATS, FORMATS, Up
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
@@ -77,9 +77,9 @@ class MeshOptions:
             messages.append(f"{kind.upper()} cannot hold attributes, and none are written; PLY can")
         return messages
 
-    def format_for(self, output: str, more: Iterable[str] = ()) -> str:
+    def format_for(self, output: str) -> str:
         """Return the format of an output, as `output_format` does; refuse a binary one on a terminal."""
-        kind = output_format(output, self.format, FORMATS, more)
+        kind = output_format(output, self.format, FORMATS, (*CAD_SUFFIXES, *CELL_FORMATS))
         if not FORMATS[kind].is_text(self.ascii):
             refuse_terminal(output, kind, "-o FILE" if FORMATS[kind].text == "never" else "-o FILE or --ascii")
         return kind

@@ -30,20 +30,16 @@ def inputs_of(specs: Sequence[str], output: str, meshes: bool = False) -> tuple[
     return found
 
 
-def attempted(spec: str, function: Callable[[], Found], *passing: type[Exception]) -> Found | GtbError:
-    """Return ``function()`` or its error, which names the spec; errors of the kinds in `passing` are raised."""
+def attempted(spec: str, function: Callable[[str], Found], *passing: type[Exception]) -> Found | GtbError:
+    """Return ``function(spec)`` or its error, which names the spec; errors of the kinds in `passing` are raised."""
     try:
-        return function()
+        return function(spec)
     except passing:
         raise
     except GtbError as error:
         return error
     except Exception as error:  # noqa: BLE001 -- returned, and reported with an exit status that says so
         return GtbError(*faults_about(error)).within(shown_input(spec))
-
-
-def _reported(spec: str, report: Callable[[str], Found]) -> Found | GtbError:
-    return attempted(spec, partial(report, spec))
 
 
 @dataclass(frozen=True)
@@ -69,7 +65,7 @@ class ReportRequest:
         `GtbError` if all specs have errors.
         """
         specs = inputs_of(self.specs, self.streams.output, meshes)
-        reported = partial(_reported, report=partial(report, reading=self.streams.reading, weld=self.weld))
+        reported = partial(attempted, function=partial(report, reading=self.streams.reading, weld=self.weld))
         found: list[tuple[str, Found]] = []
         errors: list[Fault] = []
         with closing(Workers(self.jobs).results(reported, [spec for spec in specs if spec != STANDARD])) as elsewhere:

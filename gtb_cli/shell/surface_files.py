@@ -16,8 +16,12 @@ def surface_format(format: str | None, output: str) -> str | None:
     return kinds.get(format) if format is not None else (kinds | CAD_SUFFIXES).get(suffix_of(output))
 
 
-def write_surfaces(specs: Sequence[str], kind: str, options: MeshOptions, streams: Streams) -> None:
+def write_surfaces(
+    specs: Sequence[str], kind: str, options: MeshOptions, streams: Streams, manifest: str | None
+) -> None:
     """Write the surfaces of one spec as STEP, IGES, BREP or VTU, and say what is exact."""
+    if manifest is not None:
+        raise click.UsageError(f"--manifest is for meshes, and {kind.upper()} holds surfaces")
     if are_several(specs) or is_folder(streams.output):
         raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
     names = ["normals", "uv", "ascii", "radius", "thickness", *([] if kind in CELL_FORMATS else ["attributes"])]

@@ -1,24 +1,26 @@
 """`-j` and `--cluster`: several specs, each done by this process, by one of several processes, or on a cluster."""
 
 from collections.abc import Callable, Generator, Sequence
-from typing import NamedTuple, TypeVar
+from dataclasses import dataclass
 
 import click
 
 from gtb_cli.process.memory import divided_among
-from gtb_cli.process.processes import MAX_JOBS, in_processes, processors
+from gtb_cli.process.processes import MAX_JOBS, R, T, in_processes, processors
 from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.options import WholeNumber
 
-T = TypeVar("T")
-R = TypeVar("R")
 
-
-class Workers(NamedTuple):
+@dataclass(frozen=True)
+class Workers:
     """A number of processes (1: this one; 0: one for each processor), or a cluster: its scheduler's address or file."""
 
     jobs: int
     cluster: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.cluster is not None and self.jobs != 1:
+            raise click.UsageError("--cluster and -j exclude each other: the cluster says how many workers there are")
 
     def results(
         self,
@@ -49,15 +51,9 @@ jobs_option = click.option(
 )
 
 
-def _workers(jobs: int, cluster: str | None) -> Workers:
-    if cluster is not None and jobs != 1:
-        raise click.UsageError("--cluster and -j exclude each other: the cluster says how many workers there are")
-    return Workers(jobs, cluster)
-
-
 workers_option = gathered(
     "workers",
-    _workers,
+    Workers,
     jobs_option,
     click.option(
         "--cluster",

@@ -105,7 +105,7 @@ def test_names_stay_inside_the_frame_and_do_not_cover_each_other():
     figure = Figure(figsize=(2, 2), dpi=100)
     (view,) = space_views([figure.add_axes((0, 0, 1, 1))], Camera(), [None], [np.eye(3)])
     places = [view.seen(point)[:2] for point in (*np.eye(3), np.eye(3)[0])]
-    view.names(["a long name of a patch", "b" * 20, "c", "d"], places, OPEN)
+    view.names(["a long name of a patch", "b" * 20, "c", "d"], places)
     boxes = [text.get_window_extent() for text in view.ax.texts]
     assert [text.get_text()[0] for text in view.ax.texts] == ["a", "b", "c"]
     assert all(box.min.min() >= -1 and box.max.max() <= 201 for box in boxes)
