@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from gtb_cli.arrays import unit
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.fairing.folds import folds, sharp_turns
 from gtb_cli.filling import net, one_patch
-from gtb_cli.filling.certificate import Filling
+from gtb_cli.filling.certificate import Filling, edge_of
 from gtb_cli.filling.corner_forms import CornerForms
 from gtb_cli.filling.fairest import FairSearch
 from gtb_cli.filling.fill import fill
@@ -31,7 +32,7 @@ from gtb_cli.filling.tangent_rows import edge_rows
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
-from gtb_cli.theory.corners import CornerLayer, corner_limits, limits_of_normals
+from gtb_cli.theory.corners import CornerLayer, corner_layer, corner_limits, limits_of_normals
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
 from tests.filling.loops import homogeneous, random_sides
@@ -64,7 +65,7 @@ def largest_angle(filling: Filling, sides: list[HoleSide]) -> float:
     angles = []
     for k, side in enumerate(filling.sides):
         given = next(other for other in sides if other.name == side.name)
-        edge = int(np.abs(patch.domain.vertices - patch.knots[k]).sum(axis=1).argmin())
+        edge = edge_of(patch, k)
         heights = patch.domain.heights[:, edge]
         row = np.flatnonzero(np.abs(heights - heights[heights > 0].min()) < 1e-9 * heights.max())
         row = row[np.argsort(patch.domain.along(edge, patch.knots[row]))]
@@ -255,6 +256,10 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
         seen = patch.curvature(places[(away > 1e-4) & (away < 0.05)], "linear")
         largest = np.nanmax(np.abs(seen.mean) + np.sqrt(np.maximum(seen.mean**2 - seen.gaussian, 0)))
         assert 0.4 < largest / told[corner] < 1.03
+        fan_of_layer, depths = np.meshgrid(np.linspace(-1, 1, 41), np.log(np.geomspace(1e-6, 0.1, 11)))
+        at = np.stack([fan_of_layer * np.log(250 / -depths), depths])
+        layer = corner_layer(patch.domain, patch.log_products, patch.control_points, edge_of(patch, corner), at)
+        assert np.nanmax(layer.curvatures) < 1.01 * told[corner]
 
 
 @pytest.mark.parametrize(
@@ -316,13 +321,10 @@ def test_rows_are_free_where_a_patch_is_fairer_so(monkeypatch):
 def test_beside_a_short_side_rows_cross_the_long_one():
     """They ran along it there, a third of the short side away from it, and corners had no bounded curvature."""
     ends = np.array([[0, 0, 0], [1, 0, 0.2], [1, 0.999, 0], [0.999, 1, 0], [0, 1, 0.2]])
-    ways, t = np.roll(ends, -1, axis=0) - ends, stations()[:, None]
-    to = ways / np.linalg.norm(ways, axis=1)[:, None]
-    curves = [homogeneous(np.stack([end, end + way / 2, end + way])) for end, way in zip(ends, ways, strict=True)]
-    sides = [HoleSide(f"{k}", curve, t * to[k - 4] - (1 - t) * to[k - 1]) for k, curve in enumerate(curves)]
+    to, t = unit(np.roll(ends, -1, axis=0) - ends), stations()[:, None]
+    sides = [HoleSide(f"{k}", homogeneous(ends[[k, k - 4]]), t * to[k - 4] - (1 - t) * to[k - 1]) for k in range(5)]
     edges = [edge_rows(side, side_normals(side), 2) for side in sides]
-    shape = net.net(edges)
-    rows = Rows(shape, edges)
+    rows = Rows(shape := net.net(edges), edges)
     table, least = rows._bounds(set(), 0.9)
     assert len(least) == 12  # two at each corner, and of the short side's row over both long edges
     points, _ = rows._at(table.T @ _multipliers(table @ table.T, least))  # as near to their edges as they may be
