@@ -19,7 +19,6 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 SPIKE = 30.0  # largest curvature, relative to a sphere's with the same area, of a patch that does not turn sharply
-
 DISAGREEING = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
 
 
@@ -192,19 +191,13 @@ def contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None
         return found
     bend = np.abs(patch_bend(patch, edge_of(patch, side), given.curve, normals) - given.bend)
     k = int(bend.argmax())
-    inside = bend_inside(patch, edge_of(patch, side), given.curve)
-    return replace(found, bend=float(bend[k]), bend_place=points[k], bend_inside=inside)
+    inside, there = patch.curvature(hundredth_inside(patch, edge_of(patch, side), given.curve), "linear").mean
+    return replace(found, bend=float(bend[k]), bend_place=points[k], bend_inside=2 * float(abs(inside - there).max()))
 
 
 def angles_to(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
     """Return the angles in degrees between the patch's and the given normals at the `stations` of a side."""
     return angles_between(edge_normals(patch, edge_of(patch, side), stations()), normals)
-
-
-def bend_inside(patch: Patch, edge: int, curve: FloatArray) -> float:
-    """Return twice the largest difference of mean curvatures, as of those across, at an edge and a hundredth inside."""
-    inside, there = (patch.curvature(places, "linear").mean for places in hundredth_inside(patch, edge, curve))
-    return float(2 * np.abs(inside - there).max())
 
 
 def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31) -> FloatArray:

@@ -31,7 +31,7 @@ class CornerForms:
         `given` tells for each of r sides whether its row has planes.
         """
         straight, crossing = 1e-3, 0.04  # sine of the angle of edges; how far rows are from them, of their first way
-        short = 1e-2  # a first way, of the longest: equations would only hold by a wave of its neighbours' size
+        short = 1e-2  # a first way, of the longest: without planes they hold only by a wave as large as its neighbours
         b = points[corners] - points[corners[:, :1]]
         w = np.exp(log_weights[corners] - log_weights[corners[:, :1]])
         before: BoolArray = np.roll(given, 1)
@@ -47,8 +47,8 @@ class CornerForms:
         equations = []
         for i, j, k, sums in ((1, 2, 3, (5, 6, 7)), (4, 3, 2, (9, 8, 7))):
             across = np.cross(normals, b[:, j])
-            (x0, y0), (x2, y2) = ((dots(b[:, a], b[:, j]), dots(b[:, a], across)) for a in (i, k))
-            size = np.maximum(dots(across, across), 1e-300)
+            (x0, y0), (x2, y2) = ((np.vecdot(b[:, a], b[:, j]), np.vecdot(b[:, a], across)) for a in (i, k))
+            size = np.maximum(np.vecdot(across, across), 1e-300)
             row = [
                 -y2 * w[:, sums[0]] / (w[:, i] * w[:, j]),
                 2 * (x0 * y2 - x2 * y0) / size * w[:, sums[1]] / w[:, j] ** 2,
@@ -61,7 +61,7 @@ class CornerForms:
         inward = unit(np.cross(np.cross(places, np.roll(places, -1, axis=0)).sum(axis=0), b[:, 1] - b[:, 4]))
         for column, free in ((2, ~given), (3, ~before)):
             least = crossing * lengths[:, column * 3 - 6]
-            near: BoolArray = is_straight & (dots(b[:, column], inward) <= least * (1 + 1e-9))
+            near: BoolArray = is_straight & (np.vecdot(b[:, column], inward) <= least * (1 + 1e-9))
             for on, ways, targets in ((free, normals, 0 * least), (near, inward, least)):
                 members, alone = np.tile(corners[on, column, None], 3), np.tile([1.0, 0, 0], (int(on.sum()), 1))
                 equations.append((members, corners[on, 0], alone, ways[on], targets[on]))
@@ -70,15 +70,10 @@ class CornerForms:
     def residuals(self, points: FloatArray) -> FloatArray:
         """Return what is missing: (c,) sums at (n, 3) points."""
         ways = points[self.members] - points[self.origins[:, None]]
-        return np.asarray((self.factors * dots(ways, self.normals[:, None])).sum(axis=1) - self.targets)
+        return np.asarray((self.factors * np.vecdot(ways, self.normals[:, None])).sum(axis=1) - self.targets)
 
     def matrix(self, count: int) -> FloatArray:
         """Return the (c, n) factors of n points."""
         table = np.zeros((len(self.members), count))
         np.add.at(table, (np.arange(len(table))[:, None], self.members), self.factors)
         return table
-
-
-def dots(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the scalar products of rows of tables with any axes before."""
-    return np.asarray((a * b).sum(axis=-1))

@@ -212,7 +212,8 @@ class _Form:
         points = points.copy()
         if pulled:  # many: in all coordinates of the free points, as there are fewer of these
             rows, ways, wanted = pulled
-            soft, hard = _in_coordinates(rows[:, self._free], ways), _in_coordinates(held, equations.normals)
+            pairs = (rows[:, self._free], ways), (held, equations.normals)
+            soft, hard = ((a[:, :, None] * n[:, None]).reshape(len(a), -1) for a, n in pairs)
             lacking = soft.T @ (wanted - ((rows @ points) * ways).sum(axis=1))
             form = np.kron(self._own, np.eye(3)) + soft.T @ soft
             shifts = np.linalg.solve(form, np.column_stack([lacking, hard.T]))
@@ -229,8 +230,3 @@ def _forces(softness: FloatArray, missing: FloatArray) -> FloatArray:
     """Return the least forces that do what is missing, in equations of any size."""
     size = np.sqrt(np.where(np.diag(softness) > 0, np.diag(softness), 1.0))
     return np.asarray(np.linalg.lstsq(softness / size / size[:, None], missing / size, rcond=RANK)[0] / size)
-
-
-def _in_coordinates(rows: FloatArray, ways: FloatArray) -> FloatArray:
-    """Return (p, 3 n) factors of coordinates, of (p, n) rows of points along (p, 3) ways."""
-    return (rows[:, :, None] * ways[:, None]).reshape(len(rows), -1)

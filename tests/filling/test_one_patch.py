@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from gtb_cli.arrays import unit
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.fairing.folds import folds, sharp_turns
-from gtb_cli.filling import net, one_patch
-from gtb_cli.filling.certificate import Filling
+from gtb_cli.filling import certificate, net, one_patch
+from gtb_cli.filling.certificate import Filling, edge_of
 from gtb_cli.filling.corner_forms import CornerForms
 from gtb_cli.filling.fairest import FairSearch
 from gtb_cli.filling.fill import fill
@@ -64,7 +65,7 @@ def largest_angle(filling: Filling, sides: list[HoleSide]) -> float:
     angles = []
     for k, side in enumerate(filling.sides):
         given = next(other for other in sides if other.name == side.name)
-        edge = int(np.abs(patch.domain.vertices - patch.knots[k]).sum(axis=1).argmin())
+        edge = edge_of(patch, k)
         heights = patch.domain.heights[:, edge]
         row = np.flatnonzero(np.abs(heights - heights[heights > 0].min()) < 1e-9 * heights.max())
         row = row[np.argsort(patch.domain.along(edge, patch.knots[row]))]
@@ -313,16 +314,25 @@ def test_rows_are_free_where_a_patch_is_fairer_so(monkeypatch):
     assert fill_loop(sides, raises=2).bending.variation < 1.1 * fair
 
 
+def test_narrow_ridges_near_corners_are_found(monkeypatch):
+    """One of height 2 along an edge, of which the first fan sees a sixth, beside a broad one of 1."""
+
+    def layer(_, __, ___, ____, at):
+        u, far = at[0] / np.log(300 / -at[1]), at[1] / np.log(10)
+        ridge = 2 * np.exp(-(((u - 0.925) / 0.026) ** 2) - ((far + 1.75) / 0.26) ** 2)
+        return SimpleNamespace(curvatures=ridge + np.exp(-4 * u**2 - (far + 3) ** 2))
+
+    monkeypatch.setattr(certificate, "corner_layer", layer)
+    assert certificate.curvature_near(Patch(L[:3, :2], L[:3]), 0) == pytest.approx(2, rel=2e-2)
+
+
 def test_beside_a_short_side_rows_cross_the_long_one():
     """They ran along it there, a third of the short side away from it, and corners had no bounded curvature."""
     ends = np.array([[0, 0, 0], [1, 0, 0.2], [1, 0.999, 0], [0.999, 1, 0], [0, 1, 0.2]])
-    ways, t = np.roll(ends, -1, axis=0) - ends, stations()[:, None]
-    to = ways / np.linalg.norm(ways, axis=1)[:, None]
-    curves = [homogeneous(np.stack([end, end + way / 2, end + way])) for end, way in zip(ends, ways, strict=True)]
-    sides = [HoleSide(f"{k}", curve, t * to[k - 4] - (1 - t) * to[k - 1]) for k, curve in enumerate(curves)]
+    to, t = unit(np.roll(ends, -1, axis=0) - ends), stations()[:, None]
+    sides = [HoleSide(f"{k}", homogeneous(ends[[k, k - 4]]), t * to[k - 4] - (1 - t) * to[k - 1]) for k in range(5)]
     edges = [edge_rows(side, side_normals(side), 2) for side in sides]
-    shape = net.net(edges)
-    rows = Rows(shape, edges)
+    rows = Rows(shape := net.net(edges), edges)
     table, least = rows._bounds(set(), 0.9)
     assert len(least) == 12  # two at each corner, and of the short side's row over both long edges
     points, _ = rows._at(table.T @ _multipliers(table @ table.T, least))  # as near to their edges as they may be

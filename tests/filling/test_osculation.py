@@ -7,7 +7,7 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.filling.certificate import Filling, bend_inside, edge_of
+from gtb_cli.filling.certificate import Filling, contact as contact_at, edge_of
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.holes import ring_sides
 from gtb_cli.filling.one_patch import fill_loop
@@ -251,4 +251,6 @@ def test_the_curvature_inside_is_that_a_hundredth_of_the_length_from_the_edge():
     """Of z = x³ over a square: 0 on the edge x = 0, and z″ / 2 = 0.03 at x = 0.01; it is said twice."""
     grid = [[i, j] for i in range(4) for j in range(2)]
     cubic = Patch(grid, [[i / 3, j, float(i == 3)] for i, j in grid], coefficients=[1, 1, 3, 3, 3, 3, 1, 1])
-    assert bend_inside(cubic, 3, np.array([[0.0, 1, 0, 1], [0, 0, 0, 1]])) == pytest.approx(0.06, rel=1e-2)
+    side = HoleSide("x = 0", np.array([[0.0, 1, 0, 1], [0, 0, 0, 1]]), bend=np.zeros(96))
+    found = contact_at(cubic, 1, side, np.tile([0.0, 0, 1], (96, 1)))
+    assert (found.bend, found.bend_inside) == pytest.approx((0, 0.06), rel=1e-2)
