@@ -18,7 +18,7 @@ from gtb_cli.theory.patch import Patch
 
 SPANS: tuple[int, ...] = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted piece, tried in turn
 POLAR_SPANS: tuple[int, ...] = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
-CURVED_SPANS: tuple[int, ...] = (4, 6)  # of those that meet curvature
+CURVED_SPANS: tuple[int, ...] = (4, 5, 6)  # of those that meet curvature
 
 
 class SplineSurfaces(NamedTuple):
@@ -76,7 +76,7 @@ def spline_surfaces(
     closest = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
     much, enough = 0.1, 0.1  # a share of places with planes that no B-spline follows, and degrees that suffice then
     names = {index: name_of(patches[index], index) for index in reasons}
-    edges = half_edges(spec, reasons)
+    edges = {} if curved else half_edges(spec, reasons)
     halves = {i: [edges.get((i, k)) for k in range(len(patches[i].domain.vertices))] for i in reasons}
     # Of points, as control points inside may be far away
     size = float(np.ptp(np.concatenate([patch.evaluate(patch.knots) for patch in patches]), axis=0).max())

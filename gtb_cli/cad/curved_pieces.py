@@ -13,11 +13,12 @@ from gtb_cli.arrays import FloatArray, IntArray, unit
 from gtb_cli.cad.spline_pieces import Splines, grid
 from gtb_cli.errors import DomainError
 
-ROUNDS, SMALL = 8, 5e-4  # of least squares, as long as poles move by more than a share of the size
+ROUNDS, SETTLING = 6, 2  # of least squares; in the last ones poles move along normals only, as others waver
 ANGLES = 1e6  # of planes at seams, beside the variation of forms: a tenth as much gives three times the angles, .0009°
 JUMPS = 3e2  # of forms at seams, which are free: ten times as much costs angles at seams, up to .003°
 BENDS = 1e3  # of forms at edges, which are given: a tenth as much leaves .4 % of the largest, and not .04 %
-RIDGE, SLIDE = 1e-11, 100.0  # share of the diagonal, beyond its rounding; share of moves along the surface
+RIDGE, HOLD = 1e-11, 1e14  # share of the diagonal, beyond its rounding; cost of other moves then
+SLIDE = 1e3  # cost of moves along the surface before: with a tenth as much, a torus folds
 
 _Kinds: TypeAlias = list[tuple[Splines, Splines]]
 # A weight, rows of some nets, and what the sum of these rows should be
@@ -74,8 +75,9 @@ def curve_pieces(
     kinds = [splines] * (len(nets) // 2) + [splines[:1] * 2] * (len(nets) // 2)
     moves, costs = _moves(nets, kinds)
     moved = np.zeros(len(costs))
-    for _ in range(ROUNDS):
-        matrix, wanted = np.diag(costs), -costs * moved * (costs > 1)
+    for number in range(ROUNDS):
+        held = HOLD * (costs > 1) * (number >= ROUNDS - SETTLING)
+        matrix, wanted = np.diag(costs + held), -costs * moved * (costs > 1)
         for weight, parts, target in _conditions(nets, kinds, edges):
             lacks = target - np.sum([rows @ nets[p][..., :3].ravel() for p, rows in parts], axis=0)
             total = np.sum([rows @ moves[p] for p, rows in parts], axis=0)
@@ -91,8 +93,6 @@ def curve_pieces(
         moved += step
         for net, table in zip(nets, moves, strict=True):
             net[..., :3] += (table @ step).reshape(net[..., :3].shape)
-        if np.abs(step).max() < SMALL:
-            break
 
 
 def _conditions(
@@ -108,7 +108,7 @@ def _conditions(
             places = _Places(nets[k], kinds[k], grid(half.conditions, np.array([float(end)])))
             towards = unit(np.cross(normals, places.along))
             yield BENDS, [(k, places.form(towards, towards))], np.einsum("ni,nij,nj->n", towards, forms, towards)
-    for (p, at), (q, at_other) in _seams(half.conditions, len(nets) // 2):
+    for (p, at), (q, at_other) in _seams(np.concatenate([[0.0], half.conditions, [1.0]]), len(nets) // 2):
         one, other = _Places(nets[p], kinds[p], at), _Places(nets[q], kinds[q], at_other)
         towards = unit(np.cross(one.normals + other.normals, one.across))
         normals = unit(np.cross(one.across, towards))
