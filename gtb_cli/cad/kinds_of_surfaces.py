@@ -1,5 +1,6 @@
 """Surfaces instead of triangles: CAD formats, what is exact in them, and what they lack."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
 from gtb_cli.cad.cad_seams import Seams
+from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.cad.sewing import encode_cad
 from gtb_cli.errors import RequirementError, ToleranceError
 from gtb_cli.importers.cad_files import moved
@@ -33,12 +35,18 @@ def encode_surfaces(
     With `bend_allowed` fitted surfaces also have the curvature of its faces; a `ToleranceError` if it differs by more
     than this share of the part's largest.
     """
-    curved, origin, near = bend_allowed is not None, np.zeros(3), part
-    if part is not None:  # far away, planes at smooth corners are lost in rounding
-        origin = np.concatenate([patch.control_points for patch in spec.patches]).mean(axis=0)
-        spec, (near,) = _with_points(spec, lambda points: points - origin), moved(origin, part)
-    found = spline_surfaces(spec, tolerance, angle, near, curved=curved)
-    surfaces = [each._replace(net=each.net + np.append(origin, 0)) for each in found.surfaces]
+    surfaces, curved = list[SplineSurface](), bend_allowed is not None
+    if part is None:
+        found = spline_surfaces(spec, tolerance, angle)
+        surfaces += found.surfaces
+    else:  # near the origin, as far away planes at smooth corners are lost in rounding
+        points = np.concatenate([patch.control_points for patch in spec.patches])
+        origin, digits = points.mean(axis=0), 10 - math.floor(math.log10(np.ptp(points, axis=0).max()))
+        near = _with_points(spec, lambda points: points - origin)
+        found = spline_surfaces(near, tolerance, angle, *moved(origin, part), curved=curved)
+        for each in found.surfaces:  # ten digits of the size are enough, and all would make files a tenth larger
+            places = np.round(each.net[..., :3] + origin, digits)
+            surfaces.append(each._replace(net=np.dstack([places, each.net[..., 3]])))
     body = encode_cad(surfaces, kind, unit, spec.name or "patch", part, curved=curved)
     if closed and body.shells:
         raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")

@@ -162,6 +162,8 @@ def fill(
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
     _report(filling, streams.console, is_long, written=not bends)
     if kind is not None:
+        if seams is not None and (cause := _own_planes(filling, seams.angle)):
+            warnings.append(cause)
         streams.console.report(streams.output, size, warnings)
 
 
@@ -220,6 +222,17 @@ def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dic
 def _bending(bending: Bending, error: float) -> dict[str, float]:
     integrals = {"area": bending.area, "bending": bending.energy, "variation": bending.variation}
     return integrals | {"curvature": bending.curvature, "relative_error": error}
+
+
+def _own_planes(filling: Filling, apart: float) -> str:
+    """Say where a part's own planes differ, if seams to it are so many degrees apart for that; nothing otherwise."""
+    enough, share, doubted = 1e-3, 0.1, 1.0  # degrees; of them; degrees from which on the fill says it itself
+    known = [(angle, k) for k, angle in enumerate(filling.corner_angles.tolist()) if not math.isnan(angle)]
+    most, k = max(known, default=(0.0, 0))
+    if apart <= enough or not share * apart < most <= doubted:
+        return ""
+    place = filling.at(filling.sides[k].ends[0])
+    return f"the part's own planes differ by {most:.2g} degrees at {place}: no face can meet both"
 
 
 def _report(filling: Filling, console: Console, is_long: bool, *, written: bool) -> None:

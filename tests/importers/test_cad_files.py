@@ -1,5 +1,6 @@
 """Parts from CAD programs, by Open CASCADE: faces and free edges are what the file says."""
 
+import json
 import re
 import sys
 from dataclasses import replace
@@ -96,11 +97,13 @@ def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kin
     """The shape that the file holds is valid, and its seams are what the message says."""
     out = tmp_path / f"filled.{kind}"
     part = cad_files.scaled(box_without_a_corner(radii) if radii else torus_with_a_hole(), size).Shape()
-    result = gtb("fill", written(part, tmp_path), *elevated, "-o", out, status=0)
+    result = gtb("fill", written(part, tmp_path), *elevated, "--json", "-o", out, status=0)
     said = re.search(r"1 solid, seams to the part within (\S+) degrees and (\S+), between new faces (\S+) ", result.err)
     most = 1e-3, 1e-9 if radii else 2e-5, 1e-3
     assert [float(word) < each for word, each in zip(said.groups(), most, strict=True)] == [True] * 3
-    assert float(said[1]) > 0
+    seams = json.loads(result.out)["seams"]
+    assert [f"{seams[key]:.2g}" for key in ("angle", "gap", "inner_angle")] == [*said.groups()]
+    assert (float(said[1]) > 0, seams["curvature"]) == (True, None)
     assert out.stat().st_size < 250_000
     shape = read_shape(out.read_bytes(), kind, out.name)
     assert kernel("BRepCheck").BRepCheck_Analyzer(shape).IsValid()
@@ -131,10 +134,13 @@ def test_pieces_are_points_at_smooth_corners_and_follow_a_part_from_which_the_pa
 def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_path, monkeypatch):
     (far,) = cad_files.moved(np.array([1e6, -1e6, 0]), box_without_a_corner((2, 2, 2)))
     part, out = written(far, tmp_path), tmp_path / "filled.brep"
-    fill = "fill", part, "--elevate", 0, "--continuity", "g2", "-o", out
+    fill = "fill", part, "--elevate", 0, "--continuity", "g2", "--json", "-o", out
     words = r"\Agtb: \S+ 6 fitted faces, 1 solid, seams .*, "
     words += r"curvature to the part within (\S+) \(\S+% of 0.5\) near .* jumps by up to 0.5 at 3 corners"
-    said = re.search(words, gtb(*fill, status=0).err)
+    result = gtb(*fill, status=0)
+    said, found = re.search(words, result.err), json.loads(result.out)
+    assert set(found) == {"schema", "name", "corner_angles", "remarks", "fault", "seams"}  # no other patch's figures
+    assert f"{found['seams']['curvature']['difference']:.2g}" == said[1]
     shape, differences = read_shape(out.read_bytes(), "brep", "x"), []
     new = max(face_kind(face) for face in parts(shape, "FACE"))
     for pair in uses_of_edges(shape).values():
@@ -164,6 +170,9 @@ def test_forms_of_a_face_are_those_of_its_surface():
     normals = cad_files.face_frames(ball, at)[3]
     assert face_forms(ball, at) == pytest.approx((normals[:, :, None] * normals[:, None] - np.eye(3)) / 2, abs=1e-12)
     assert np.isnan(face_forms(ball, [[0.3, np.pi / 2], *at])[0]).all()
+    normals, small = np.array([[2, 3, 6], [6, -2, 3]]) / 7, cad_files.scaled(ball, 1e-8).Shape()
+    found = cad_files.nearest_normals(parts(small, "FACE").__next__(), np.zeros(3), 2e-8 * normals, 4e-8)
+    assert found == pytest.approx(normals, abs=1e-6)  # the kernel projects to 1e-7
 
 
 @long
