@@ -17,7 +17,7 @@ ROUNDS, SETTLING = 6, 2  # of least squares; in the last ones poles move along n
 ANGLES = 1e6  # of planes at seams, beside the variation of forms: a tenth as much gives three times the angles, .0009°
 JUMPS = 3e2  # of forms at seams, which are free: ten times as much costs angles at seams, up to .003°
 BENDS = 1e3  # of forms at edges, which are given: a tenth as much leaves .4 % of the largest, and not .04 %
-RIDGE, SLIDE, HOLD = 1e-11, 100.0, 1e14  # share of the diagonal, beyond rounding; costs of moves along the surface
+RIDGE, SLIDE, HOLD = 1e-11, 1e3, 1e14  # share of the diagonal, beyond rounding; costs of moves along the surface
 
 _Kinds: TypeAlias = list[tuple[Splines, Splines]]
 # A weight, rows of some nets, and what the sum of these rows should be
@@ -63,22 +63,25 @@ class _Places:
 
 def curve_pieces(
     nets: list[FloatArray], splines: tuple[Splines, Splines], edges: Sequence[tuple[FloatArray, FloatArray | None]]
-) -> None:
+) -> float:
     """Change r polar nets and the r nets round the centre, so that the former meet both their edges.
 
     Along each edge, where its conditions are, (n, 3) unit normals, which the nets have already, and (n, 3, 3) forms, if
-    any, are given. Edges, tangent planes along them and corners stay exactly as they are.
+    any, are given. Edges, tangent planes along them and corners stay exactly as they are. Return what is missed
+    of curvatures across edges, as a share of the largest or of 1 / size.
     """
     from scipy.linalg import cho_factor, cho_solve
 
     kinds = [splines] * (len(nets) // 2) + [splines[:1] * 2] * (len(nets) // 2)
     moves, costs = _moves(nets, kinds)
-    moved = np.zeros(len(costs))
+    moved, missed, largest = np.zeros(len(costs)), np.inf, 1.0
     for number in range(ROUNDS):
         held = HOLD * (costs > 1) * (number >= ROUNDS - SETTLING)
-        matrix, wanted = np.diag(costs + held), -costs * moved * (costs > 1)
+        matrix, wanted, missed, largest = np.diag(costs + held), -costs * moved * (costs > 1), 0.0, 1.0
         for weight, parts, target in _conditions(nets, kinds, edges):
             lacks = target - np.sum([rows @ nets[p][..., :3].ravel() for p, rows in parts], axis=0)
+            if weight == BENDS:
+                missed, largest = (max(a, float(np.abs(b).max())) for a, b in ((missed, lacks), (largest, target)))
             total = np.sum([rows @ moves[p] for p, rows in parts], axis=0)
             columns = np.flatnonzero(total.any(axis=0))
             total = total[:, columns]
@@ -92,6 +95,7 @@ def curve_pieces(
         moved += step
         for net, table in zip(nets, moves, strict=True):
             net[..., :3] += (table @ step).reshape(net[..., :3].shape)
+    return missed / largest
 
 
 def _conditions(

@@ -21,10 +21,7 @@ Border: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 def part_borders(patch: Patch, part: Any, *, curved: bool = False) -> list[Border | None]:
-    """Return for each edge of a patch a border if it lies along an open edge of a part, a shape of the kernel.
-
-    Both are near the origin, as points far away are rounded.
-    """
+    """Return for each edge of a patch a border if it lies along an open edge of a part, a shape near the origin."""
     if part is None:
         return [None] * len(patch.domain.vertices)
     rows = list[FloatArray]()

@@ -136,23 +136,21 @@ def fill(
                 streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
             return
         name = None if isinstance(found, Model) else named or input_stem(loop)
-        options = {"continuity": continuity, "inner": inner, "fullness": fullness or 1.0, "raises": raises}
+        # What is written meets curvature, where no patch does
         bends = isinstance(found, Part) and kind is not None and continuity == {"": "g2"}
-        if bends:
-            options["continuity"] = {}  # what is written meets curvature, where no patch does
+        options = {"inner": inner, "fullness": fullness or 1.0, "raises": raises, "g2_tolerance": g2_tolerance}
         with streams.console.clock("fill"):
             fill_hole = filled_in_some_way if fullness is None and raises is None else filled
-            filling = fill_hole(found, hole, name, **options, g2_tolerance=g2_tolerance)
+            filling = fill_hole(found, hole, name, continuity={} if bends else continuity, **options)
     seams = None
     if kind is not None and not filling.fault:
         from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
 
         part = found.shape if isinstance(found, Part) else None
         with about(source):
-            allowed, made = g2_tolerance if bends else None, filling.model or filling.patch
-            data, size, warnings, seams = encode_surfaces(
-                made, kind, "mm", tolerance, angle, part=part, bend_allowed=allowed
-            )
+            bounds, allowed = (tolerance, angle), g2_tolerance if bends else None
+            made = encode_surfaces(filling.model or filling.patch, kind, "mm", *bounds, part=part, bend_allowed=allowed)
+            data, size, warnings, seams = made
         write_blocks(streams.output, [data])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
         streams.write(dump(filling.model or filling.patch))  # before its certificate: it may be impossible
@@ -162,8 +160,13 @@ def fill(
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
     _report(filling, streams.console, is_long, written=not bends)
     if kind is not None:
-        if seams is not None and (cause := _own_planes(filling, seams.angle)):
-            warnings.append(cause)
+        known = [
+            (angle, k) for k, angle in enumerate(filling.corner_angles.tolist()) if angle <= 1
+        ]  # else it is a doubt
+        most, k = max(known, default=(0.0, 0))
+        if seams is not None and seams.angle > 1e-3 and most > seams.angle / 10:
+            place = filling.at(filling.sides[k].ends[0])
+            warnings.append(f"the part's own planes differ by {most:.2g} degrees at {place}: no face can meet both")
         streams.console.report(streams.output, size, warnings)
 
 
@@ -222,17 +225,6 @@ def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dic
 def _bending(bending: Bending, error: float) -> dict[str, float]:
     integrals = {"area": bending.area, "bending": bending.energy, "variation": bending.variation}
     return integrals | {"curvature": bending.curvature, "relative_error": error}
-
-
-def _own_planes(filling: Filling, apart: float) -> str:
-    """Say where a part's own planes differ, if seams to it are so many degrees apart for that; nothing otherwise."""
-    enough, share, doubted = 1e-3, 0.1, 1.0  # degrees; of them; degrees from which on the fill says it itself
-    known = [(angle, k) for k, angle in enumerate(filling.corner_angles.tolist()) if not math.isnan(angle)]
-    most, k = max(known, default=(0.0, 0))
-    if apart <= enough or not share * apart < most <= doubted:
-        return ""
-    place = filling.at(filling.sides[k].ends[0])
-    return f"the part's own planes differ by {most:.2g} degrees at {place}: no face can meet both"
 
 
 def _report(filling: Filling, console: Console, is_long: bool, *, written: bool) -> None:
