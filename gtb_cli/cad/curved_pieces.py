@@ -19,7 +19,6 @@ JUMPS = 3e2  # of forms at seams, which are free: ten times as much costs angles
 BENDS = 1e3  # of forms at edges, which are given: a tenth as much leaves .4 % of the largest, and not .04 %
 RIDGE, SLIDE, HOLD = 1e-11, 1e3, 1e14  # share of the diagonal, beyond rounding; costs of moves along the surface
 
-_Kinds: TypeAlias = list[tuple[Splines, Splines]]
 # A weight, rows of some nets, and what the sum of these rows should be
 _Condition: TypeAlias = tuple[float, list[tuple[int, FloatArray]], FloatArray | float]
 
@@ -54,11 +53,12 @@ class _Places:
         a, b = self.shares(one, chosen), self.shares(other, chosen)
         shares = a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[1] * b[1]
         rows = np.sum([share * second[chosen] for share, second in zip(shares, self.seconds, strict=True)], axis=0)
-        return _along(rows, self.normals[chosen])
+        return np.asarray((rows[..., None] * self.normals[chosen, None]).reshape(len(rows), -1))
 
     def slopes(self, towards: FloatArray, normals: FloatArray) -> FloatArray:
         """Return (n, 3 m) rows of derivatives along (n, 3) tangent vectors, of heights along normals."""
-        return _along((self.shares(towards) * self.rates).sum(axis=0), normals)
+        rows = (self.shares(towards) * self.rates).sum(axis=0)
+        return np.asarray((rows[..., None] * normals[:, None]).reshape(len(rows), -1))
 
 
 def curve_pieces(
@@ -99,7 +99,7 @@ def curve_pieces(
 
 
 def _conditions(
-    nets: list[FloatArray], kinds: _Kinds, edges: Sequence[tuple[FloatArray, FloatArray | None]]
+    nets: list[FloatArray], kinds: list[tuple[Splines, Splines]], edges: Sequence[tuple[FloatArray, FloatArray | None]]
 ) -> Iterator[_Condition]:
     """Yield conditions of forms inside, which vary little, at edges, and of slopes and forms at seams."""
     half = kinds[0][0]
@@ -147,18 +147,13 @@ def _seams(x: FloatArray, r: int) -> Iterator[list[tuple[int, FloatArray]]]:
         yield [(before, grid(one, x)), (here, grid(x, one))]
 
 
-def _along(rows: FloatArray, normals: FloatArray) -> FloatArray:
-    """Return (n, 3 m) rows of parts along normals from (n, m) rows of poles."""
-    return np.asarray((rows[..., None] * normals[:, None]).reshape(len(rows), -1))
-
-
 def _frames(normals: FloatArray) -> FloatArray:
     """Return (n, 2, 3) orthonormal vectors square to normals."""
     e = unit(np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)]))
     return np.stack([e, np.cross(normals, e)], axis=1)
 
 
-def _moves(nets: list[FloatArray], kinds: _Kinds) -> tuple[list[Any], FloatArray]:
+def _moves(nets: list[FloatArray], kinds: list[tuple[Splines, Splines]]) -> tuple[list[Any], FloatArray]:
     """Return for each net sparse (3 m, n) moves of its poles with n variables of all nets, and the costs of these.
 
     Each pole of a polar net that is neither at its corner or edges nor next to them has a variable along its normal;

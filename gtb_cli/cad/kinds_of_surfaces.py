@@ -41,10 +41,12 @@ def encode_surfaces(
         surfaces += found.surfaces
     else:  # near the origin, as far away planes at smooth corners are lost in rounding
         points = np.concatenate([patch.control_points for patch in spec.patches])
-        origin, digits = points.mean(axis=0), 10 - math.floor(math.log10(np.ptp(points, axis=0).max()))
+        origin = points.mean(axis=0)
         near = _with_points(spec, lambda points: points - origin)
         found = spline_surfaces(near, tolerance, angle, *moved(origin, part), curved=curved)
-        for each in found.surfaces:  # ten digits of the size are enough, and all would make files a tenth larger
+        extents = [np.ptp(each.net[..., :3], axis=(0, 1)).max() for each in found.surfaces]
+        digits = 11 - math.floor(math.log10(max(extents)))  # one less spoils curvature near smooth corners
+        for each in found.surfaces:
             places = np.round(each.net[..., :3] + origin, digits)
             surfaces.append(each._replace(net=np.dstack([places, each.net[..., 3]])))
     body = encode_cad(surfaces, kind, unit, spec.name or "patch", part, curved=curved)
