@@ -45,10 +45,11 @@ def encode_surfaces(
         near = _with_points(spec, lambda points: points - origin)
         found = spline_surfaces(near, tolerance, angle, *moved(origin, part), curved=curved)
         extents = [np.ptp(each.net[..., :3], axis=(0, 1)).max() for each in found.surfaces]
-        digits = 11 - math.floor(math.log10(max(extents)))  # one less spoils curvature near smooth corners
+        digits = 11 - math.floor(math.log10(max(extents)))
         for each in found.surfaces:
-            places = np.round(each.net[..., :3] + origin, digits)
-            surfaces.append(each._replace(net=np.dstack([places, each.net[..., 3]])))
+            net, first = each.net + np.append(origin, 0), 4 * bool((each.net[0] == each.net[0, 0]).all())
+            net[first:, :, :3] = np.round(net[first:, :, :3], digits)  # curvature near smooth corners needs all digits
+            surfaces.append(each._replace(net=net))
     body = encode_cad(surfaces, kind, unit, spec.name or "patch", part, curved=curved)
     if closed and body.shells:
         raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
