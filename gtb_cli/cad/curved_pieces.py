@@ -17,7 +17,7 @@ ROUNDS, SETTLING = 6, 2  # of least squares; in the last ones poles move along n
 ANGLES = 1e6  # of planes at seams, beside the variation of forms: a tenth as much gives three times the angles, .0009°
 JUMPS = 3e2  # of forms at seams, which are free: ten times as much costs angles at seams, up to .003°
 BENDS = 1e3  # of forms at edges, which are given: a tenth as much leaves .4 % of the largest, and not .04 %
-RIDGE, SLIDE, HOLD = 1e-11, 1e3, 1e14  # share of the diagonal, beyond rounding; costs of moves along the surface
+RIDGE, SLIDE, HOLD = 1e-11, 100.0, 1e14  # share of the diagonal, beyond rounding; costs of moves along the surface
 
 # A weight, rows of some nets, and what the sum of these rows should be
 _Condition: TypeAlias = tuple[float, list[tuple[int, FloatArray]], FloatArray | float]
