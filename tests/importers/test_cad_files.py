@@ -103,7 +103,7 @@ def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kin
     assert [0 < seams[key] < each for key, each in most.items()] == [True] * 3
     if "g2" in elevated:  # no other patch's figures
         assert set(data) == {"schema", "name", "corner_angles", "remarks", "fault", "seams"}
-        assert seams["curvature"]["difference"] < 1e-3 * seams["curvature"]["largest"]
+        assert seams["curvature"]["difference"] < 5e-3 * seams["curvature"]["largest"]
     assert out.stat().st_size < 250_000
     shape = read_shape(out.read_bytes(), kind, out.name)
     assert kernel("BRepCheck").BRepCheck_Analyzer(shape).IsValid()
