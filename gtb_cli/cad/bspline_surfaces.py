@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import angles_between
-from gtb_cli.cad.exact_surfaces import SplineSurface, balanced, exact_surfaces, name_of
+from gtb_cli.cad.exact_surfaces import SplineSurface, balanced, exact_surfaces
 from gtb_cli.cad.fitted_pieces import fitted_pieces
 from gtb_cli.cad.half_edges import half_edges
 from gtb_cli.cad.part_borders import part_borders
@@ -18,7 +18,7 @@ from gtb_cli.theory.patch import Patch
 
 SPANS: tuple[int, ...] = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted piece, tried in turn
 POLAR_SPANS: tuple[int, ...] = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
-CURVED_SPANS: tuple[int, ...] = (4, 6)  # of those that meet curvature
+CURVED_SPANS: tuple[int, ...] = (4, 5, 6)  # of those that meet curvature
 
 
 class SplineSurfaces(NamedTuple):
@@ -53,7 +53,7 @@ def spline_surfaces(
     edges run on into each other; they keep its tangent planes along its edges and their seams. An edge that has Bézier
     pieces is that curve to 1e-8 of the size; any other is the same spline in all fitted patches that share it. Edges
     along open ones of a part, a shape of the kernel, follow these and the planes of its faces; `curved` pieces also
-    their curvature, which no patch is exact for: their `error` is not known, and 0.
+    their curvature, which no patch is exact for: their `error` is the share of it that is missed.
 
     A `DomainError` refuses curves; a `ToleranceError` says that even 32 spans in each direction do not reach the
     tolerance, in model units, or the angle in degrees. Without a tolerance it is 1e-4 of the largest extent of the
@@ -74,9 +74,10 @@ def spline_surfaces(
     if not reasons:
         return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, 0.0, 0.0, ())
     closest = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
+    missed = 0.005  # of curvature: with more, more spans are tried
     much, enough = 0.1, 0.1  # a share of places with planes that no B-spline follows, and degrees that suffice then
-    names = {index: name_of(patches[index], index) for index in reasons}
-    edges = half_edges(spec, reasons)
+    names = {index: patches[index].name or f"patch-{index}" for index in reasons}
+    edges = {} if curved else half_edges(spec, reasons)
     halves = {i: [edges.get((i, k)) for k in range(len(patches[i].domain.vertices))] for i in reasons}
     # Of points, as control points inside may be far away
     size = float(np.ptp(np.concatenate([patch.evaluate(patch.knots) for patch in patches]), axis=0).max())
@@ -99,11 +100,12 @@ def spline_surfaces(
             )
             history.append((bend, least))
             wanted = angle if angle is not None else closest if lost < much else enough
-            is_met, pairs = max(bend, least) <= wanted, zip(history[-1], history[-3], strict=True)
-            is_sound = error <= allowed and gap <= gap_allowed and (fit is fitted_pieces or least < 90)
+            is_met = max(bend, least) <= wanted and (not curved or error <= missed)
+            pairs = zip(history[-1], history[-3], strict=True)
+            is_sound = (curved or error <= allowed) and gap <= gap_allowed and (fit is fitted_pieces or least < 90)
             if is_sound and (is_met or bend + least <= sum(reached[1:])):
                 best, reached = found, (error, bend, least)
-            is_better = any(now > wanted and now <= before / 2 for now, before in pairs)
+            is_better = curved or any(now > wanted and now <= before / 2 for now, before in pairs)
             if best and (is_met or (angle is None and not is_better)):
                 break
         if best:

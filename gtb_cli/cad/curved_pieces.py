@@ -13,13 +13,12 @@ from gtb_cli.arrays import FloatArray, IntArray, unit
 from gtb_cli.cad.spline_pieces import Splines, grid
 from gtb_cli.errors import DomainError
 
-ROUNDS, SMALL = 8, 5e-4  # of least squares, as long as poles move by more than a share of the size
+ROUNDS, SETTLING = 6, 2  # of least squares; in the last ones poles move along normals only, as others waver
 ANGLES = 1e6  # of planes at seams, beside the variation of forms: a tenth as much gives three times the angles, .0009°
 JUMPS = 3e2  # of forms at seams, which are free: ten times as much costs angles at seams, up to .003°
 BENDS = 1e3  # of forms at edges, which are given: a tenth as much leaves .4 % of the largest, and not .04 %
-RIDGE, SLIDE = 1e-11, 100.0  # share of the diagonal, beyond its rounding; share of moves along the surface
+RIDGE, SLIDE, HOLD = 1e-11, 100.0, 1e14  # share of the diagonal, beyond rounding; costs of moves along the surface
 
-_Kinds: TypeAlias = list[tuple[Splines, Splines]]
 # A weight, rows of some nets, and what the sum of these rows should be
 _Condition: TypeAlias = tuple[float, list[tuple[int, FloatArray]], FloatArray | float]
 
@@ -54,30 +53,35 @@ class _Places:
         a, b = self.shares(one, chosen), self.shares(other, chosen)
         shares = a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[1] * b[1]
         rows = np.sum([share * second[chosen] for share, second in zip(shares, self.seconds, strict=True)], axis=0)
-        return _along(rows, self.normals[chosen])
+        return np.asarray((rows[..., None] * self.normals[chosen, None]).reshape(len(rows), -1))
 
     def slopes(self, towards: FloatArray, normals: FloatArray) -> FloatArray:
         """Return (n, 3 m) rows of derivatives along (n, 3) tangent vectors, of heights along normals."""
-        return _along((self.shares(towards) * self.rates).sum(axis=0), normals)
+        rows = (self.shares(towards) * self.rates).sum(axis=0)
+        return np.asarray((rows[..., None] * normals[:, None]).reshape(len(rows), -1))
 
 
 def curve_pieces(
     nets: list[FloatArray], splines: tuple[Splines, Splines], edges: Sequence[tuple[FloatArray, FloatArray | None]]
-) -> None:
+) -> float:
     """Change r polar nets and the r nets round the centre, so that the former meet both their edges.
 
     Along each edge, where its conditions are, (n, 3) unit normals, which the nets have already, and (n, 3, 3) forms, if
-    any, are given. Edges, tangent planes along them and corners stay exactly as they are.
+    any, are given. Edges, tangent planes along them and corners stay exactly as they are. Return what is missed
+    of curvatures across edges, as a share of the largest or of 1 / size.
     """
     from scipy.linalg import cho_factor, cho_solve
 
     kinds = [splines] * (len(nets) // 2) + [splines[:1] * 2] * (len(nets) // 2)
     moves, costs = _moves(nets, kinds)
-    moved = np.zeros(len(costs))
-    for _ in range(ROUNDS):
-        matrix, wanted = np.diag(costs), -costs * moved * (costs > 1)
+    moved, missed, largest = np.zeros(len(costs)), np.inf, 1.0
+    for number in range(ROUNDS):
+        held = HOLD * (costs > 1) * (number >= ROUNDS - SETTLING)
+        matrix, wanted, missed, largest = np.diag(costs + held), -costs * moved * (costs > 1), 0.0, 1.0
         for weight, parts, target in _conditions(nets, kinds, edges):
             lacks = target - np.sum([rows @ nets[p][..., :3].ravel() for p, rows in parts], axis=0)
+            if weight == BENDS:
+                missed, largest = (max(a, float(np.abs(b).max())) for a, b in ((missed, lacks), (largest, target)))
             total = np.sum([rows @ moves[p] for p, rows in parts], axis=0)
             columns = np.flatnonzero(total.any(axis=0))
             total = total[:, columns]
@@ -91,12 +95,11 @@ def curve_pieces(
         moved += step
         for net, table in zip(nets, moves, strict=True):
             net[..., :3] += (table @ step).reshape(net[..., :3].shape)
-        if np.abs(step).max() < SMALL:
-            break
+    return missed / largest
 
 
 def _conditions(
-    nets: list[FloatArray], kinds: _Kinds, edges: Sequence[tuple[FloatArray, FloatArray | None]]
+    nets: list[FloatArray], kinds: list[tuple[Splines, Splines]], edges: Sequence[tuple[FloatArray, FloatArray | None]]
 ) -> Iterator[_Condition]:
     """Yield conditions of forms inside, which vary little, at edges, and of slopes and forms at seams."""
     half = kinds[0][0]
@@ -108,7 +111,7 @@ def _conditions(
             places = _Places(nets[k], kinds[k], grid(half.conditions, np.array([float(end)])))
             towards = unit(np.cross(normals, places.along))
             yield BENDS, [(k, places.form(towards, towards))], np.einsum("ni,nij,nj->n", towards, forms, towards)
-    for (p, at), (q, at_other) in _seams(half.conditions, len(nets) // 2):
+    for (p, at), (q, at_other) in _seams(np.concatenate([[0.0], half.conditions, [1.0]]), len(nets) // 2):
         one, other = _Places(nets[p], kinds[p], at), _Places(nets[q], kinds[q], at_other)
         towards = unit(np.cross(one.normals + other.normals, one.across))
         normals = unit(np.cross(one.across, towards))
@@ -144,18 +147,13 @@ def _seams(x: FloatArray, r: int) -> Iterator[list[tuple[int, FloatArray]]]:
         yield [(before, grid(one, x)), (here, grid(x, one))]
 
 
-def _along(rows: FloatArray, normals: FloatArray) -> FloatArray:
-    """Return (n, 3 m) rows of parts along normals from (n, m) rows of poles."""
-    return np.asarray((rows[..., None] * normals[:, None]).reshape(len(rows), -1))
-
-
 def _frames(normals: FloatArray) -> FloatArray:
     """Return (n, 2, 3) orthonormal vectors square to normals."""
     e = unit(np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)]))
     return np.stack([e, np.cross(normals, e)], axis=1)
 
 
-def _moves(nets: list[FloatArray], kinds: _Kinds) -> tuple[list[Any], FloatArray]:
+def _moves(nets: list[FloatArray], kinds: list[tuple[Splines, Splines]]) -> tuple[list[Any], FloatArray]:
     """Return for each net sparse (3 m, n) moves of its poles with n variables of all nets, and the costs of these.
 
     Each pole of a polar net that is neither at its corner or edges nor next to them has a variable along its normal;

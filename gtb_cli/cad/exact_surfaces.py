@@ -26,7 +26,7 @@ def exact_surfaces(patch: Patch, index: int = 0) -> list[SplineSurface]:
 
     A `DomainError` says why there are none of a degree that CAD kernels accept.
     """
-    name = name_of(patch, index)
+    name = patch.name or f"patch-{index}"
     lattice = lattice_of(patch.domain)
     if lattice is not None and len(lattice) == 2 and max(direction.degree for direction in lattice) <= MAX_DEGREE:
         first, second = lattice
@@ -64,8 +64,3 @@ def homogeneous_points(patch: Patch) -> FloatArray:
 def _bezier(name: str, net: FloatArray) -> SplineSurface:
     m, n = net.shape[:2]
     return SplineSurface(name, (m - 1, n - 1), (np.repeat([0.0, 1.0], m), np.repeat([0.0, 1.0], n)), net)
-
-
-def name_of(patch: Patch, index: int) -> str:
-    """Return a patch's name, or one from its index."""
-    return patch.name or f"patch-{index}"

@@ -1,10 +1,18 @@
 """Surfaces instead of triangles: CAD formats, what is exact in them, and what they lack."""
 
+import math
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
+from gtb_cli.cad.cad_seams import Seams
+from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.cad.sewing import encode_cad
 from gtb_cli.errors import RequirementError, ToleranceError
+from gtb_cli.importers.cad_files import moved
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -19,16 +27,30 @@ def encode_surfaces(
     closed: bool = False,
     part: Any = None,
     bend_allowed: float | None = None,
-) -> tuple[bytes, str, list[str]]:
-    """Return the bytes of a file of surfaces, with a description of what it holds, and warnings.
+) -> tuple[bytes, str, list[str], Seams | None]:
+    """Return the bytes of a file of surfaces, with a description of what it holds, warnings, and a part's seams.
 
     Patches without exact pieces are fitted within the tolerance and angle (without these, see `spline_surfaces`).
     `closed` asks for solids: a `RequirementError` says that there are open shells. See `encode_cad` for a part.
     With `bend_allowed` fitted surfaces also have the curvature of its faces; a `ToleranceError` if it differs by more
     than this share of the part's largest.
     """
-    found = spline_surfaces(spec, tolerance, angle, part, curved=bend_allowed is not None)
-    body = encode_cad(found.surfaces, kind, unit, spec.name or "patch", part, curved=bend_allowed is not None)
+    surfaces, curved = list[SplineSurface](), bend_allowed is not None
+    if part is None:
+        found = spline_surfaces(spec, tolerance, angle)
+        surfaces += found.surfaces
+    else:  # near the origin, as far away planes at smooth corners are lost in rounding
+        points = np.concatenate([patch.control_points for patch in spec.patches])
+        origin = points.mean(axis=0)
+        near = _with_points(spec, lambda points: points - origin)
+        found = spline_surfaces(near, tolerance, angle, *moved(origin, part), curved=curved)
+        extents = [np.ptp(each.net[..., :3], axis=(0, 1)).max() for each in found.surfaces]
+        digits = 11 - math.floor(math.log10(max(extents)))
+        for each in found.surfaces:
+            net, first = each.net + np.append(origin, 0), 4 * bool((each.net[0] == each.net[0, 0]).all())
+            net[first:, :, :3] = np.round(net[first:, :, :3], digits)  # curvature near smooth corners needs all digits
+            surfaces.append(each._replace(net=net))
+    body = encode_cad(surfaces, kind, unit, spec.name or "patch", part, curved=curved)
     if closed and body.shells:
         raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
     warnings = []
@@ -66,16 +88,17 @@ def encode_surfaces(
             parts.append(f"curvature to the part within {off}")
             if curvature.corners:
                 parts.append(f"the part's own jumps by up to {curvature.jump:.2g} at {curvature.corners} corners")
-    return body.data, ", ".join([faces, *parts]), warnings
+    return body.data, ", ".join([faces, *parts]), warnings, body.seams
 
 
 def with_y_up(spec: Patch | Model) -> Patch | Model:
     """Turn surfaces as `Mesh.with_y_up` turns meshes: the point (x, y, z) becomes (x, z, −y)."""
-    turned = [
-        patch.replace(control_points=patch.control_points[:, [0, 2, 1]] * [1, 1, -1] + 0.0)  # without -0
-        for patch in spec.patches
-    ]
-    return spec.replace(patches=tuple(turned)) if isinstance(spec, Model) else turned[0]
+    return _with_points(spec, lambda points: points[:, [0, 2, 1]] * [1, 1, -1] + 0.0)  # without -0
+
+
+def _with_points(spec: Patch | Model, move: Callable[[FloatArray], FloatArray]) -> Patch | Model:
+    patches = tuple(patch.replace(control_points=move(patch.control_points)) for patch in spec.patches)
+    return spec.replace(patches=patches) if isinstance(spec, Model) else patches[0]
 
 
 def shortened(reason: str) -> str:

@@ -11,7 +11,7 @@ from numpy.polynomial import chebyshev
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.cad_seams import along_edge
-from gtb_cli.importers.cad_files import face_forms, kernel, moved, uses_of_edges
+from gtb_cli.importers.cad_files import face_forms, kernel, uses_of_edges
 from gtb_cli.theory.patch import Patch
 
 # (n, 6) differences of a part's points, 0 at the ends, and unit normals from a patch's, at (n,) fractions of an edge.
@@ -21,18 +21,18 @@ Border: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 def part_borders(patch: Patch, part: Any, *, curved: bool = False) -> list[Border | None]:
-    """Return for each edge of a patch a border if it lies along an open edge of a part, a shape of the kernel."""
+    """Return for each edge of a patch a border if it lies along an open edge of a part, a shape near the origin."""
     if part is None:
         return [None] * len(patch.domain.vertices)
-    origin, rows = patch.control_points.mean(axis=0), list[FloatArray]()
-    for (edge, face), *others in uses_of_edges(*moved(origin, part)).values():
+    rows = list[FloatArray]()
+    for (edge, face), *others in uses_of_edges(part).values():
         if not others and not kernel("BRep").BRep_Tool.Degenerated_s(edge):
             points, normals, _, at = along_edge(edge, face, np.linspace(0, 1, 1001))
             rows.append(np.hstack([points, normals, *([face_forms(face, at).reshape(-1, 9)] if curved else [])]))
-    return [_border(patch, k, origin, rows) for k in range(len(patch.domain.vertices))]
+    return [_border(patch, k, rows) for k in range(len(patch.domain.vertices))]
 
 
-def _border(patch: Patch, edge: int, origin: FloatArray, traced: list[FloatArray]) -> Border | None:
+def _border(patch: Patch, edge: int, traced: list[FloatArray]) -> Border | None:
     from scipy.interpolate import make_interp_spline
 
     near, exact = 1e-3, 1e-8  # of the size of the edge: within them, it lies along the part's, and is the same
@@ -41,7 +41,7 @@ def _border(patch: Patch, edge: int, origin: FloatArray, traced: list[FloatArray
     start, end = shape.vertices[edge], shape.vertices[(edge + 1) % len(shape.vertices)]
     places, numbers = start + (x[:, None] + 1) / 2 * (end - start), np.full(count, shape.faces.edge(edge).number)
     locations = [*patch.rational_basis.locations(places, "linear", numbers)]
-    points, normals = patch.points_at(locations, count) - origin, patch.normals_at(locations, count)
+    points, normals = patch.points_at(locations, count), patch.normals_at(locations, count)
     size = float(np.ptp(points, axis=0).max())
     for rows in traced:
         distances = np.linalg.norm(points[:, None] - rows[:, :3], axis=2)

@@ -79,8 +79,8 @@ def polar_pieces(
 
     Seams have normals of their own, near the patch's; where they meet, one second fundamental form says how all turn
     and bend, so that no conditions contradict. Edges are the borders of a part, or as in `fitted_pieces`. Of what is
-    measured, `error` is along normals, and 0 where borders have forms, which pieces leave the patch to meet. A
-    `DomainError` says that the patch has no normal at a corner or seam.
+    measured, `error` is along normals, or the share of curvature that is missed where borders have forms, which pieces
+    leave the patch to meet. A `DomainError` says that the patch has no normal at a corner or seam.
     """
     v = patch.domain.vertices
     r = len(v)
@@ -133,7 +133,7 @@ def polar_pieces(
     forms = [spline_pieces.forms_at(patch, piece, grid(half.conditions, end)) for piece in polar for end in (zero, one)]
     if curved := any(each is not None for each in forms):
         scaled = [None if form is None else form * size for form in forms]
-        curve_pieces(nets, (half, whole), [(planes[k % 2][k // 2], form) for k, form in enumerate(scaled)])
+        missed = curve_pieces(nets, (half, whole), [(planes[k % 2][k // 2], form) for k, form in enumerate(scaled)])
     angle = bend = 0.0
     faced = [[edge_normals(net, *EDGES[3], whole)] for net in nets[:r]]
     faced += [[edge_normals(net, *side, half) for side in EDGES] for net in nets[r:]]
@@ -148,8 +148,7 @@ def polar_pieces(
     made = [*zip([*polar, *inner], nets, r * [(half, whole)] + r * [(half, half)], strict=True)]
     surfaces, away, gap = spline_pieces.measured_surfaces(name, made, [*between, *more[1]], origin, size)
     pairs = zip(away, [*faces, *more_faces], strict=True)
-    error = max(float(np.abs((each * towards).sum(axis=1)).max()) for each, towards in pairs)
-    error *= not curved  # they leave the patch
+    error = missed if curved else max(float(np.abs((each * towards).sum(axis=1)).max()) for each, towards in pairs)
     return spline_pieces.FittedPieces(surfaces, error, gap, bend, angle, 0.0)
 
 

@@ -15,6 +15,7 @@ from gtb_cli.shell.surface_files import surface_format
 from gtb_cli.vocabulary import CONTINUITIES, percentage
 
 if TYPE_CHECKING:
+    from gtb_cli.cad.cad_seams import Seams
     from gtb_cli.fairing.variation import Bending
     from gtb_cli.filling.certificate import Filling
 
@@ -135,36 +136,42 @@ def fill(
                 streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
             return
         name = None if isinstance(found, Model) else named or input_stem(loop)
-        options = {"continuity": continuity, "inner": inner, "fullness": fullness or 1.0, "raises": raises}
+        # What is written meets curvature, where no patch does
         bends = isinstance(found, Part) and kind is not None and continuity == {"": "g2"}
-        if bends:
-            options["continuity"] = {}  # what is written meets curvature, where no patch does
+        options = {"inner": inner, "fullness": fullness or 1.0, "raises": raises, "g2_tolerance": g2_tolerance}
         with streams.console.clock("fill"):
             fill_hole = filled_in_some_way if fullness is None and raises is None else filled
-            filling = fill_hole(found, hole, name, **options, g2_tolerance=g2_tolerance)
+            filling = fill_hole(found, hole, name, continuity={} if bends else continuity, **options)
+    seams = None
     if kind is not None and not filling.fault:
         from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
 
         part = found.shape if isinstance(found, Part) else None
         with about(source):
-            allowed = g2_tolerance if bends else None
-            encoded = encode_surfaces(
-                filling.model or filling.patch, kind, "mm", tolerance, angle, part=part, bend_allowed=allowed
-            )
-        write_blocks(streams.output, [encoded[0]])
+            bounds, allowed = (tolerance, angle), g2_tolerance if bends else None
+            made = encode_surfaces(filling.model or filling.patch, kind, "mm", *bounds, part=part, bend_allowed=allowed)
+            data, size, warnings, seams = made
+        write_blocks(streams.output, [data])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
         streams.write(dump(filling.model or filling.patch))  # before its certificate: it may be impossible
     if as_json:
-        write_json(STANDARD, _certificate(filling))
+        write_json(STANDARD, _certificate(filling, seams, written=not bends))
     if filling.fault:
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
     _report(filling, streams.console, is_long, written=not bends)
     if kind is not None:
-        streams.console.report(streams.output, *encoded[1:])
+        known = [
+            (angle, k) for k, angle in enumerate(filling.corner_angles.tolist()) if angle <= 1
+        ]  # else it is a doubt
+        most, k = max(known, default=(0.0, 0))
+        if seams is not None and seams.angle > 1e-3 and most > seams.angle / 10:
+            place = filling.at(filling.sides[k].ends[0])
+            warnings.append(f"the part's own planes differ by {most:.2g} degrees at {place}: no face can meet both")
+        streams.console.report(streams.output, size, warnings)
 
 
-def _certificate(filling: Filling) -> dict[str, Any]:
-    """Return what was measured as plain data; None stands for what is not known."""
+def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dict[str, Any]:
+    """Return what was measured, of a patch only if it is written, as plain data; None stands for what is not known."""
 
     def known(value: float) -> float | None:
         return value if math.isfinite(value) else None
@@ -180,7 +187,7 @@ def _certificate(filling: Filling) -> dict[str, Any]:
         }
         for side, contact in zip(filling.sides, filling.contacts, strict=True)
     ]
-    return {
+    found = {
         "name": filling.patch.name,
         "sides": sides,
         "corner_angles": [known(angle) for angle in filling.corner_angles.tolist()],
@@ -208,6 +215,11 @@ def _certificate(filling: Filling) -> dict[str, Any]:
         "remarks": list(filling.remarks),
         "fault": filling.fault,
     }
+    if not written:
+        found = {key: found[key] for key in ("name", "corner_angles", "remarks", "fault")}
+    if seams is not None:
+        found["seams"] = seams._asdict() | {"curvature": seams.curvature and seams.curvature._asdict()}
+    return found
 
 
 def _bending(bending: Bending, error: float) -> dict[str, float]:

@@ -39,7 +39,7 @@ def write_surfaces(
             data, size, warnings = encode_cells(spec, recipe)
         else:
             unit, tolerance = options.unit or next(iter(UNITS)), recipe.tolerance_for(spec)
-            data, size, warnings = encode_surfaces(spec, kind, unit, tolerance, closed=bool(recipe.require))
+            data, size, warnings, _ = encode_surfaces(spec, kind, unit, tolerance, closed=bool(recipe.require))
             warnings += unused(recipe, "resolution")
     write_blocks(streams.output, [data])
     streams.console.report(streams.output, size, warnings)

@@ -12,10 +12,10 @@ import pytest
 
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
-from gtb_cli.cad.cad_seams import along_edge
+from gtb_cli.cad.cad_seams import Seams, along_edge
 from gtb_cli.cad.exact_surfaces import exact_surfaces
 from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
-from gtb_cli.cad.sewing import KERNEL_UNITS, encode_cad
+from gtb_cli.cad.sewing import KERNEL_UNITS, Body, encode_cad
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.threemf import UNIT_NAMES
 from gtb_cli.importers import cad_files
@@ -333,6 +333,15 @@ def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
     assert len(exact_surfaces(bezier_triangle())) == 3
     with pytest.raises(DomainError, match="weights in a range beyond"):
         exact_surfaces(bicubic().replace(weights=np.geomspace(1, 1e20, 16)))
+
+
+def test_faces_that_turn_back_at_seams_of_a_part_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    part = kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 1, 1).Shape()
+    for place in (0, 2):
+        seams = Seams(*np.eye(4)[place] * 90.1)
+        monkeypatch.setattr("gtb_cli.cad.kinds_of_surfaces.encode_cad", lambda *_, s=seams, **__: Body(b"", 0, 1, s))
+        with pytest.raises(ToleranceError, match=r"planes at seams of the file differ by 90.1 degrees, more than 90"):
+            encode_surfaces(bicubic(), "step", "mm", None, part=part)
 
 
 def test_curves_are_not_surfaces() -> None:
