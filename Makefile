@@ -26,6 +26,8 @@ mesh: $(INSTALLED) ## mesh specs/pentagon.toml, and say where the mesh is
 	@mkdir -p $(BUILD)
 	@$(RUN) gtb_cli mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj
 	@echo "The mesh is $(CURDIR)/$(BUILD)/pentagon.obj, made by: $(VENV)/bin/gtb mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj"
+	@echo "Type next: . $(VENV)/bin/activate"
+	@echo "           gtb new bowl 5 -o bowl.toml && gtb view bowl.toml --thickness 2 --watch"
 
 test: $(VENV)/.development ## run the quick tests, in some 100 s on two cores
 	@$(VENV)/bin/python $(PYTEST) -m "not long"

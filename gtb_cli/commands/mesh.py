@@ -254,7 +254,7 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         stored = None if is_open else held(mesh, kind, options.ascii)[0]
         unit = options.unit or (next(iter(UNITS)) if kind == "3mf" else None)
         size = summary(mesh, stored, remarks, unit) + (f", within the tolerance {kept[assurance]}" if assurance else "")
-        size += options.recipe.direction(spec)
+        size += options.recipe.direction(spec, mesh)
         if kind in ("stl", "3mf") and is_open:
             refused = ", which slicers do not read" if kind == "3mf" else ""
             size += f", open{refused}: --thickness D makes a solid"

@@ -8,9 +8,10 @@ from dataclasses import replace
 from itertools import chain, count, islice
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, finite
+from gtb_cli.arrays import FloatArray, bounds_of, finite
 from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.files import read_file
 from gtb_cli.filling.certificate import Filling, edge_of
@@ -20,8 +21,9 @@ from gtb_cli.filling.holes import Ring, model_rings, one_ring, ring_sides
 from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.one_patch import closed, fill_loop, met_with
 from gtb_cli.filling.part_holes import Part
-from gtb_cli.filling.sides import HoleSide
+from gtb_cli.filling.sides import HoleSide, points_and_tangents, stations
 from gtb_cli.filling.strips import curve_sides
+from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import edge_name
@@ -170,14 +172,23 @@ def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Call
             fault = filling.fault.replace('`continuity="g0"`', without)
             other = f", or {without}" * (kind != "g0" and without not in fault)
             raise RequirementError(f"`fills` {hole}: {'; '.join(filter(None, (end, fault + other)))}")
-        if end:
-            warn(f"`fills` {hole}: {end}")
-        if filling.tried:
-            warn(f"`fills` {hole}: {filling.remarks[0]}")
-        if doubts := "; ".join(filling.doubts):
-            warn(f"`fills` {hole}: {doubts}; `fill` says all")
+        doubts = "; ".join([*filling.doubts, "`fill` says all"]) if filling.doubts else ""
+        for words in filter(None, (end, filling.remarks[0] if filling.tried else "", doubts, _rise(filling))):
+            warn(f"`fills` {hole}: {words}")
         spec = filling.model or spec
     return spec
+
+
+def _rise(filling: Filling) -> str:
+    """Say how far patches rise above the sides of their hole, or sink below, if by a tenth of the size of the hole."""
+    edges = np.concatenate([points_and_tangents(side.curve, stations())[0] for side in filling.sides])
+    grids = [(patch, central_triangulation(patch.domain, 24).parameters) for patch in filling.patches]
+    heights = np.concatenate([patch.evaluate(grid, "linear")[:, 2] for patch, grid in grids])
+    high, low, (bottom, top) = heights.max(), heights.min(), bounds_of(edges)[:, 2]
+    ways = ("rises", high, high - top), ("sinks", low, bottom - low)
+    found = [f"{word} to z = {z:.4g}, by {beyond:.3g} beyond the edges of its hole" for word, z, beyond in ways
+             if beyond > np.ptp(edges, axis=0).max() / 10]  # fmt: skip
+    return f"the fill {' and '.join(found)}" if found else ""
 
 
 def _loose_end(model: Model, hole: str) -> str:

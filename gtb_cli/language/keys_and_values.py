@@ -69,12 +69,12 @@ class Values:
         return self._budget.points >= 0
 
     def tuples(self, entries: list[object], path: Path, sizes: tuple[int, ...]) -> FloatArray | None:
-        """Read pairs or triples of coordinates, all of the same size."""
-        size = next((len(entry) for entry in entries if isinstance(entry, list) and len(entry) in sizes), None)
-        if size is None:
-            entries = entries[:1]  # one fault, not one for each
+        """Read pairs or triples of coordinates, all of the same size: that of most of them."""
+        given = [len(entry) for entry in entries if isinstance(entry, list) and len(entry) in sizes]
+        if given:
+            sizes = (max(dict.fromkeys(given), key=given.count),)
         else:
-            sizes = (size,)
+            entries = entries[:1]  # one fault, not one for each
         rows = [self.coordinates(entry, (*path, i), sizes, COORDINATE) for i, entry in enumerate(entries)]
         return None if not rows or any(row is None for row in rows) else np.array(rows)
 

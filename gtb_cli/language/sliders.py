@@ -20,8 +20,7 @@ _RANGE = re.compile(rf"({_NUMBER})\s*(?:…|\.{{2,3}})\s*({_NUMBER})")
 class Slider(NamedTuple):
     """A number of ``let``, its value in the spec, and the range of values that are sensible.
 
-    `step` is 1 for a number on which the count of a ``repeat`` depends. `label` is the comment on its line, without a
-    range such as ``10 … 80``, and `text` the line itself.
+    `step` is 1 if a ``repeat`` depends on it. `label` is the comment on its line without a range, and `text` the line.
     """
 
     name: str

@@ -5,29 +5,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
 from gtb_cli.theory.patch import Patch
 
-MAX_SHOWN = 8  # numbers of an edge, edges of a ring, or nearly closed seams that a message shows
+MAX_SHOWN = 8  # numbers of an edge, or nearly closed seams that a message shows
 FAR_WELD = 0.01  # of an edge's size: welding over a larger distance is worth a remark
 
 
 def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
     """Say what keeps a model from being closed, a line for each pair of edges or open ring."""
-    lines, told = [], set()
-    for first, second, reason in near_misses(joints, patches):
-        lines.append(f"{edge_name(patches, first)} is open: {reason.format(edge_name(patches, second))}")
-        told |= {first, second}
+    misses = near_misses(joints, patches)
+    told = {ref for first, second, _ in misses for ref in (first, second)}
+    lines = [
+        f"{edge_name(patches, one)} is open: {why.format(edge_name(patches, other))}" for one, other, why in misses
+    ]
     lines += _rings([ref for ref in joints.open if ref not in told], patches)
     for refs in joints.crowded:
         lines.append(f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve: more than two meet there")
-    for joint in joints.one_sided:
-        ends = " and ".join(edge_name(patches, ref) for ref in (joint.first, joint.second))
-        lines.append(f"{ends} cannot be given the same orientation")
-    return lines
+    pairs = [[edge_name(patches, ref) for ref in (joint.first, joint.second)] for joint in joints.one_sided]
+    return lines + [f"{one} and {other} cannot be given the same orientation" for one, other in pairs]
 
 
 def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef, EdgeRef, str]]:
@@ -92,7 +92,7 @@ def _row(values: FloatArray) -> str:
 
 def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
     """Write one line for each connected component of the open edges."""
-    max_rings = 1000  # that have a line each
+    max_rings, max_names, few = 4, 5, 3  # lines, and edges in each; few of more: else they are a wall of names
     near = meeting(edge_curves(patches, refs), CURVE_TOLERANCE * diagonal_of(patches))
     seen, lines = set[int](), []
     for first in (row for row in range(len(refs)) if row not in seen):
@@ -102,8 +102,9 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
             new = [other for other in near[row] if other not in seen]
             ring += new
             seen.update(new)
-        names = [edge_name(patches, refs[row]) for row in ring[:MAX_SHOWN]]
-        rest = f" and {len(ring) - MAX_SHOWN} more" if len(ring) > MAX_SHOWN else ""
+        shown = ring[: max_names if len(ring) <= max_names else few]
+        names = [edge_name(patches, refs[row]) for row in shown]
+        rest = f" and {len(ring) - len(shown)} more" if len(ring) > len(shown) else ""
         rest += "; `fill` with `hole` can fill it" if len(patches) > 1 and len(ring) > 2 else ""
         lines.append(f"{names[0]} is open" + (f", in a ring with {', '.join(names[1:])}{rest}" if names[1:] else ""))
     if len(lines) > max_rings:
@@ -131,14 +132,9 @@ def seam_remarks(model: Model) -> list[str]:
 
 def unjoined_seams(model: Model) -> list[str]:
     """Name the seams of a model that nearly close, with what joins them; like seams share a line."""
-    patches, alike = model.patches, dict[str, list[tuple[EdgeRef, EdgeRef]]]()
-    for first, second, reason in near_misses(model.joints, patches):
-        alike.setdefault(reason, []).append((first, second))
-    lines = []
-    for reason, pairs in alike.items():
-        name, other = (edge_name(patches, ref) for ref in pairs[0])
-        rest = f"; {len(pairs) - 1} more likewise" if len(pairs) > 1 else ""
-        lines.append(f"{name} is not joined: {reason.format(other)}{rest}")
+    named = [(edge_name(model.patches, one), edge_name(model.patches, other), reason)
+             for one, other, reason in near_misses(model.joints, model.patches)]  # fmt: skip
+    lines = one_of_alike((reason, f"{one} is not joined: {reason.format(other)}") for one, other, reason in named)
     if len(lines) > MAX_SHOWN:
         lines[MAX_SHOWN:] = [f"{len(lines) - MAX_SHOWN} more kinds of seams nearly close: gtb info lists them"]
     return lines

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import bounds_of
+from gtb_cli.arrays import bounds_of, point_text
 from gtb_cli.errors import DomainError
 from gtb_cli.language.spec_paths import SpecPath, loaded
 from gtb_cli.meshes.measures import Measures, in_unit, measure
@@ -63,7 +63,7 @@ def page_data(content: Content) -> dict[str, Any]:
     """
     vertices = [keyframe.vertices for keyframe in content.keyframes]
     points = [keyframe.net_points for keyframe in content.keyframes]
-    start, end = bounds_of(np.concatenate(vertices))
+    start, end = corners = bounds_of(np.concatenate(vertices))
     low, high = bounds_of(np.concatenate([*vertices, *points]))
     if 0 < 3 * np.hypot.reduce(end / 3 - start / 3) < np.hypot.reduce(high / 3 - low / 3):
         low, high = start, end  # a control point of small weight may be very far, and is no reason to look from there
@@ -95,16 +95,18 @@ def page_data(content: Content) -> dict[str, Any]:
             shown = values if name == "wall" else values.clip(*ends)
             scalars[name] = {"values": encoded(shown, "<f4"), "low": ends[0], "high": ends[1]}
     measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 else None
+    open_sides = f", {count} open sides" if (count := len(content.lines["open"])) else ""
+    cells = "segments" if content.is_curve else f"triangles{open_sides}; normals {content.normals}"
     is_wide = len(vertices[0]) >= 1 << 16
     return {
         "name": content.name,
-        "facts": _facts(content),
+        "facts": f"{content.vertices} vertices, {len(content.cells)} {cells}",
         "curve": content.is_curve,
         "plane": bool(content.is_curve and low[2] == high[2]),
         "box": {
             "low": ((start - middle) / size).tolist(),
             "high": ((end - middle) / size).tolist(),
-            "texts": _end_texts(start.tolist(), end.tolist(), size),
+            "texts": [*zip(*(point_text(x, corners)[1:-1].split(", ") for x in corners), strict=True)],
         },
         "size": size,
         "middle": middle.tolist(),
@@ -123,14 +125,6 @@ def page_data(content: Content) -> dict[str, Any]:
         "edges": {"points": placed(content.edges), "names": list(content.edge_names)},
         "scalars": scalars,
     }
-
-
-def _facts(content: Content) -> str:
-    if content.is_curve:
-        return f"{content.vertices} vertices, {len(content.cells)} segments"
-    count_open = len(content.lines["open"])
-    open_sides = f", {count_open} open sides" if count_open else ""
-    return f"{content.vertices} vertices, {len(content.cells)} triangles{open_sides}; normals {content.normals}"
 
 
 def _absent(content: Content, measures: Measures | None) -> dict[str, str]:
@@ -157,17 +151,6 @@ def _measures(measures: Measures | None, unit: str | None, crosses: bool) -> lis
     if measures.volume is not None and measures.volume < 0:
         found.append(("", "Its faces look inwards."))
     return found
-
-
-def _end_texts(low: list[float], high: list[float], size: float) -> list[tuple[str, str]]:
-    """Return the texts at both ends of each of the three axes."""
-    box_digits = 4  # digits, relative to a box's size, to which its corners are given
-    step = 10.0 ** (math.floor(math.log10(size)) - box_digits + 1)
-
-    def text(value: float) -> str:
-        return f"{round(value / step) * step:.12g}" if abs(value) < step * 2**52 else f"{value:.6g}"
-
-    return [(text(a), text(b)) for a, b in zip(low, high, strict=True)]
 
 
 def encoded(values: ArrayLike, kind: str) -> str:

@@ -32,7 +32,6 @@ NO_POINTS = np.empty((0, 3))
 MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
 PAGE_TOLERANCE = 4e-4  # of the size: less than half a pixel where a model fills a screen
 PAGE_FACES = 60_000  # of an even mesh, if nothing else is asked for
-
 EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
 
 
@@ -48,13 +47,11 @@ class Keyframe(NamedTuple):
 class Content:
     """The contents of a page: one keyframe, or those of a sequence, with the same (k, 3) or (k, 2) cells.
 
-    `groups` are named ranges of cells: (name, start, stop). `lines` are (m, 4) pairs of vertices and the groups on both
-    sides: ``border`` between groups and at sharp edges, ``open`` without a neighbour, and ``folds`` within a group,
-    where the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150 at
-    an edge; and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface at the knots,
-    `edges` the middles of open edges, or of all of a single patch, and `scalars` its "mean" and "gaussian" curvature,
-    or the "wall" of a solid, None if there are too many triangles. A vertex with several normals is several rows of a
-    keyframe: `vertices` is how many there are.
+    `groups` are named ranges of cells: (name, start, stop). `lines` are those of `sides`, (m, 4) pairs of vertices and
+    the groups on both sides, and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface
+    at the knots, `edges` the middles of open edges, or of all of a single patch, and `scalars` its "mean" and
+    "gaussian" curvature, or the "wall" of a solid, None if there are too many triangles. A vertex with several normals
+    is several rows of a keyframe: `vertices` is how many there are.
     """
 
     name: str
@@ -246,7 +243,8 @@ def _beside(one: Content, other: Content) -> Content:
 def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]], chord_error: float = 0.0) -> dict[str, IntArray]:
     """Return the lines of a mesh, each side once: borders and sharp edges, open sides, and folds within a group.
 
-    A triangle that is lower than the mesh is exact may stand upright, and is not a fold.
+    At a fold it turns by more than 90 degrees where its normals say that it is smooth, by more than 150 at an edge. A
+    triangle that is lower than the mesh is exact may stand upright, and is not a fold.
     """
     none = np.empty((0, 4), dtype=np.int64)
     if mesh.is_curve:

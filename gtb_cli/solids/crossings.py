@@ -10,19 +10,15 @@ from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.meshes.topology import are_proper, sides_of
 
 CROSSING_DEPTH = 1e-9  # relative to the largest extent: nearer triangles touch, as coplanar ones do after rounding
-# pairs of triangles compared, in half a minute: a smooth mesh has about 20 per triangle; if all
-# triangles overlapped, the comparison would never end
-MAX_COMPARED_PAIRS = 50_000_000
+MAX_COMPARED_PAIRS = 50_000_000  # in half a minute: a smooth mesh has about 20 per triangle, one that overlaps all
 
 
 def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
     """(p, 2) triangles of a mesh that pass through each other, or lie in one plane and overlap; each pair once.
 
-    Triangles that touch along a segment, in which an edge of one lies, cross if the surface passes through there: the
-    neighbour across the edge is on the other side of the surface that the edge touches. Other triangles that only touch
-    do not cross, and neighbours do not cross in what they share. Vertices at exactly the same place are one, and
-    triangles with two corners at one place are left out. The second value is false if more than `MAX_COMPARED_PAIRS`
-    are near each other, so that not all were compared. A million triangles take about ten seconds.
+    Triangles that only touch cross if one's edge lies in the other, and the surface goes on behind it. Vertices at
+    exactly the same place are one, and triangles with two corners at one place are left out. The second value is false
+    if more than `MAX_COMPARED_PAIRS` are near each other, so that not all were compared. A million take ten seconds.
     """
     found = [np.empty((0, 2), dtype=np.int64)]
     places = numbered_places(vertices)[1]
@@ -201,9 +197,7 @@ def _overlap(one: FloatArray, other: FloatArray, normal: FloatArray, depth: floa
         edge = start - ours[:, k % 3 - 1]
         inwards = cross(normal[left], edge) / np.sqrt(dot(edge, edge))[:, None]
         inside, beside, *others = (dot(x - start, inwards) for x in (ours[:, k % 3 - 2], *theirs.swapaxes(0, 1)))
-        low, high = beside, beside
-        for x in others:
-            low, high = np.minimum(low, x), np.maximum(high, x)
+        low, high = (bound.reduce([beside, *others]) for bound in (np.minimum, np.maximum))
         reach = np.minimum(np.maximum(inside, 0), high) - np.maximum(np.minimum(inside, 0), low)
         left = left[reach > depth]
     return np.isin(np.arange(len(one)), left)

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, distinct, paired, point_text
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, distinct, dot, paired, point_text, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
-from gtb_cli.meshes.topology import are_used, sides_of
+from gtb_cli.meshes.topology import adjacent, are_used, sides_of
 
 STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not along the normals; flat from 3 times it
 
@@ -17,10 +17,9 @@ STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not a
 def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
     """Move the offset's part of each rim of a solid made by `thicken` into the plane of the surface's part.
 
-    Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, it ends in the
-    plane: vertices next to the plane move there along edges, and those beyond are projected onto it, as parts of the
-    rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers. Where the surface
-    lies in the plane the rim changes smoothly to the normals; at corners it is said.
+    Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, vertices next to
+    the plane move there along edges, and those beyond are projected onto it, as parts of the rim: all keep their
+    numbers. Where the surface lies in the plane the rim changes smoothly to the normals; at corners it is said.
 
     Raises `DomainError` if a rim is not plane, the surface leaves its plane to both sides, the offset goes beyond it
     only where the surface does not lie in it, or the wall reaches another rim.
@@ -79,8 +78,28 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         return normals_of_corners(solid.cells, len(vertices), np.concatenate([own, around.vectors]), rows)
 
     flat = replace(solid, vertices=vertices, normals=normals, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
-    what = "the surface lies in the plane of a rim, which is along the normals"
-    return flat, [f"{what} {' and '.join(kept)}"] if kept else []
+    if kept:
+        kept = [f"the surface lies in the plane of a rim, which is along the normals {' and '.join(kept)}"]
+    return flat, kept + _knife_edge(vertices, solid.cells, np.asarray(is_side), abs(thickness))
+
+
+def _knife_edge(vertices: FloatArray, cells: IntArray, is_rim: BoolArray, shortest: float) -> list[str]:
+    """Say where a rim, marked among the cells, meets the wall at less than 45 degrees along more than a length.
+
+    There the wall thins out to nothing within less than its thickness: a printer leaves it out or frays it.
+    """
+    beside = np.flatnonzero(are_used(cells[is_rim], len(vertices))[cells].any(axis=1))
+    pairs, ends = adjacent(cells[beside])
+    corners = vertices[cells[beside]]
+    normals = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    cosines = -dot(*normals[pairs.T])
+    sharp = np.flatnonzero((is_rim[beside[pairs]].sum(axis=1) == 1) & (cosines > np.sqrt(0.5)))
+    lengths = np.linalg.norm(np.diff(vertices[ends[sharp]], axis=1)[:, 0], axis=1)
+    if lengths.sum() <= shortest:  # such as at a corner
+        return []
+    chosen = sharp[cosines[sharp].argmax()]
+    angle, near = np.degrees(np.arccos(cosines[chosen])), point_text(vertices[ends[chosen]].mean(axis=0), vertices)
+    return [f'the flat rim meets the wall at {angle:.0f} degrees, a knife edge, near {near}: `rim="normal"` is blunt']
 
 
 def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[FloatArray, FloatArray, float]:

@@ -1,10 +1,9 @@
 """Faults of surfaces: where they turn back on themselves, cross themselves, or look into the solid they bound."""
 
-from collections.abc import Sized
-
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, point_text, unit
+from gtb_cli.errors import one_of_alike
 from gtb_cli.meshes.coincident import merged, numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
@@ -19,8 +18,7 @@ def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
 
     A triangle that is a line takes a neighbour's normal, so that a fold along a row of them is found as well.
     """
-    # Sine of the angle between two sides of a triangle below which it is a line, and has no normal of its own
-    flat_sine = 64 * EPS
+    flat_sine = 64 * EPS  # between two sides of a triangle; below, it is a line, and has no normal of its own
     a, b, c = (vertices[cells[:, k]] for k in range(3))
     normals = cross(b - a, c - a)
     pairs, _ = adjacent(cells)
@@ -41,19 +39,14 @@ def folded_places(mesh: Mesh) -> list[str]:
     """Say in which patches a mesh turns back on itself, and where it first does."""
     if mesh.is_curve:
         return []
-    alike = dict[tuple[int, str], list[str]]()  # such as copies
+    lines = []
     for name, start, stop in mesh.groups or ((mesh.name, 0, len(mesh.cells)),):
         if len(cells := folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]):
             first = point_text(mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0), mesh.bounds)
             hint = "; control points must have the order of the knots" * (10 * len(cells) > stop - start)
-            line = f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}"
-            alike.setdefault((len(cells), hint), []).append(line)
-    return [f"{lines[0]}{hint}{likewise(lines)}" for (_, hint), lines in alike.items()]
-
-
-def likewise(lines: Sized) -> str:
-    """Return the words for all but the first of some lines that say alike, if there are any."""
-    return f"; {len(lines) - 1} more likewise" if len(lines) > 1 else ""
+            line = f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}{hint}"
+            lines.append(((len(cells), hint), line))
+    return one_of_alike(lines)  # of copies, one
 
 
 def crossing_remarks(mesh: Mesh) -> list[str]:
@@ -64,8 +57,8 @@ def crossing_remarks(mesh: Mesh) -> list[str]:
         one, other = np.moveaxis(mesh.vertices[mesh.faces[crossing]], 1, 0)
         normals = unit(cross(one[:, 1] - one[:, 0], one[:, 2] - one[:, 0]))
         heights = np.einsum("pcx,px->pc", other - one[:, :1], normals)
-        lies = f"the solid lies upon itself, to {CROSSING_DEPTH:g} of its size"
-        what = CROSSES if np.abs(heights).max() > CROSSING_DEPTH * np.ptp(mesh.bounds, axis=0).max() else lies
+        passes = np.abs(heights).max() > CROSSING_DEPTH * np.ptp(mesh.bounds, axis=0).max()
+        what = CROSSES if passes else f"the solid lies upon itself, to {CROSSING_DEPTH:g} of its size"
         remarks.append(f"{what}: {where(mesh, distinct(crossing.ravel()))}")
     if not is_complete:
         remarks.append("not checked: whether more distant parts of the solid meet, too many faces are near each other")
@@ -82,9 +75,8 @@ def where(mesh: Mesh, cells: IntArray) -> str:
 def inward_faces(mesh: Mesh) -> IntArray:
     """Faces of a closed mesh that look into the solid, or out of a hollow in it, ascending.
 
-    The mesh is closed, consistently oriented, and does not cross itself. Its winding number is then constant on each
-    side of a connected part, and must be 1 inside and 0 outside. That of other parts is the sum of their triangles'
-    solid angles, by 4π (A. Van Oosterom, J. Strackee, The solid angle of a plane triangle, 1983).
+    Where nothing crosses, the winding number is constant on each side of a connected part: 1 inside and 0 outside. That
+    of other parts is the sum of their triangles' solid angles, by 4π (A. Van Oosterom, J. Strackee, 1983).
     """
     first, places = numbered_places(mesh.vertices)
     cells = places[mesh.faces]

@@ -4,17 +4,15 @@ import math
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, distinct, dot, paired, shifted, unit
+from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, paired, shifted, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import are_proper, are_used, compacted, sides_of
 
-# Roundings of the largest coordinate: a smaller thickness is refused, and a shorter boundary edge is a point
-MIN_THICKNESS_ROUNDINGS = 64
-# Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share the
-# normal. A solid is 3 % too thin on an edge between patches at this angle.
+MIN_THICKNESS_ROUNDINGS = 64  # of the largest coordinate: a shorter boundary edge is a point
+# of the largest angle to facets of a patch that share a vertex normal: on such an edge a solid is 3 % too thin
 SMOOTH_COSINE = math.cos(math.radians(15))
 MAX_MITRE = 2.0  # largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°
 
@@ -22,19 +20,15 @@ MAX_MITRE = 2.0  # largest offset at a sharp edge or corner, in units of the thi
 def thicken(mesh: Mesh, thickness: float) -> Mesh:
     """Close a surface, an oriented manifold with unit normals, with its offset, to a solid between the two.
 
-    The thickness is the distance of the offset, in model units: along the normals if positive, against them if
-    negative. The surface itself remains one side of the solid. If the normals are not exact, those of patches at an
-    edge are estimated from the facets.
-
+    The offset is at this distance along the normals, or against them if it is negative; the surface remains one side.
     The solid is closed, its faces and normals outwards: for each group the faces of one side, of the other, and of its
-    part of the rim. A closed mesh gets a second shell and no rim. Vertices are those of the surface, then those of the
-    offset; the rim has normals of its own. Parameters and attributes are the surface's on both.
+    part of the rim, which has normals of its own; a closed mesh gets a second shell. Vertices are those of the surface,
+    then those of the offset, with the surface's parameters and attributes on both.
 
     Raises `DomainError` for a curve, a thickness below rounding, and an edge of more than two, or two opposite, faces.
 
     If patches meet at an angle, the vertex moves to where the offsets of all patches meet, but at most by `MAX_MITRE`
-    times the thickness. Coincident ends of a boundary edge become one vertex. If the surface bends more sharply than
-    the thickness, the offset folds: see `folded_faces`. `gtb_cli.solids.crossings` finds distant parts that meet.
+    times the thickness. If the surface bends more sharply than the thickness, the offset folds: see `folded_faces`.
     """
     mesh = _welded(_checked(mesh, thickness))
     count = len(mesh.vertices)
@@ -67,6 +61,27 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
         groups=tuple(zip((name for name, _, _ in mesh.groups), breaks, breaks[1:], strict=False)),
         **mesh.carried(np.tile(np.arange(count), 2)),
     )
+
+
+def side_of_wall(solid: Mesh) -> str:
+    """Say on which side of an open surface the wall of a solid made by `thicken` lies; empty if no word holds.
+
+    Each word is true at all vertices: up or down if no place is steeper than 60 degrees, else away from the middle of
+    the surface's box, or from the upright axis there, or towards it, or again up or down.
+    """
+    surface, offset = np.split(solid.vertices, 2)
+    moves, ways = unit(offset - surface), unit(surface - bounds_of(surface).mean(axis=0))
+    rounding = 1e-6  # sine of the angle by which a wall may lean to the other side, as a plane floor does from an axis
+    for along, least, words in (
+        (moves[:, 2], 0.5, ("upwards", "downwards")),
+        (dot(moves, ways), -rounding, ("outwards, away from its middle", "inwards, towards its middle")),
+        (dot(moves, ways * [1, 1, 0]), -rounding, ("outwards, away from its axis", "inwards, towards its axis")),
+        (moves[:, 2], -rounding, ("upwards", "downwards")),
+    ):
+        for signed, word in zip((along, -along), words, strict=True):
+            if signed.min() > least and signed.max() > rounding:
+                return word
+    return ""
 
 
 def folded_faces(mesh: Mesh, thickness: float) -> IntArray:
@@ -161,10 +176,9 @@ def _cell_groups(mesh: Mesh) -> IntArray:
 def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     """(m, 3) vertices of the offset.
 
-    In a concave edge between patches, offsets of vertices nearer to it than the corner is moved would pass it, and turn
-    their faces over. They are moved between their neighbours instead, in the tangent planes of the offset, if fewer
-    faces are turned over for it. Where this does not suffice, as where three patches meet, vertices of seams move along
-    these as well: so up to about seven rows of faces are kept.
+    Beside a concave edge, offsets that would pass the corner and turn faces over move between their neighbours, in the
+    tangent planes of the offset, if fewer faces are turned over for it. Where this does not suffice, as where three
+    patches meet, vertices of seams move along these as well: so up to about seven rows of faces are kept.
     """
     rounds = 32  # which suffice for four rows of faces, and after which seams move, or nothing is to be hoped for
     moves = _displacements(mesh)

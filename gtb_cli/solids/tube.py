@@ -16,10 +16,8 @@ from gtb_cli.meshes.topology import are_proper, compacted
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import MAX_FACES
 
-# Vertices of a ring: the polygon deviates from the circle by 0.9 % of the radius, and has corners on both axes
-RING_SIDES = 24
-# Cosines, and distances in radii, that count as zero: 90° is no sharp turn, at which two rings may share vertices
-ZERO_TOLERANCE = 1e-9
+RING_SIDES = 24  # the polygon deviates from the circle by 0.9 % of the radius, and has corners on both axes
+ZERO_TOLERANCE = 1e-9  # of cosines, and of distances in radii: 90° is no sharp turn, where rings may share vertices
 
 
 def tube(
@@ -34,28 +32,23 @@ def tube(
     """Sweep a circle of a radius along a polyline, or along several.
 
     A ring has `sides` vertices, or so many that its polygon is within `tolerance` of the circle; else `RING_SIDES`. The
-    tube is then within the tolerance of the points at `radius` from the polyline, by tangents and mitres. Given
-    tangents are (k, 2, 3) unit vectors at both ends of each segment, as `Patch.tangents` finds them, NaN where
-    undefined; without them, the directions of the segments are used.
+    tube is then within the tolerance of the points at `radius` from the polyline, by tangents and mitres. Tangents are
+    (k, 2, 3) unit vectors at both ends of each segment, NaN where undefined; by default the segments' directions.
 
     The mesh is closed, with outward unit normals. Each polyline between ends or branchings makes one tube, and one
-    group if there are several. The tube is a ring if the ends of the polyline coincide; otherwise it has flat caps,
-    with normals of their own. Attributes are those of the curve.
-
-    Raises `DomainError` if the mesh is not a polyline, a polyline is a single point, or the radius is below rounding,
-    and `ToleranceError` if the tube would have more than `max_faces` triangles.
+    group if there are several: a ring if its ends coincide, else with flat caps. Attributes are those of the curve.
+    Raises `DomainError` if the mesh is not a polyline, a polyline is a single point, or the radius is below rounding.
 
     A turn at a vertex is mitred, one of more than 90° in two steps, so that no vertex is farther than √2 radii from the
     curve. With a tolerance, as many steps are taken as it needs, outside the bend; and the direction of a segment
-    replaces a tangent at an angle φ to it if the tube, ``radius (1 − cos φ)`` thin there, would not hold it. `_frame`
-    turns no more than the curve; `folded_segments` tells where this bends so sharply that the tube meets itself.
+    replaces a tangent at an angle φ to it if the tube, ``radius (1 − cos φ)`` thin there, would not hold it.
     """
     count = ring_size(radius, tolerance) if sides is None else sides
     planned = _planned(mesh, radius, tolerance, tangents)
     along = sum(len(sections.at) - (not path.closed) for path, sections in planned)
     if 2 * count * along > max_faces:
-        size = f"{2 * count * along} faces, {count} around and {along} along"
-        raise ToleranceError(f"the tube would have {size}, more than {max_faces}")
+        faces = f"{2 * count * along} faces, {count} around and {along} along, more than {max_faces}"
+        raise ToleranceError(f"the tube would have {faces}")
     sweeps = [_sweep(path, sections, radius, count) for path, sections in planned]
     vertices, vectors, owner = (np.concatenate(parts) for parts in list(zip(*sweeps, strict=True))[:3])
     first = np.cumsum([0, *(len(sweep[0]) for sweep in sweeps)]).tolist()
@@ -240,9 +233,8 @@ def _mitred(
 def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
     """The angle from `_perpendicular` at which each ring begins, and by how many vertices the last ring is ahead.
 
-    All rings of a tube begin at the same angle in a frame that does not rotate about the curve, to fourth order in the
-    length of segments (W. Wang et al., Computation of rotation minimizing frames, ACM Trans. Graph. 27, 2008). A closed
-    tube's frame misses itself by some angle: its whole sides are a shift, the rest is spread over the length.
+    The frame does not rotate about the curve, to fourth order in the length of segments (W. Wang et al., Computation of
+    rotation minimizing frames, 2008). A closed one misses itself by an angle: whole sides are a shift, the rest spread.
     """
     before, after, centers = sections.before, sections.after, sections.centers
     start = _perpendicular(before)

@@ -193,12 +193,16 @@ class Recipe:
         """Tell whether the mesh has a boundary: it is no tube, no solid, and the spec is not a closed model."""
         return self.radius is None and self.thickness is None and self._is_open(spec)
 
-    def direction(self, spec: Patch | Model) -> str:
+    def direction(self, spec: Patch | Model, solid: Mesh) -> str:
         """Say to which side a wall grows."""
         if self.thickness is None:
             return ""
         if self._is_open(spec):
-            return f", thickened {'against' if self.thickness < 0 else 'along'} its normals"
+            from gtb_cli.solids.thickening import side_of_wall
+
+            return (
+                f", thickened {side_of_wall(solid) or ('against' if self.thickness < 0 else 'along') + ' its normals'}"
+            )
         return f", thickened {'inwards' if self.thickness < 0 else 'outwards'}, hollow"
 
     def _is_open(self, spec: Patch | Model) -> bool:

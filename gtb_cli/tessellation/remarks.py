@@ -24,8 +24,7 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
     widest, lost, count = 0.0, 0, 0
     for patch in spec.patches:
         flat = patch.replace(control_points=np.pad(patch.knots, ((0, 0), (0, 3 - patch.dimension))))
-        alike = Model((flat,)) if isinstance(spec, Model) else flat
-        mesh = tessellate(alike, resolution, parametrization="toric", normals=False, max_faces=10**12)
+        mesh = tessellate(flat, resolution, parametrization="toric", normals=False, max_faces=10**12)
         corners = [mesh.vertices[corner] / patch.domain.size for corner in mesh.cells.T]
         lengths = [np.linalg.norm(corners[k] - corners[k - 1], axis=1) for k in range(len(corners))]
         widest, count = max(widest, float(np.max(lengths))), count + len(mesh.cells)
@@ -69,12 +68,11 @@ def offset_folds(spec: Patch | Model, mesh: Mesh, thickness: float) -> list[str]
 
 def thin_wall(solid: Mesh, thickness: float) -> list[str]:
     """Say where the wall of a solid is thinner than it should be, as normals turn much within a face."""
-    thick_enough = 0.95  # part of the thickness: normals that turn by 36° within a face
     share, place = thinnest_wall(solid, thickness)
-    if share >= thick_enough:
+    if share >= 0.95:  # normals that turn by 36° within a face
         return []
-    wall = f"the wall near {point_text(place, solid.bounds)} is {share:.0%} of the thickness or less"
-    return [f"{wall}, as normals turn within a face: more faces make it thicker where the surface is smooth"]
+    why = "as normals turn within a face: more faces make it thicker where the surface is smooth"
+    return [f"the wall near {point_text(place, solid.bounds)} is {share:.0%} of the thickness or less, {why}"]
 
 
 def sharpest_bend(
@@ -82,11 +80,9 @@ def sharpest_bend(
 ) -> tuple[float, FloatArray]:
     """Find the smallest radius of curvature at which the offset of surfaces folds, inf if there is none, and its place.
 
-    The offset is by a thickness along the normals, which are reversed for patches that are `turned`. Samples are closer
-    together than the cells of the mesh, but at most 48 lie along an edge: a narrower fold may be missed. An offset by D
-    is regular if 1 − D κ > 0 for each principal curvature κ towards it. Where it is not, a point of the offset is
-    nearer than D to the surface. A fold counts if it is nearer by 2 %: curvatures infinite only at an edge do not
-    count.
+    The normals of patches that are `turned` are reversed. Samples are closer together than the cells of the mesh, at
+    most 48 along an edge: a narrower fold may be missed. An offset by D is regular if 1 − D κ > 0 for each principal
+    curvature κ towards it. Elsewhere it counts if it is nearer than D by 2 %: not if κ is infinite only at an edge.
     """
     sparsest, densest, per_patch = 16, 48, cells / len(patches)
     radius, place = math.inf, np.full(3, np.nan)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import point_text
-from gtb_cli.errors import RequirementError
+from gtb_cli.errors import RequirementError, one_of_alike
 from gtb_cli.fairing.folds import folds as folds_of
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import Mesh
@@ -14,7 +14,7 @@ from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import touching
 from gtb_cli.models.openings import obstacles, unjoined_seams
-from gtb_cli.solids.solidity import folded_places, inward_faces, likewise, where
+from gtb_cli.solids.solidity import folded_places, inward_faces, where
 from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_curves, edge_name, patch_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import requirements
@@ -106,12 +106,10 @@ def _creases(spec: Patch | Model, angle: float) -> list[str]:
     """Say which seams have an angle larger than the given one."""
     if not isinstance(spec, Model):
         return []
-    alike, points = dict[str, list[str]](), np.concatenate([patch.control_points for patch in spec])
-    for seam in spec.seams:
-        if not seam.angle <= angle:
-            meet = f"meet at {seam.angle:.3g} degrees"
-            alike.setdefault(meet, []).append(f"{seam.name(spec)} {meet}, near {point_text(seam.place, points)}")
-    return [f"not smooth: {lines[0]}{likewise(lines)}" for lines in alike.values()]
+    points = np.concatenate([patch.control_points for patch in spec])
+    sharp = [(f"meet at {seam.angle:.3g} degrees", seam) for seam in spec.seams if not seam.angle <= angle]
+    lines = [(meet, f"{seam.name(spec)} {meet}, near {point_text(seam.place, points)}") for meet, seam in sharp]
+    return [f"not smooth: {line}" for line in one_of_alike(lines)]
 
 
 def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:

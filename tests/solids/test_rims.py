@@ -8,6 +8,7 @@ import pytest
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
+from gtb_cli.solids.thickening import side_of_wall
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
@@ -92,9 +93,10 @@ def test_a_flat_rim_lies_in_its_plane_and_keeps_the_wall(name, thickness, n):
 @pytest.mark.parametrize(("scale", "shift"), mostly_long([(1.0, 1e7), (1e-9, 0.0), (1e9, 0.0)]))
 def test_a_flat_rim_has_any_size_and_place(scale, shift):
     solid, remarks = Recipe(3, thickness=2 * scale, rim="flat").mesh(walls(DISH, 5, False, scale, shift))
-    assert remarks == []
+    assert [line[:59] for line in remarks] == ["the flat rim meets the wall at 24 degrees, a knife edge, ne"]
     assert_closed(solid)
     assert (solid.vertices[:, 2].max() - shift) / scale == pytest.approx(28, abs=1e-12 if not shift else 1e-8)
+    assert side_of_wall(solid) == "outwards, away from its middle"
     plain, _ = Recipe(3, thickness=2, rim="flat").mesh(walls(DISH, 5))
     np.testing.assert_array_equal(solid.cells, plain.cells)
 
@@ -113,8 +115,14 @@ def test_faces_beyond_the_plane_become_parts_of_the_rim():
 
 
 def test_parts_beyond_the_plane_of_a_rim_that_do_not_reach_it_stay_where_they_are():
-    apart = Model((*walls(DISH, 5), *walls(CONE, 5, shift=200)))
+    apart = Model((*walls(DISH, 5, floor=True), *walls(CONE, 5, shift=200)))
     assert Recipe(3, thickness=2, rim="flat").mesh(apart)[1] == []
+
+
+def test_a_wall_that_looks_to_and_from_the_middle_is_on_a_side_of_its_axis():
+    trumpet = walls([(100, 0), (10, 20), (10, 100)], 6)
+    words = [side_of_wall(Recipe(3, thickness=thickness).mesh(trumpet)[0]) for thickness in (1, -1)]
+    assert words == ["outwards, away from its axis", "inwards, towards its axis"]
 
 
 @pytest.mark.parametrize("thickness", [2, -2])
@@ -133,7 +141,8 @@ def test_at_a_corner_of_a_patch_the_rim_leaves_the_plane_smoothly_and_never_goes
     grid = np.stack(np.mgrid[:3, :3], axis=-1).reshape(-1, 2)
     pillow = Patch(grid, np.column_stack([10.0 * grid, 30.0 * (grid == 1).all(axis=1)]), coefficients="binomial")
     solid, remarks = Recipe(24, thickness=0.5, rim="flat").mesh(pillow)
-    assert remarks == ["the surface lies in the plane of a rim, which is along the normals in part near (0, 0, 0)"]
+    along = "the surface lies in the plane of a rim, which is along the normals in part near (0, 0, 0)"
+    assert (remarks[0], remarks[1][:46]) == (along, "the flat rim meets the wall at 24 degrees, a k")
     assert_closed(solid)
     surface, offset = np.split(solid.vertices, 2)
     edge = np.flatnonzero(surface[:, 1] == 0)
