@@ -52,7 +52,7 @@ def test_things_are_named_with_the_numbers_of_sides_that_they_may_have():
 
 COARSE = ["--tolerance", 0.8]
 EXTREMES = [(name, n, COARSE) for name, most in TEMPLATES.items() if most and name != "n-gon" for n in (3, most)]
-EXTREMES.remove(("ring", 12, COARSE))  # whose fill takes ten seconds: its wall is meshed and checked above
+EXTREMES = [case for case in EXTREMES if case[:2] != ("ring", 12)]  # a fill of ten seconds; its wall is meshed above
 
 
 @pytest.mark.parametrize(
