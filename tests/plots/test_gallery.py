@@ -64,11 +64,12 @@ def test_a_picture_is_what_its_command_draws(picture, tmp_path):
     assert others(picture.path, target) <= FEW
 
 
+@pytest.mark.parametrize(("panel", "kind", "place"), [(stripes.of_a_cube, "g2", 1), (stripes.of_a_loop, "g1", 2)])
 @long
-def test_stripes_are_those_of_fills(tmp_path):
-    target = tmp_path / "picture.png"
-    stripes.draw(target)
-    assert others(STRIPES, target) <= FEW
+def test_stripes_are_those_of_fills(panel, kind, place):
+    """One picture of each shape, and one of each continuity, of the four."""
+    there = np.split(pixels(STRIPES.read_bytes()), 4, axis=1)[place]
+    assert otherness(there, np.asarray(panel(kind).convert("RGB"))) <= FEW
 
 
 @pytest.mark.parametrize("picture", PICTURES_OF_PAGE, ids=lambda picture: picture.name)

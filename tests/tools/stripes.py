@@ -138,20 +138,26 @@ def loops(paths: Sequence[Path], n: int = 256, size: int = 420) -> Image.Image:
 
 def draw(target: Path) -> None:
     """Draw the page's picture: a corner of the rounded cube among its neighbours, and a loop, with "g1" and "g2"."""
-    n, size = 48, 240
+    sheet([[panel(kind) for panel in (of_a_cube, of_a_loop) for kind in ("g1", "g2")]]).quantize(32).save(
+        target, "PNG", optimize=True
+    )
+
+
+def of_a_cube(kind: str, n: int = 48, size: int = 240) -> Image.Image:
+    """A filled corner of the rounded cube."""
     cube = gtb_cli.load(SPECS / "rounded-cube.toml")
     assert isinstance(cube, Model)
     others = Model(patch for patch in cube if patch.name != "corner")
     near = {"face", "face-1", "top", "post", "beam-1", "rail"}
     corner = camera(np.array([3.0, 2.0, 2.2]), np.array([0.0, 0.0, 1.0]))
-    cup = REPOSITORY / "tests" / "filling" / "cagd86.gbp"
-    row = []
-    for kind in ("g1", "g2"):
-        patches = (*gtb_cli.fill(others, continuity=kind).patches, *(patch for patch in others if patch.name in near))
-        row.append(drawn(of_patches(patches, n), corner, size, np.full(3, 2.5), 2.2))
-    first, second = (of_patches(gtb_cli.fill(cup, continuity=kind).patches, n) for kind in ("g1", "g2"))
-    row += [drawn(each, facing(first), size) for each in (first, second)]
-    sheet([row]).quantize(32).save(target, "PNG", optimize=True)
+    patches = (*gtb_cli.fill(others, continuity=kind).patches, *(patch for patch in others if patch.name in near))
+    return drawn(of_patches(patches, n), corner, size, np.full(3, 2.5), 2.2)
+
+
+def of_a_loop(kind: str, n: int = 48, size: int = 240) -> Image.Image:
+    """A filled loop of five sides."""
+    surface = of_patches(gtb_cli.fill(REPOSITORY / "tests" / "filling" / "cagd86.gbp", continuity=kind).patches, n)
+    return drawn(surface, facing(surface), size)
 
 
 def main(words: Sequence[str]) -> None:
