@@ -184,9 +184,9 @@ def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer
     # About: if there would be many more, rings have fewer steps, or there are fewer rings
     inner_knots = 320 if layer == SECOND_LAYER else 440
     lengths, along, inward = frames(vertices)
-    centre = vertices.mean(axis=0)
+    centre, widest = vertices.mean(axis=0), float(distances.max())
     depths = ((centre - vertices) * inward).sum(axis=1)
-    depth, widest = float(depths.min()), float(distances.max())
+    depth = float(depths.min())
     while True:
         gaps, sizes = [widest], [1 - layer * widest / depth]
         while (size := sizes[-1] - gaps[-1] / depth) > last_size:
@@ -212,9 +212,8 @@ def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer
         coarser *= 1.1
     knots = []
     for ring, count in zip(rings, counts, strict=True):
-        for side, pieces in enumerate(count.tolist()):
-            shares_along = np.arange(pieces)[:, None] / pieces
-            knots.append(ring[side] + shares_along * (np.roll(ring, -1, axis=0)[side] - ring[side]))
+        for start, end, pieces in zip(ring, np.roll(ring, -1, axis=0), count.tolist(), strict=True):
+            knots.append(start + np.arange(pieces)[:, None] / pieces * (end - start))
     found = np.concatenate([*knots, centre[None]])
     above = ((found[:, None] - vertices) * inward).sum(axis=2)
     return np.asarray(found[(above >= (layer - 1e-6) * distances).all(axis=1)])
