@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, distinct
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.torus import exponents, shares
 
@@ -66,7 +66,7 @@ def blocks(
     sides, heights = np.roll(vertices, -1, axis=0) - vertices, vertices @ s
     near = len(sides) * (heights + np.roll(heights, -1, axis=0)).argmax(axis=0) + heights.argmax(axis=0)
     powers = {}
-    for number in np.unique(near).tolist():
+    for number in distinct(near).tolist():
         k, end = divmod(number, len(sides))
         way = sides[k] / np.hypot(*sides[k])
         x, y = np.array([way, [-way[1], way[0]]]) @ (knots - vertices[end]).T

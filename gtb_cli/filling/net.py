@@ -8,10 +8,11 @@ T at its own place, so that no control point is too weak or too strong.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, planar_cross
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, planar_cross, unit
 from gtb_cli.filling.corner_exponents import FREE, SUMS, corner_places, frames, keeps_corners
 from gtb_cli.filling.osculation import polar
 from gtb_cli.filling.sides import binomials, points_and_tangents
@@ -60,10 +61,11 @@ def net(rows_at: Sequence[EdgeRows]) -> Net:
     distances = _row_distances(vertices, degrees, layer)
     edges, rows, seconds, boundary = _boundary(vertices, degrees, distances, [len(row) for row in logs_of_seconds])
     places = corner_places(vertices, degrees, distances)
-    sums = places[:, FREE].reshape(-1, 2)
-    known, same = np.concatenate([boundary, sums]), 1e-6 * distances.min()
+    known, same = np.concatenate([boundary, places[:, FREE].reshape(-1, 2)]), 1e-6 * distances.min()
     sums = known[[k for k in range(len(boundary), len(known)) if not _near(known[k : k + 1], known[:k], same)]]
-    rings = _rings(vertices, degrees, distances, layer)
+    legs = [unit(np.diff(c[:, :3] / c[:, 3:], axis=0)[[0, -1]]) for c in curves]
+    smooth = max(float(a[1] @ b[0]) for a, b in pairwise([legs[-1], *legs])) > 0.87  # turns by less than 30 degrees
+    rings = _rings(vertices, degrees, distances, layer, 48 if smooth or min(lengths) < max(lengths) / 20 else 52)
     rings = rings[keeps_corners(rings, places) & ~_near(rings, sums, 0.8 * distances.min())]
     knots = np.concatenate([boundary, sums, rings])
     logs = np.full(len(knots), np.log(4.0))
@@ -120,8 +122,7 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
     before = np.roll(steps, 1)
     cosine = -(np.roll(along, 1, axis=0) * along).sum(axis=1)  # of the angle inside corner k, between k − 1 and k
     sine = np.sqrt(1 - cosine**2)
-    step = np.minimum(before, steps)
-    even = spacing * step / 2 * sine / (layer + cosine)
+    even = spacing * np.minimum(before, steps) / 2 * sine / (layer + cosine)
     ahead = 1 / (before * sine) - cosine / (sine * steps)  # what a unit of distance adds to the sum of exponents
     back = 1 / (steps * sine) - cosine / (sine * before)
     with np.errstate(divide="ignore"):
@@ -175,17 +176,17 @@ def _boundary(
     return tuple(edges), tuple(lines(1, 0.5, degrees)), tuple(lines(2, 1, seconds)), np.array(knots)
 
 
-def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer: float) -> FloatArray:
+def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer: float, most_steps: int) -> FloatArray:
     """Return the knots inside, ring by ring, then the centre; gaps between rings grow linearly from each side's row."""
-    # Of the first gap between rings, and of the domain; with fewer steps, curvature varies more, as few knots are left
-    # to choose it with. Where a second row gives the curvature, it is met less exactly with more.
-    gap_growth, last_size, first_ring_steps = (0.35, 0.1, 48) if layer == SECOND_LAYER else (0.5, 0.15, 36)
+    # Of the first gap between rings, and of the domain. Few steps leave few knots to choose curvature with; with more,
+    # it varies more beside smooth corners and short sides, and that of a second row is met less exactly.
+    gap_growth, last_size, first_ring_steps = (0.35, 0.1, most_steps) if layer == SECOND_LAYER else (0.5, 0.15, 36)
     # About: if there would be many more, rings have fewer steps, or there are fewer rings
     inner_knots = 320 if layer == SECOND_LAYER else 440
     lengths, along, inward = frames(vertices)
-    centre = vertices.mean(axis=0)
+    centre, widest = vertices.mean(axis=0), float(distances.max())
     depths = ((centre - vertices) * inward).sum(axis=1)
-    depth, widest = float(depths.min()), float(distances.max())
+    depth = float(depths.min())
     while True:
         gaps, sizes = [widest], [1 - layer * widest / depth]
         while (size := sizes[-1] - gaps[-1] / depth) > last_size:
@@ -211,9 +212,8 @@ def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer
         coarser *= 1.1
     knots = []
     for ring, count in zip(rings, counts, strict=True):
-        for side, pieces in enumerate(count.tolist()):
-            shares_along = np.arange(pieces)[:, None] / pieces
-            knots.append(ring[side] + shares_along * (np.roll(ring, -1, axis=0)[side] - ring[side]))
+        for start, end, pieces in zip(ring, np.roll(ring, -1, axis=0), count.tolist(), strict=True):
+            knots.append(start + np.arange(pieces)[:, None] / pieces * (end - start))
     found = np.concatenate([*knots, centre[None]])
     above = ((found[:, None] - vertices) * inward).sum(axis=2)
     return np.asarray(found[(above >= (layer - 1e-6) * distances).all(axis=1)])
@@ -243,8 +243,7 @@ def _even_weights(net: Net) -> FloatArray:
     products = np.log(tie * np.where(first == other, 1, 2)) - logs[corners[owners, 0]]
     free = np.concatenate([*net.rows, net.inner[~np.isin(net.inner, tied)]])
     ends = np.cumsum([len(row) for row in net.rows])
-    columns = np.arange(len(free))
-    s = None
+    columns, s = np.arange(len(free)), None
     share = np.where(columns < ends[-1], row_share, inner_share)
     wanted = np.log(share / (1 - share))
     for _ in range(rounds):

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, cross, dot, rows_of, unit
+from gtb_cli.arrays import FloatArray, IntArray, cross, distinct, dot, rows_of, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import PARALLEL_SINE
 from gtb_cli.knots.domain import Domain
@@ -371,7 +371,7 @@ def corner_layer(
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
     terms = np.exp(s @ x.T + logs)
     parts, r = [], math.sqrt(2)
-    for first, second in np.unique(order, axis=0).tolist():
+    for first, second in distinct(order).tolist():
         members = np.flatnonzero((order == (first, second)).all(axis=1))
         t = terms[members] / terms[members].sum(axis=1, keepdims=True)
         xi, eta = _coordinates(x, gaps, chain[[first, second]])

@@ -28,7 +28,7 @@ from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.rows import Rows, _Form, _multipliers
 from gtb_cli.filling.sides import HoleSide, bezier_form, points_and_tangents, raised, side_normals, stations
 from gtb_cli.filling.spline_sides import single_curves
-from gtb_cli.filling.tangent_rows import edge_rows
+from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
@@ -217,6 +217,20 @@ def test_first_knots_of_rows_leave_curvature_bounded(seed):
         p = own[1:5] - own[0]
         assert np.linalg.solve(p[[0, 3]].T, p[1:3].T).sum(axis=0).max() < 0.95 + 1e-9
         assert net.keeps_corners(own[0] + p[:2] + p[2:], own[None]).all()
+
+
+@pytest.mark.parametrize(
+    ("corners", "steps"),
+    [([[0, 0], [1, 0], [1, 1]], 52), ([[0, 0], [1, 0.1], [2, 0], [1, 2]], 48), ([[0, 0], [9, 0], [9, 0.4]], 48)],
+)
+def test_smooth_corners_and_short_sides_have_fewer_steps(corners, steps, monkeypatch):
+    """A triangle; one whose long side is nearly straight, in two; one with a side of less than a twentieth."""
+    rings, seen = net._rings, list[int]()
+    monkeypatch.setattr(net, "_rings", lambda *given: seen.append(given[-1]) or rings(*given))
+    points = np.pad(np.array(corners, float), ((0, 0), (0, 1)))
+    lines = [homogeneous(np.linspace(*ends, 3)) for ends in zip(points, np.roll(points, -1, axis=0), strict=True)]
+    net.net([EdgeRows(line, None, None) for line in lines])
+    assert seen == [steps]
 
 
 def loop_of_five(kind: str) -> Filling:
