@@ -70,7 +70,7 @@ class FairSearch:
         ((first,),) = bendings(self._inside + self._outside, self._zones[0], found)
         pairs = forms(self._inside, areas, found[0], (2, 3)) + forms(self._outside, self._zones, found[0], (2, 3))
         self._stiff = pairs[1, 1]
-        weighed = (0, 100), (1, 0), (1, 100), (1, 400)
+        weighed = (0, 100), (0, 400), (1, 0), (1, 100), (1, 400)
         energies += [pairs[k, 1] + factor / first.area * pairs[k, 0] for k, factor in weighed]
         found += [self._least(energy) for energy in energies[1:]]
         scored = [score for score, _ in self.scores(found)]
