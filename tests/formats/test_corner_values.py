@@ -73,7 +73,7 @@ def test_a_change_is_a_difference_unless_it_is_ignored(tmp_path, mesh, kind, edi
 
 def test_files_of_other_formats_are_compared_in_what_both_hold(tmp_path, mesh):
     for kind in ("obj", "ply", "glb", "stl"):
-        write_mesh(mesh, tmp_path / f"a.{kind}", normals=kind != "stl" or None, uv=kind == "glb")
+        write_mesh(mesh, tmp_path / f"a.{kind}", normals=kind != "stl" or None, uv=kind != "stl")
     assert all(diff(tmp_path / "a.obj", tmp_path / f"a.{kind}").same for kind in ("ply", "glb", "stl"))
     turned = Mesh(mesh.vertices, mesh.cells, normals=-mesh.normals)
     write_mesh(turned, tmp_path / "b.obj", normals=True)
