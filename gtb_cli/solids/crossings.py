@@ -16,9 +16,11 @@ MAX_COMPARED_PAIRS = 50_000_000  # in half a minute: a smooth mesh has about 20 
 def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
     """(p, 2) triangles of a mesh that pass through each other, or lie in one plane and overlap; each pair once.
 
-    Triangles that only touch cross if one's edge lies in the other, and the surface goes on behind it. Vertices at
-    exactly the same place are one, and triangles with two corners at one place are left out. The second value is false
-    if more than `MAX_COMPARED_PAIRS` are near each other, so that not all were compared. A million take ten seconds.
+    Triangles that touch along a segment, in which an edge of one lies, cross if the surface passes through there: the
+    neighbour across the edge is on the other side of the surface that the edge touches. Other triangles that only touch
+    do not cross, and neighbours do not cross in what they share. Vertices at exactly the same place are one, and
+    triangles with two corners at one place are left out. The second value is false if more than `MAX_COMPARED_PAIRS`
+    are near each other, so that not all were compared. A million triangles take about ten seconds.
     """
     found = [np.empty((0, 2), dtype=np.int64)]
     places = numbered_places(vertices)[1]

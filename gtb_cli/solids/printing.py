@@ -14,8 +14,9 @@ from gtb_cli.vocabulary import UP, Up
 def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
     """Measure a closed mesh of which this axis points up, as plain data in model units.
 
-    Overhangs look down by more than 45 degrees from upright; what is flat within 0.2% of the height above the bed
-    stands. Walls are those of `wall_of_faces`, with the middle of the least one's triangle; None of more triangles.
+    Overhangs look down by more than 45 degrees from upright, but for what is flat within 0.2% of the height above the
+    bed: it stands there. The wall behind a triangle is that of `wall_of_faces`: the least, the middle of its triangle,
+    and the one that 90% of the surface has at least; None if there are more triangles.
     """
     frame, axis = Frame.around(mesh.vertices), 2 if up == UP[0] else 1
     corners = frame.inside(mesh.vertices)[mesh.faces]

@@ -17,9 +17,10 @@ STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not a
 def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
     """Move the offset's part of each rim of a solid made by `thicken` into the plane of the surface's part.
 
-    Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, vertices next to
-    the plane move there along edges, and those beyond are projected onto it, as parts of the rim: all keep their
-    numbers. Where the surface lies in the plane the rim changes smoothly to the normals; at corners it is said.
+    Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, it ends in the
+    plane: vertices next to the plane move there along edges, and those beyond are projected onto it, as parts of the
+    rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers. Where the surface
+    lies in the plane the rim changes smoothly to the normals; at corners it is said.
 
     Raises `DomainError` if a rim is not plane, the surface leaves its plane to both sides, the offset goes beyond it
     only where the surface does not lie in it, or the wall reaches another rim.

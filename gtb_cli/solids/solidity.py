@@ -75,8 +75,9 @@ def where(mesh: Mesh, cells: IntArray) -> str:
 def inward_faces(mesh: Mesh) -> IntArray:
     """Faces of a closed mesh that look into the solid, or out of a hollow in it, ascending.
 
-    Where nothing crosses, the winding number is constant on each side of a connected part: 1 inside and 0 outside. That
-    of other parts is the sum of their triangles' solid angles, by 4π (A. Van Oosterom, J. Strackee, 1983).
+    The mesh is closed, consistently oriented, and does not cross itself. Its winding number is then constant on each
+    side of a connected part, and must be 1 inside and 0 outside. That of other parts is the sum of their triangles'
+    solid angles, by 4π (A. Van Oosterom, J. Strackee, The solid angle of a plane triangle, 1983).
     """
     first, places = numbered_places(mesh.vertices)
     cells = places[mesh.faces]

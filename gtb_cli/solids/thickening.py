@@ -11,8 +11,10 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import are_proper, are_used, compacted, sides_of
 
-MIN_THICKNESS_ROUNDINGS = 64  # of the largest coordinate: a shorter boundary edge is a point
-# of the largest angle to facets of a patch that share a vertex normal: on such an edge a solid is 3 % too thin
+# Roundings of the largest coordinate: a smaller thickness is refused, and a shorter boundary edge is a point
+MIN_THICKNESS_ROUNDINGS = 64
+# Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share the
+# normal. A solid is 3 % too thin on an edge between patches at this angle.
 SMOOTH_COSINE = math.cos(math.radians(15))
 MAX_MITRE = 2.0  # largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°
 

@@ -33,11 +33,14 @@ def tube(
 
     A ring has `sides` vertices, or so many that its polygon is within `tolerance` of the circle; else `RING_SIDES`. The
     tube is then within the tolerance of the points at `radius` from the polyline, by tangents and mitres. Tangents are
-    (k, 2, 3) unit vectors at both ends of each segment, NaN where undefined; by default the segments' directions.
+    (k, 2, 3) unit vectors at both ends of each segment, as `Patch.tangents` finds them, NaN where undefined; without
+    them, the directions of the segments are used.
 
     The mesh is closed, with outward unit normals. Each polyline between ends or branchings makes one tube, and one
     group if there are several: a ring if its ends coincide, else with flat caps. Attributes are those of the curve.
-    Raises `DomainError` if the mesh is not a polyline, a polyline is a single point, or the radius is below rounding.
+
+    Raises `DomainError` if the mesh is not a polyline, a polyline is a single point, or the radius is below rounding,
+    and `ToleranceError` if the tube would have more than `max_faces` triangles.
 
     A turn at a vertex is mitred, one of more than 90° in two steps, so that no vertex is farther than √2 radii from the
     curve. With a tolerance, as many steps are taken as it needs, outside the bend; and the direction of a segment
