@@ -133,7 +133,8 @@ class FairSearch:
 
     def _calmed(self, energy: FloatArray, bound: float, score: float, points: FloatArray, also: Any = None) -> _Scored:
         """Return a surface, or a pulled one whose rows cross edges more at corners, where scores see curvature, too."""
-        steps = (1.0, 0.03), (1.4, 0.03), (1.4, 0.1), (2.0, 0.1)  # factors of shares, and pulls, of the energy's value
+        # Factors of shares, and pulls, of the energy's value: three more for what is curved, and gains by pulls
+        steps = (1.0, 0.03), (1.4, 0.03), (1.4, 0.1), (2.0, 0.1), (2.0, 0.3), (2.0, 1.0), (2.0, 3.0)
         beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[_Scored]()
         for step in (*steps, None):
             curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
@@ -141,7 +142,8 @@ class FairSearch:
             calmer.append((score * max(1.0, curved.max() / MOST_CURVED) ** 4, points))
             if step is None or not beyond.any() or curved.max() > BROKEN:
                 break
-            if len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]:
+            is_calm = curved.max() <= MOST_CURVED / 1.5
+            if (len(calmer) > 4 and is_calm) or (len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]):
                 break
             share = np.where(beyond, np.maximum(step[0] * bound, (step[0] - 1) * CROSSING), bound)
             points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy, also))
