@@ -19,6 +19,7 @@ from gtb_cli.theory.patch import Patch
 SPANS: tuple[int, ...] = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted piece, tried in turn
 POLAR_SPANS: tuple[int, ...] = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
 CURVED_SPANS: tuple[int, ...] = (4, 5, 6)  # of those that meet curvature
+CLOSEST = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
 
 
 class SplineSurfaces(NamedTuple):
@@ -73,7 +74,6 @@ def spline_surfaces(
             reasons[index] = str(fault)
     if not reasons:
         return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, 0.0, 0.0, ())
-    closest = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
     missed = 0.005  # of curvature: with more, more spans are tried
     much, enough = 0.1, 0.1  # a share of places with planes that no B-spline follows, and degrees that suffice then
     names = {index: patches[index].name or f"patch-{index}" for index in reasons}
@@ -99,7 +99,7 @@ def spline_surfaces(
                 max(values) for values in zip(*(one[1:] for one in found.values()), strict=True)
             )
             history.append((bend, least))
-            wanted = angle if angle is not None else closest if lost < much else enough
+            wanted = angle if angle is not None else CLOSEST if lost < much else enough
             is_met = max(bend, least) <= wanted and (not curved or error <= missed)
             pairs = zip(history[-1], history[-3], strict=True)
             is_sound = (curved or error <= allowed) and gap <= gap_allowed and (fit is fitted_pieces or least < 90)

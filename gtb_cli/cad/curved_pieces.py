@@ -17,7 +17,8 @@ ROUNDS, SETTLING = 6, 2  # of least squares; in the last ones poles move along n
 ANGLES = 1e6  # of planes at seams, beside the variation of forms: a tenth as much gives three times the angles, .0009°
 JUMPS = 3e2  # of forms at seams, which are free: ten times as much costs angles at seams, up to .003°
 BENDS = 1e3  # of forms at edges, which are given: a tenth as much leaves .4 % of the largest, and not .04 %
-RIDGE, SLIDE, HOLD = 1e-11, 100.0, 1e14  # share of the diagonal, beyond rounding; costs of moves along the surface
+KEEP = 3e3  # cost of moves along normals: a tenth as much lets few spans leave the patch by 1 %, thrice costs angles
+RIDGE, SLIDE, HOLD = 1e-11, 1e4, 1e14  # share of the diagonal, beyond rounding; costs of moves along the surface
 
 # A weight, rows of some nets, and what the sum of these rows should be
 _Condition: TypeAlias = tuple[float, list[tuple[int, FloatArray]], FloatArray | float]
@@ -76,8 +77,8 @@ def curve_pieces(
     moves, costs = _moves(nets, kinds)
     moved, missed, largest = np.zeros(len(costs)), np.inf, 1.0
     for number in range(ROUNDS):
-        held = HOLD * (costs > 1) * (number >= ROUNDS - SETTLING)
-        matrix, wanted, missed, largest = np.diag(costs + held), -costs * moved * (costs > 1), 0.0, 1.0
+        held = HOLD * (costs > KEEP) * (number >= ROUNDS - SETTLING)
+        matrix, wanted, missed, largest = np.diag(costs + held), -costs * moved, 0.0, 1.0
         for weight, parts, target in _conditions(nets, kinds, edges):
             lacks = target - np.sum([rows @ nets[p][..., :3].ravel() for p, rows in parts], axis=0)
             if weight == BENDS:
@@ -183,5 +184,5 @@ def _moves(nets: list[FloatArray], kinds: list[tuple[Splines, Splines]]) -> tupl
     vectors = np.concatenate([towards[:, None], _frames(towards)], axis=1)
     free = np.stack([np.ones(ends[-1], dtype=bool), slides, slides], axis=1)
     found = [np.einsum("stc,cdx->stxcd", table, vectors)[..., free] for table in tables]
-    costs = np.where(np.arange(3) > 0, SLIDE**2, np.ones((ends[-1], 1)))[free]
+    costs = np.where(np.arange(3) > 0, SLIDE, KEEP * np.ones((ends[-1], 1)))[free]
     return [csr_array(each.reshape(-1, len(costs))) for each in found], costs

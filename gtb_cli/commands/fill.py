@@ -114,6 +114,7 @@ def fill(
 
     A hole with concave corners is cut by curves into parts with a patch each, whose tangent planes along them agree.
     """
+    from gtb_cli.filling.certificate import DISAGREEING
     from gtb_cli.filling.fill import filled, filled_in_some_way, holes_of
     from gtb_cli.filling.holes import ring_texts
     from gtb_cli.filling.loops import read_loop
@@ -144,6 +145,7 @@ def fill(
             filling = fill_hole(found, hole, name, continuity={} if bends else continuity, **options)
     seams = None
     if kind is not None and not filling.fault:
+        from gtb_cli.cad.bspline_surfaces import CLOSEST
         from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
 
         part = found.shape if isinstance(found, Part) else None
@@ -160,11 +162,10 @@ def fill(
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
     _report(filling, streams.console, is_long, written=not bends)
     if kind is not None:
-        known = [
-            (angle, k) for k, angle in enumerate(filling.corner_angles.tolist()) if angle <= 1
-        ]  # else it is a doubt
-        most, k = max(known, default=(0.0, 0))
-        if seams is not None and seams.angle > 1e-3 and most > seams.angle / 10:
+        angles = enumerate(filling.corner_angles.tolist())
+        apart = [(angle, k) for k, angle in angles if CLOSEST < angle <= DISAGREEING]  # beyond, it is a doubt
+        if seams is not None and apart:
+            most, k = max(apart)
             place = filling.at(filling.sides[k].ends[0])
             warnings.append(f"the part's own planes differ by {most:.2g} degrees at {place}: no face can meet both")
         streams.console.report(streams.output, size, warnings)

@@ -19,7 +19,7 @@ from gtb_cli.cad.sewing import KERNEL_UNITS, Body, encode_cad
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.threemf import UNIT_NAMES
 from gtb_cli.importers import cad_files
-from gtb_cli.importers.cad_files import kernel
+from gtb_cli.importers.cad_files import kernel, uses_of_edges
 from gtb_cli.language.writer import save as write
 from gtb_cli.meshes.measures import measure
 from gtb_cli.models.model import Model
@@ -271,29 +271,20 @@ def test_fitted_patches_share_edges_with_other_parameters() -> None:
 
 def bends(shape: Any) -> list[float]:
     """The largest angle in degrees between the normals of two B-spline faces on each edge that they share."""
-    brep = kernel("BRep").BRep_Tool
-    sides: list[tuple[Any, list[Any]]] = []
-    for face in parts(shape, "FACE"):
-        if not isinstance(brep.Surface_s(face), kernel("Geom").Geom_BSplineSurface):
-            continue
-        for edge in parts(face, "EDGE"):
-            uses = next((uses for other, uses in sides if other.IsSame(edge)), None)
-            if uses is None:
-                sides.append((edge, [face]))
-            else:
-                uses.append(face)
+    surface_of, splines = kernel("BRep").BRep_Tool.Surface_s, kernel("Geom").Geom_BSplineSurface
 
     def normals(edge: Any, face: Any) -> np.ndarray:
         curve = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face)
         first, last = curve.FirstParameter(), curve.LastParameter()
-        found = []
-        for t in np.linspace(first, last, 2000).tolist():
-            place = curve.Value(t)
-            at = kernel("GeomLProp").GeomLProp_SLProps(brep.Surface_s(face), place.X(), place.Y(), 1, 1e-12).Normal()
-            found.append([at.X(), at.Y(), at.Z()])
-        return np.array(found)
+        places = [curve.Value(t) for t in np.linspace(first, last, 2000).tolist()]
+        at = kernel("GeomLProp").GeomLProp_SLProps
+        found = (at(surface_of(face), place.X(), place.Y(), 1, 1e-12).Normal() for place in places)
+        return np.array([[normal.X(), normal.Y(), normal.Z()] for normal in found])
 
-    pairs = [[normals(edge, face) for face in uses] for edge, uses in sides if len(uses) == 2]
+    fitted = [
+        [use for use in uses if isinstance(surface_of(use[1]), splines)] for uses in uses_of_edges(shape).values()
+    ]
+    pairs = [[normals(*use) for use in uses] for uses in fitted if len(uses) == 2]
     return [float(np.degrees(2 * np.arcsin(np.linalg.norm(a - b, axis=1).max() / 2))) for a, b in pairs]
 
 
@@ -301,7 +292,7 @@ def bends(shape: Any) -> list[float]:
 def test_seams_are_measured_to_a_hundred_thousandth_of_an_edge() -> None:
     box = SPECS / "box.step"
     shape = cad_files.read_shape(box.read_bytes(), "step", str(box))
-    for (edge, face), *_ in cad_files.uses_of_edges(shape).values():
+    for (edge, face), *_ in uses_of_edges(shape).values():
         points = along_edge(edge, face)[0]
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         assert max(steps[0], steps[-1]) < 1e-4 * steps.sum()
