@@ -4,9 +4,9 @@ import hashlib
 import os
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import IO, TypeAlias, get_args
 
 import numpy as np
@@ -93,26 +93,23 @@ class Operand:
     @cached_property
     def libraries(self) -> dict[str, bytes | str]:
         """Digests of libraries and pictures that it names, by their names; the names of those that are not there."""
+        held, beside = dict[str, bytes | str](), partial(os.path.join, os.path.dirname(self.name))
         digest = cache(_digest)  # a file may be named in many ways
-        held = self._named(self.known.libraries, "", digest)
-        there = {os.path.realpath(self._beside(name)): name for name, found in held.items() if isinstance(found, bytes)}
-        keys = rb"(?im)^[ \t]*(?:map_\w+|bump|disp|decal|norm|refl)[ \t]+(.*\S)"
+
+        def hold(lines: Iterable[str], place: str = "") -> None:
+            """Hold what lines name, each several files, or one with blanks after options."""
+            for line in (line.replace("\\", "/") for line in dict.fromkeys(lines)):  # as Windows separates folders
+                ends = (end for k in range(20) for end in line.split(None, k)[-1:] if " " in end)
+                names = next(([end] for end in ends if os.path.isfile(beside(place, end))), line.split())
+                for name in (os.path.join(place, name) for name in names):
+                    held[name] = digest(os.path.realpath(beside(name))) if os.path.isfile(beside(name)) else name
+
+        hold(self.known.libraries)
+        there = {os.path.realpath(beside(name)): name for name, found in held.items() if isinstance(found, bytes)}
         for path, name in there.items() if self.known.format == "obj" else ():  # materials name pictures
-            pictures = re.findall(keys, read_file(path, MAX_STREAM_BYTES))
-            held |= self._named([os.fsdecode(picture) for picture in pictures], os.path.dirname(name), digest)
+            keys = rb"(?im)^[ \t]*(?:map_\w+|bump|disp|decal|norm|refl)[ \t]+(.*\S)"
+            hold(map(os.fsdecode, re.findall(keys, read_file(path, MAX_STREAM_BYTES))), os.path.dirname(name))
         return held
-
-    def _beside(self, *names: str) -> str:
-        return os.path.join(os.path.dirname(self.name), *names)
-
-    def _named(self, lines: Iterable[str], place: str, digest: Callable[[str], bytes]) -> dict[str, bytes | str]:
-        """Digests of files that lines name, each several, or one with blanks after options, in a folder beside it."""
-        names = list[str]()
-        for line in (line.replace("\\", "/") for line in dict.fromkeys(lines)):  # as Windows separates folders
-            ends = (end for k in range(20) for end in line.split(None, k)[-1:])
-            names += [*line.split(), *(end for end in ends if os.path.isfile(self._beside(place, end)))]
-        paths = {name: self._beside(name) for name in (os.path.join(place, name) for name in names)}
-        return {name: digest(os.path.realpath(path)) if os.path.isfile(path) else name for name, path in paths.items()}
 
 
 def diff(
@@ -206,7 +203,7 @@ def compared(
         same_kind=len(dimensions) == 1,
         is_curve=dimensions == {1},
         turned=turned,
-        remarks=_open_edges(a.spec, b.spec, allowed) if found.distance <= allowed else (),
+        remarks=_open_edges(a.spec, b.spec, allowed) if found.distance <= allowed and dimensions == {2} else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
         uncompared=left_out,
@@ -250,9 +247,8 @@ def _patches_compared(a: Operand, b: Operand, allowed: float) -> tuple[int, tupl
 
 def _open_edges(a: Patch | Model, b: Patch | Model, allowed: float) -> tuple[str, ...]:
     """Remark on open edges of patches in other places, as another weld leaves them, and not on edges cut otherwise."""
-    if 1 in (a.dimension, b.dimension):
-        return ()
-    models = [spec if isinstance(spec, Model) else Model([spec]) for spec in (a, b)]
+    once = [dict.fromkeys(patch.replace(name=None) for patch in spec.patches) for spec in (a, b)]
+    models = [Model(each, weld=getattr(spec, "weld", None)) for each, spec in zip(once, (a, b), strict=True)]
     one, other = ([model[k].boundary(edge) for k, edge in model.joints.open] for model in models)
     both = bool(one and other)
     are_other = shape_distance(Model(one), Model(other)).distance > allowed if both else bool(one or other)
