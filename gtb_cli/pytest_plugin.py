@@ -170,9 +170,10 @@ class MeshRegression:
             files, kept = dict[str, bytes](), FORMATS.get(format)
             if isinstance(path, Path) and found.known.format == format:  # then it may hold more than a mesh
                 data = path.read_bytes()
-                files = {name: held for name, held in found.libraries.items() if isinstance(held, bytes)}
-                if far := [name for name in files if os.path.dirname(name)]:
+                named = [name for name, held in found.libraries.items() if isinstance(held, bytes)]
+                if far := [name for name in named if os.path.dirname(name)]:
                     raise GtbError(f"{path}: {far[0]} is in another folder, and is not kept beside a golden file")
+                files = {name: (path.parent / name).read_bytes() for name in named}
             else:
                 if mesh.attributes and kept and not kept.attributes:
                     raise DomainError(f"attributes: {format.upper()} holds none, give format='ply'")

@@ -1,12 +1,12 @@
 """`diff` and `distance` of any two things: meshes, patches, models, and files of meshes or specs."""
 
+import hashlib
 import os
 import re
 from bisect import bisect_left
-from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import IO, TypeAlias, get_args
 
 import numpy as np
@@ -26,7 +26,7 @@ from gtb_cli.meshes.correspondence import matching, nearest_cells
 from gtb_cli.meshes.difference import Difference, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
 from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, TEXTURE, KnownMesh, Mesh, Values, are_marks, known_exactly, rounding
-from gtb_cli.models.model import Model, joints_of
+from gtb_cli.models.model import Model
 from gtb_cli.tessellation.attributes import QUALITY_NAME
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
@@ -92,22 +92,24 @@ class Operand:
 
     @cached_property
     def libraries(self) -> dict[str, bytes | str]:
-        """What the libraries and pictures that it names hold, by their names; the names of those that are not there."""
-        held = self._named(self.known.libraries)
-        for name, data in [*held.items()] if self.known.format == "obj" else ():  # materials name pictures
-            keys = rb"(?im)^[ \t]*(?:map_\w+|bump|disp|decal|norm|refl)[ \t]+(.*\S)"
-            pictures = re.findall(keys, data) if isinstance(data, bytes) else []
-            held |= self._named([os.fsdecode(picture) for picture in pictures], os.path.dirname(name))
-        return held
+        """Digests of libraries and pictures that it names, by their names; the names of those that are not there."""
+        held, beside = dict[str, bytes | str](), partial(os.path.join, os.path.dirname(self.name))
+        digest = cache(_digest)  # a file may be named in many ways
 
-    def _named(self, lines: Iterable[str], place: str = "") -> dict[str, bytes | str]:
-        """Read the files that lines name, each one or several, in a folder beside it."""
-        beside = partial(os.path.join, os.path.dirname(self.name))
-        paths = (line.replace("\\", "/") for line in lines)  # as Windows separates folders
-        listed = ([path] if os.path.isfile(beside(place, path)) else path.split() for path in paths)
-        names = [os.path.join(place, name) for names in listed for name in names]
-        there = {name: os.path.isfile(beside(name)) for name in names}
-        return {name: read_file(beside(name), MAX_STREAM_BYTES) if is_file else name for name, is_file in there.items()}
+        def hold(lines: Iterable[str], place: str = "") -> None:
+            """Hold what lines name, each several files, or one with blanks after options."""
+            for line in (line.replace("\\", "/") for line in dict.fromkeys(lines)):  # as Windows separates folders
+                ends = (end for k in range(20) for end in line.split(None, k)[-1:] if " " in end)
+                names = next(([end] for end in ends if os.path.isfile(beside(place, end))), line.split())
+                for name in (os.path.join(place, name) for name in names):
+                    held[name] = digest(os.path.realpath(beside(name))) if os.path.isfile(beside(name)) else name
+
+        hold(self.known.libraries)
+        there = {os.path.realpath(beside(name)): name for name, found in held.items() if isinstance(found, bytes)}
+        for path, name in there.items() if self.known.format == "obj" else ():  # materials name pictures
+            keys = rb"(?im)^[ \t]*(?:map_\w+|bump|disp|decal|norm|refl)[ \t]+(.*\S)"
+            hold(map(os.fsdecode, re.findall(keys, read_file(path, MAX_STREAM_BYTES))), os.path.dirname(name))
+        return held
 
 
 def diff(
@@ -201,7 +203,7 @@ def compared(
         same_kind=len(dimensions) == 1,
         is_curve=dimensions == {1},
         turned=turned,
-        remarks=_open_edges(a.spec, b.spec) if found.distance <= allowed else (),
+        remarks=_open_edges(a.spec, b.spec, allowed) if found.distance <= allowed and dimensions == {2} else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
         uncompared=left_out,
@@ -232,19 +234,33 @@ def _patches_compared(a: Operand, b: Operand, allowed: float) -> tuple[int, tupl
     if len(old) != len(new):
         return 0, (), ("names and sides of patches are not compared, as there are others",)
     nearest, over = nearest_cells(one.mesh, other.mesh)
-    names = [name for name, start, stop in new for _ in range(start, stop)]
+    owner = np.repeat(np.arange(len(new)), [stop - start for _, start, stop in new])
     turned = sum(stop - start for _, start, stop in old if over[start:stop].mean() > 0.5)  # most faces of each tell
-    here = [name for name, *_ in old]
-    there = [Counter(names[cell] for cell in nearest[start:stop]).most_common(1)[0][0] for _, start, stop in old]
-    remark = f"groups: {' '.join(here)} against {' '.join(there)}"
-    return turned, (remark,) if here != there and len(old) > 1 else (), ()
+    counts = [np.bincount(owner[nearest[start:stop]], minlength=len(new)) for _, start, stop in old]
+    there = [int(count.argmax()) for count in counts]
+    if len({*there}) < len(new) or any(count.max() < 0.9 * count.sum() for count in counts):  # but for borders
+        return turned, (), ("names of patches are not compared, as the surface is cut otherwise",)
+    names = [name for name, *_ in old], [new[index][0] for index in there]
+    remark = f"groups: {' '.join(names[0])} against {' '.join(names[1])}"
+    return turned, (remark,) if names[0] != names[1] and len(old) > 1 else (), ()
 
 
-def _open_edges(a: Patch | Model, b: Patch | Model) -> tuple[str, ...]:
-    """Remark on other open edges of patches, as another weld leaves: by their number, if there are as many patches."""
-    one, other = (len(joints_of(spec).open) for spec in (a, b))
-    is_other = one != other if len(a.patches) == len(b.patches) else bool(one) != bool(other)
-    return (f"{one} open edges of patches against {other}",) * is_other
+def _open_edges(a: Patch | Model, b: Patch | Model, allowed: float) -> tuple[str, ...]:
+    """Remark on open edges of patches in other places, as another weld leaves them, and not on edges cut otherwise."""
+    once = [dict.fromkeys(patch.replace(name=None) for patch in spec.patches) for spec in (a, b)]
+    models = [Model(each, weld=getattr(spec, "weld", None)) for each, spec in zip(once, (a, b), strict=True)]
+    one, other = ([model[k].boundary(edge) for k, edge in model.joints.open] for model in models)
+    both = bool(one and other)
+    are_other = shape_distance(Model(one), Model(other)).distance > allowed if both else bool(one or other)
+    return (f"{len(one)} open edges of patches against {len(other)}" + ", in other places" * both,) * are_other
+
+
+def _digest(path: str) -> bytes:
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").digest()
+    except OSError as error:
+        raise GtbError(f"{path}: {error.strerror or error}") from None
 
 
 def _computed(mesh: Mesh) -> KnownMesh:

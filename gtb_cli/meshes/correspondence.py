@@ -139,10 +139,8 @@ class _Faces:
 
     def turned(self, usual: int = 1) -> int:
         """How many of the faces that both have equally often are turned over; −1 says that the usual ones are."""
-        one, other = (
-            np.bincount(face, sides, len(self.here))
-            for face, sides in ((self.face, self.side), (self.other, self.other_side))
-        )
+        one = np.bincount(self.face, self.side, len(self.here))
+        other = np.bincount(self.other, self.other_side, len(self.here))
         return int(np.abs(one - usual * other)[self.here == self.there].sum()) // 2
 
 
@@ -199,9 +197,8 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
     else:
         count = len(b.mesh.vertices)
         vertices, there = np.divmod(np.unique(paired(corners, other_corners, count)), count)
-    remarks: tuple[str, ...] = ()
-    if a.has_indices and b.has_indices and not used == others_used == len(vertices):
-        remarks = (f"faces share vertices in another way: {used} against {others_used} vertices",)
+    is_other = a.has_indices and b.has_indices and not used == others_used == len(vertices)
+    remarks = (f"faces share vertices in another way: {used} against {others_used} vertices",) * is_other
     apart = a.mesh.vertices[vertices] - b.mesh.vertices[there]
     return Matching(vertices, there, np.asarray(reduce(np.hypot, apart.T)), turned, remarks, slots, (cells, others))
 

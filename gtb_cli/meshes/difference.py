@@ -108,11 +108,10 @@ class Difference:
         """Sentences on where the answer does not quite fit the question."""
         result = [f"{remark}, which is ignored" for remark in (*self.sides, *self.remarks) if remark not in self.faults]
         result += self.uncompared
+        finest = "the numbers in the files are no finer"
         if self.asked and self.asked < self.tolerance:
-            finest = "the numbers in the files are no finer at this size"
-            result.append(f"tolerance {self.tolerance:.3g} instead of {self.asked:.3g}: {finest}")
+            result.append(f"tolerance {self.tolerance:.3g} instead of {self.asked:.3g}: {finest} at this size")
         if self.same and self.asked is None and self.tolerance > 1e-6 * self.diagonal:
-            finest = "the numbers in the files are no finer"
             result.append(f"tolerance {self.tolerance:.3g}, as {finest}: smaller differences are not seen")
         if self.stray is not None:
             size = f"the size is {self.stray:.3g} instead of {self.diagonal:.3g}"

@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, joined, rows_of
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh, vertices_to_measure
-from gtb_cli.meshes.nearest import NearestCells, spatial_order
+from gtb_cli.meshes.nearest import NearestCells, middles, spatial_order
 from gtb_cli.meshes.overlay import CellParts
 from gtb_cli.meshes.topology import are_used
 
@@ -86,8 +86,7 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
 
 def _distinct(cells: IntArray, used: int) -> IntArray:
     """Cells of `used` vertices, once each if there are far too many, as in damaged files: every copy is searched."""
-    most_cells = 16  # for each vertex; surfaces have two for each, and curves one
-    if len(cells) <= most_cells * used:
+    if len(cells) <= 16 * used:  # surfaces have two for each vertex, and curves one
         return cells
     return cells[np.unique(np.sort(cells, axis=1), axis=0, return_index=True)[1]]
 
@@ -163,14 +162,14 @@ class _FarthestPoint:
         """Bound pieces by cells near their middles, and keep those that need more; the middles are also samples."""
         if not len(pieces.bounds):
             return pieces
-        samples, likely = self.look_at(pieces.middles, pieces.likely)
+        samples, likely = self.look_at(middles(pieces.corners), pieces.likely)
         return self.needed(pieces.bounded(self.tree, likely, samples))
 
     def bounded_well(self, pieces: CellParts) -> CellParts:
         """Like `bounded`, with the cells nearest to the middles."""
         for find in (self.tree.nearby, self.tree.search):
             if len(pieces.bounds):
-                samples, likely = find(pieces.middles, pieces.samples, pieces.likely)
+                samples, likely = find(middles(pieces.corners), pieces.samples, pieces.likely)
                 pieces = self.needed(pieces.bounded(self.tree, likely, samples))
         return pieces
 

@@ -31,17 +31,11 @@ class CellParts(NamedTuple):
         rows, best = np.arange(len(corners)), samples.argmin(axis=1)
         return CellParts(corners, bounds, nearest[rows, best], distances.argmax(axis=1), samples[rows, best])
 
-    @property
-    def middles(self) -> FloatArray:
-        """(m, 3) means of the corners."""
-        return middles(self.corners)
-
     def bounded(self, tree: NearestCells, likely: IntArray, samples: FloatArray) -> CellParts:
         """Bound each part by its corners' distances from one cell, which becomes the cell below it."""
         number = self.corners.shape[1]
         away = tree.distances(self.corners.reshape(-1, 3), np.repeat(likely, number)).reshape(-1, number)
-        worst = away.argmax(axis=1)
-        bounds = away[np.arange(len(worst)), worst]
+        bounds, worst = away.max(axis=1), away.argmax(axis=1)
         better = bounds < self.bounds
         lower, corner = np.where(better, bounds, self.bounds), np.where(better, worst, self.worst)
         return CellParts(self.corners, lower, likely, corner, samples)
@@ -61,7 +55,7 @@ class CellParts(NamedTuple):
         # A plane must pass between corners, farther from both than 1e-9 of the part's size. A height of 1e-15, for
         # coordinates up to 1, may be rounding: such planes would cut a tiny part thousands of times in vain.
         depth = np.maximum(1e-9 * np.sqrt(square.max(axis=1, initial=0.0)), 1e-15)
-        over_middle = _heights(self.corners, self.middles, tree.corners[self.likely])
+        over_middle = _heights(self.corners, middles(self.corners), tree.corners[self.likely])
         is_cut = _pass_between(over_middle, depth)
         heights[is_cut] = over_middle[is_cut]
         rest = np.flatnonzero(~is_cut)

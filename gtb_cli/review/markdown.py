@@ -21,9 +21,8 @@ def markdown(review: Review, page: str = "") -> str:
     tables = [{row.label: row for row in change.rows if row.old or row.new} for change in review.changes]
     labels = [label for label in COLUMNS if any(label in table for table in tables)]
     head = ["name", "verdict", "distance", "tolerance", *labels]
-    more = "\nAnd {} more.\n"
+    more, below = "\nAnd {} more.\n", ""
     table = f"\n| {' | '.join(head)} |\n|{'---|' * len(head)}\n" if tables else ""
-    below = ""
     for k, (change, numbers) in enumerate(zip(review.changes, tables, strict=True)):
         cells = [_code(change.verdict.name).replace("|", "\\|"), change.verdict.word, *change.amounts]
         for label in labels:

@@ -54,8 +54,7 @@ def _data(change: Change) -> dict[str, Any]:
         **dict(zip(("amount", "tolerance"), change.amounts, strict=True)),
         "rows": change.rows,
         "uncoloured": uncoloured,  # why there are no distances to be shown, if there are none
-        "old": None,
-        "new": None,
+        **dict.fromkeys(("old", "new")),
     }
     if change.frames is None:
         return data

@@ -54,9 +54,7 @@ class Comparing:
                 notes = [f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices"]
             elif not found.same and (a.spec is None) != (b.spec is None):
                 command = f"gtb mesh {spec} OPTIONS -f ply --ascii | gtb diff {mesh} -"
-                notes = [
-                    f"what other options of gtb mesh make of {spec}, as --fill and --weld, is compared by {command}"
-                ]
+                notes = [f"what other options, as --fill and --weld, make of {spec} is compared by {command}"]
         verdict = replace(verdict, found=found, warnings=found.limits, notes=tuple(notes))
         return verdict if found.same else replace(verdict, word="different", meshes=(a.known.mesh, b.known.mesh))
 

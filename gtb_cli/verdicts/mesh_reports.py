@@ -154,9 +154,7 @@ def mesh_text(report: dict[str, Any]) -> str:
         if shown.get("volume") is not None and abs(shown["volume"]) / size / size / size < 1e-12:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
     if 0 < (inward := shown.pop("inward_parts", None) or 0) < (parts := shown.get("components", 0)):
-        shown["volume"] = (
-            f"{shown['volume']:.6g}, a signed sum: {inward} of {parts} parts face{'s' * (inward == 1)} inwards"
-        )
+        shown["volume"] = f"{shown['volume']:.6g}, a signed sum: {inward} of {parts} parts inwards, as cavities are"
     lines = [*labelled(shown).items(), *(("hole", text) for text in holes), *printing_rows(printed)]
     lines += [(f"digest of {name}", digest) for name, digest in digests.items()]
     lines += [("group", ": ".join(map(str, group.values()))) for group in groups[:max_groups_shown]]

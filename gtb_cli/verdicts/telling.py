@@ -14,7 +14,6 @@ OTHER_KIND = "one is a curve, the other a surface"
 
 def difference_record(found: Difference) -> dict[str, Any]:
     """Return a difference as plain data, ready for ``json.dumps``."""
-    kinds = () if found.same_kind else (OTHER_KIND,)
     return {
         "same": found.same,
         "distance": found.distance,
@@ -23,7 +22,7 @@ def difference_record(found: Difference) -> dict[str, Any]:
         "bound": found.bound,
         "proved": found.is_proved,
         "turned_faces": found.turned,
-        "remarks": [*kinds, *found.words, *found.units, *found.remarks, *found.values],
+        "remarks": [*[OTHER_KIND] * (not found.same_kind), *found.words, *found.units, *found.remarks, *found.values],
         "ignored": list(found.ignored),
         "mean": found.mean,
         "asked_tolerance": found.asked,
