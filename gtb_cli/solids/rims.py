@@ -115,8 +115,8 @@ def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[Flo
     apart = np.abs(height[rim])
     if apart.max() > nearly:
         near = f"near {point_text(points[apart.argmax()], points)}"
-        cure = 'only a plane rim can be flat: `rim="normal"` leaves it as it is'
-        raise DomainError(f"rim: a rim leaves its plane by {apart.max():.3g} {near}: {cure}")
+        cure = 'only a plane rim can be flat; `rim="normal"` leaves it as it is'
+        raise DomainError(f"rim: a rim leaves its plane by {apart.max():.3g} {near}, and {cure}")
     beside = cells[rim[cells].any(axis=1)]
     farthest = float(height[beside.ravel()[np.abs(height[beside]).argmax()]])
     return centre, -np.copysign(1.0, farthest) * normal, nearly
