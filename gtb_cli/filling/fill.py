@@ -175,10 +175,9 @@ def with_fills(
             other = f", or {without}" * (kind != "g0" and without not in fault)
             raise RequirementError(f"`fills` {hole}: {'; '.join(filter(None, (end, fault + other)))}")
         doubts = "; ".join([*filling.doubts, "`fill` says all"]) if filling.doubts else ""
-        for words in filter(None, (end, filling.remarks[0] if filling.tried else "", doubts)):
-            warn(f"`fills` {hole}: {words}")
-        if rise := _rise(filling):
-            note(f"`fills` {hole}: {rise}")
+        tried = filling.remarks[0] if filling.tried else ""
+        for tell, words in ((warn, end), (warn, tried), (warn, doubts), (note, _rise(filling))):
+            tell(f"`fills` {hole}: {words}") if words else None
         spec = filling.model or spec
     return spec
 

@@ -27,7 +27,7 @@ def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
     stands = (down > 0.99 * areas) & (heights < 0.002 * spans[axis])
     hangs = (down > (np.sqrt(0.5) + 1e-9) * areas) & ~stands
     walls = wall_of_faces(mesh) if len(mesh.cells) <= max_wall_faces else None
-    found: dict[str, Any] = dict.fromkeys(("least_wall", "least_wall_place", "least_wall_angle", "usual_wall"))
+    keys, values = ("least_wall", "least_wall_place", "least_wall_angle", "usual_wall"), [None, None, None, None]
     if walls is not None and np.isfinite(walls).any():
         least = int(np.argmax(walls <= np.nanmin(walls) * (1 + 1e-6)))  # the first of those that rounding tells apart
         order = np.argsort(walls)  # NaN last
@@ -37,12 +37,12 @@ def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
         ways = [float(ways_out(middles[[least]], inwards, corners[[row]], units[[row]])[0]) for row in beside]
         is_other = np.isclose(frame.length(np.array(ways)), walls[least], rtol=1e-6)  # as rays through a side meet two
         angles = np.degrees(np.arccos(np.clip(units[beside[is_other]] @ inwards[0], -1.0, 1.0)))
-        found = {
-            "least_wall": float(walls[least]),
-            "least_wall_place": frame.outside(middles[least]).tolist(),
-            "least_wall_angle": float(angles.min()) if len(angles) else None,
-            "usual_wall": float(walls[usual]),
-        }
+        place, angle = frame.outside(middles[least]).tolist(), float(angles.min()) if len(angles) else None
+        values = [float(walls[least]), place, angle, float(walls[usual])]
     bed, hanging = (float(frame.length(areas[rows].sum(), 2)) for rows in (stands, hangs))
     measured = {"up": up, "size": frame.length(spans).tolist(), "bed_area": bed, "overhang_area": hanging}
-    return {**measured, "overhang_share": float(areas[hangs].sum() / areas.sum()), **found}
+    return {
+        **measured,
+        "overhang_share": float(areas[hangs].sum() / areas.sum()),
+        **dict(zip(keys, values, strict=True)),
+    }
