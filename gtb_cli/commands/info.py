@@ -234,7 +234,7 @@ def _within(value: float, error: float) -> str:
 
 def _listed(names: list[str], in_full: bool) -> str:
     """List names in a row; unless in full, only some of very many."""
-    max_edges_shown = 100  # largest number of open or collapsed edges that are listed without --long
+    max_edges_shown = 24  # largest number of open or collapsed edges that are listed without --long
     more = 0 if in_full else max(0, len(names) - max_edges_shown)
     return "; ".join(names[: len(names) - more]) + (f" and {more} more, with --long" if more else "")
 

@@ -28,7 +28,7 @@ def new(template: str, sides: int | None, streams: Streams) -> None:
 
     text, output = text_of(template, sides), streams.output
     if output != STANDARD and os.path.isfile(output):
-        raise click.UsageError(f"{output} already exists and would be overwritten")
+        raise click.UsageError(f"{output} already exists, and is not overwritten: choose another name")
     streams.write(text)
     stem, options = os.path.splitext(output)[0], re.search(r"gtb mesh \S+( .*)? -o \S+(\.\w+)$", text, re.MULTILINE)
     assert options is not None

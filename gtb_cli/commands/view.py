@@ -168,7 +168,7 @@ def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach
             _refuse_too_many(len(mesh.cells))
             return content_of_mesh(mesh, stem)
     doubts: list[str] = []
-    with spec_of(path, reading, doubts.append) as spec:
+    with spec_of(path, reading, doubts.append, doubts.append) as spec:
         if recipe is not None and recipe.tolerance is None:
             _refuse_too_many(recipe.faces(spec))
         name = (spec.name or "patch") if path == STANDARD else stem

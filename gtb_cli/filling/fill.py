@@ -154,10 +154,12 @@ def filled_in_some_way(
     return replace(first, tried=tuple(tried))
 
 
-def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Callable[[str], object]) -> Patch | Model:
+def with_fills(
+    spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Callable[[str], object], note: Callable[[str], object]
+) -> Patch | Model:
     """Fill holes of a model, one after the other, each named by an edge and with the continuity of its patch.
 
-    Raises `RequirementError` where a patch folds with any fullness that is tried.
+    What is doubtful is a warning; that a patch rises above its hole, as that of a dome is meant to, is a note. Raises `RequirementError` where a patch folds with any fullness that is tried.
     """
     for hole, kind in fills:
         if not isinstance(spec, Model) or spec.dimension != 2:
@@ -173,8 +175,9 @@ def with_fills(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Call
             other = f", or {without}" * (kind != "g0" and without not in fault)
             raise RequirementError(f"`fills` {hole}: {'; '.join(filter(None, (end, fault + other)))}")
         doubts = "; ".join([*filling.doubts, "`fill` says all"]) if filling.doubts else ""
-        for words in filter(None, (end, filling.remarks[0] if filling.tried else "", doubts, _rise(filling))):
-            warn(f"`fills` {hole}: {words}")
+        tried = filling.remarks[0] if filling.tried else ""
+        for tell, words in ((warn, end), (warn, tried), (warn, doubts), (note, _rise(filling))):
+            tell(f"`fills` {hole}: {words}") if words else None
         spec = filling.model or spec
     return spec
 

@@ -31,7 +31,7 @@ _SLIPS = (
         "a comma is missing before this",
     ),
     ("^(?!Expected newline)(?!.*(?:key|property name))", "", _WORD, _QUOTED),
-    ("^Expected newline", r"\d\Z", _WORD, _QUOTED),
+    ("^Expected newline", r"\d[ \t]*\Z", _WORD + r"(?![\w-]*[ \t]*=)", _QUOTED),
     ("^(?!.*key)", r"\d(?:,\d+)?\Z", r"^,\d", _DECIMAL),
     ("key", r"\d(?:,\d+)?\Z", "^[,}]", _DECIMAL),
 )

@@ -67,10 +67,9 @@ def page_data(content: Content) -> dict[str, Any]:
     low, high = bounds_of(np.concatenate([*vertices, *points]))
     if 0 < 3 * np.hypot.reduce(end / 3 - start / 3) < np.hypot.reduce(high / 3 - low / 3):
         low, high = start, end  # a control point of small weight may be very far, and is no reason to look from there
-    size = float(np.linalg.norm((high - low).astype(np.longdouble)))
+    size = float(np.linalg.norm((high - low).astype(np.longdouble))) or 1.0
     if not math.isfinite(size):
         raise DomainError("is too large to be shown")
-    size = size or 1.0
     middle = low + (high - low) / 2
 
     def placed(points: Any) -> str:
@@ -79,11 +78,8 @@ def page_data(content: Content) -> dict[str, Any]:
     frames = []
     for label, keyframe in zip(content.labels, content.keyframes, strict=True):
         frame = {"label": label, "positions": placed(keyframe.vertices)}
-        if len(keyframe.normals):
-            frame["normals"] = encoded(keyframe.normals, "<f4")
-        if len(keyframe.net_points):
-            frame["net"] = placed(keyframe.net_points)
-        frames.append(frame)
+        frame |= {"normals": encoded(keyframe.normals, "<f4")} if len(keyframe.normals) else {}
+        frames.append(frame | ({"net": placed(keyframe.net_points)} if len(keyframe.net_points) else {}))
     scalars = {}
     for name, values in content.scalars.items():
         if values is None:

@@ -149,8 +149,7 @@ def _fine(shape: Patch | Model) -> Recipe:
     if shape.dimension == 1:
         return Recipe(256)
     coarse = tessellate(shape, 8).split
-    low, high = coarse.bounds
-    size = float(np.linalg.norm(high - low))
+    size = float(np.linalg.norm(np.subtract(*coarse.bounds)))
     ends = coarse.vertices[coarse.edges]
     between = ends[:, 1] - ends[:, 0]
     turns = np.zeros_like(between) if coarse.normals is None else np.diff(coarse.normals[coarse.edges], axis=1)[:, 0]
@@ -183,14 +182,18 @@ def content_of_frames(frames: Frames, name: str) -> Content:
     first = frames.meshes[0]
     if not all(np.array_equal(mesh.cells, first.cells) for mesh in frames.meshes):
         raise DomainError("the meshes of a sequence have the same faces, and these do not: it cannot be played")
-    groups = ((name, 0, len(first.cells)),)
-    lines, none = sides(first, groups), np.empty((0, 4), dtype=np.int64)
+    groups, none = ((name, 0, len(first.cells)),), np.empty((0, 4), dtype=np.int64)
     return Content(
         name,
         tuple(_keyframe(with_normals(mesh, smooth=True), frames.net_points) for mesh in frames.meshes),
         first.cells,
         groups,
-        {"border": lines["open"], "open": none, "folds": none, "net": np.array(frames.net, dtype=int).reshape(-1, 2)},
+        {
+            "border": sides(first, groups)["open"],
+            "open": none,
+            "folds": none,
+            "net": np.array(frames.net, dtype=int).reshape(-1, 2),
+        },
         labels=tuple(frames.titles),
         net_names=tuple(subscript("b", i) for i in range(len(frames.net_points))),
         vertices=len(first.vertices),
@@ -279,10 +282,9 @@ def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]], chord_error: float
 
 def _wall(mesh: Mesh) -> dict[str, FloatArray | None]:
     """Return the thickness of the wall behind each vertex of a mesh, if it is closed; None if that takes too long."""
-    if mesh.is_curve or len(mesh.cells) > MAX_WALL_FACES:
-        return {} if mesh.is_curve else {"wall": None}
-    wall = wall_of_vertices(mesh)
-    return {} if wall is None else {"wall": wall}
+    if not mesh.is_curve and len(mesh.cells) > MAX_WALL_FACES:
+        return {"wall": None}
+    return {} if mesh.is_curve or (wall := wall_of_vertices(mesh)) is None else {"wall": wall}
 
 
 def _word(mesh: Mesh) -> str:
@@ -294,9 +296,8 @@ def _word(mesh: Mesh) -> str:
 
 def _together(one: str, other: str) -> str:
     """Say whose the normals of two contents are."""
-    if {one, other} == {EXACT, NOT_ALL_EXACT}:
-        return NOT_ALL_EXACT
-    return one if other in one else f"{one} and {other}"
+    both = one if other in one else f"{one} and {other}"
+    return NOT_ALL_EXACT if {one, other} == {EXACT, NOT_ALL_EXACT} else both
 
 
 def _keyframe(mesh: Mesh, points: FloatArray = NO_POINTS) -> Keyframe:

@@ -94,9 +94,9 @@ class Console:
         self.quiet = quiet
         self._width = 0  # of the counter on the last line of a terminal
 
-    def warn(self, message: str) -> None:
-        """Print what the user might not expect."""
-        self.note(in_options(message), "warning")
+    def warn(self, message: str, severity: str = "warning") -> None:
+        """Print what the user might not expect, or may like to know, in the words of options."""
+        self.note(in_options(message), severity)
 
     def note(self, message: str, severity: str = "note") -> None:
         """Print what was done."""

@@ -38,7 +38,7 @@ class Streams:
 
     def spec_of(self, path: str) -> AbstractContextManager[Spec]:
         """Read a spec, and name it in errors, as the function `spec_of` does."""
-        return spec_of(path, self.reading, self.console.warn)
+        return spec_of(path, self.reading, self.console.warn, partial(self.console.warn, severity="note"))
 
     def write(self, text: str) -> None:
         """Write text to the output."""
@@ -46,7 +46,9 @@ class Streams:
 
 
 @contextmanager
-def spec_of(path: str, reading: Reading = AS_SEEN, warn: Callable[[str], object] = str) -> Iterator[Spec]:
+def spec_of(
+    path: str, reading: Reading = AS_SEEN, warn: Callable[[str], object] = str, note: Callable[[str], object] = str
+) -> Iterator[Spec]:
     """Read a spec from a file, or from standard input, and name it in errors about the shape that it describes.
 
     Its holes are filled as the reading asks. A `SpecError` has a line for each of its own errors.
@@ -60,7 +62,7 @@ def spec_of(path: str, reading: Reading = AS_SEEN, warn: Callable[[str], object]
         if reading.fills:
             from gtb_cli.filling.fill import with_fills
 
-            spec = with_fills(spec, reading.fills, warn)
+            spec = with_fills(spec, reading.fills, warn, note)
         yield spec
 
 
@@ -96,7 +98,8 @@ def opened(path: str) -> Iterator[IO[bytes]]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise SpecError(Fault(str(error.strerror or error), shown_input(path))) from None
+        other = f"; {path}.toml is there" if os.path.exists(f"{path}.toml") else ""
+        raise SpecError(Fault(f"{error.strerror or error}{other}", shown_input(path))) from None
 
 
 def numbered_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:

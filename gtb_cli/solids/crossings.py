@@ -83,8 +83,7 @@ def _near_pairs(corners: FloatArray, depth: float) -> Iterator[IntArray]:
         if level == 0:
             yield tree.order[np.stack([a, b], axis=1)]
             continue
-        starts = range(0, len(a), pair_batch)
-        stack += [(level, a[start : start + pair_batch], b[start : start + pair_batch]) for start in starts]
+        stack += [(level, a[k : k + pair_batch], b[k : k + pair_batch]) for k in range(0, len(a), pair_batch)]
 
 
 def _cross(corners: FloatArray, normals: FloatArray, across: IntArray, pairs: IntArray, depth: float) -> BoolArray:

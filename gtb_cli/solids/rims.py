@@ -116,7 +116,7 @@ def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[Flo
     apart = np.abs(height[rim])
     if apart.max() > nearly:
         near = f"near {point_text(points[apart.argmax()], points)}"
-        cure = 'can be flat only within it: `rim="normal"` makes the solid'
+        cure = 'only a plane rim can be flat; `rim="normal"` leaves it as it is'
         raise DomainError(f"rim: a rim leaves its plane by {apart.max():.3g} {near}, and {cure}")
     beside = cells[rim[cells].any(axis=1)]
     farthest = float(height[beside.ravel()[np.abs(height[beside]).argmax()]])

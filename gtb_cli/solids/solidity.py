@@ -25,10 +25,7 @@ def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
     lengths = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
     looks = np.linalg.norm(normals, axis=1) > flat_sine * lengths
     normals[~looks] = 0.0
-    while True:
-        rows = pairs[looks[pairs].sum(axis=1) == 1]
-        if not len(rows):
-            break
+    while len(rows := pairs[looks[pairs].sum(axis=1) == 1]):
         rows = np.where(looks[rows[:, :1]], rows, rows[:, ::-1])  # from a triangle with a normal to one without
         normals[rows[:, 1]] = normals[rows[:, 0]]
         looks[rows[:, 1]] = True

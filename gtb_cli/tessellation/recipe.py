@@ -200,9 +200,8 @@ class Recipe:
         if self._is_open(spec):
             from gtb_cli.solids.thickening import side_of_wall
 
-            return (
-                f", thickened {side_of_wall(solid) or ('against' if self.thickness < 0 else 'along') + ' its normals'}"
-            )
+            way = "against" if self.thickness < 0 else "along"
+            return f", thickened {side_of_wall(solid) or f'{way} its normals'}"
         return f", thickened {'inwards' if self.thickness < 0 else 'outwards'}, hollow"
 
     def _is_open(self, spec: Patch | Model) -> bool:
