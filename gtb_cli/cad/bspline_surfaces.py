@@ -95,9 +95,7 @@ def spline_surfaces(
                 if curved:
                     raise
                 break
-            error, gap, bend, least, lost = (
-                max(values) for values in zip(*(one[1:] for one in found.values()), strict=True)
-            )
+            error, gap, bend, least, lost = map(max, zip(*(one[1:] for one in found.values()), strict=True))
             history.append((bend, least))
             wanted = angle if angle is not None else CLOSEST if lost < much else enough
             is_met = max(bend, least) <= wanted and (not curved or error <= missed)

@@ -277,9 +277,8 @@ def bends(shape: Any) -> list[float]:
         curve = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face)
         first, last = curve.FirstParameter(), curve.LastParameter()
         places = [curve.Value(t) for t in np.linspace(first, last, 2000).tolist()]
-        at = kernel("GeomLProp").GeomLProp_SLProps
-        found = (at(surface_of(face), place.X(), place.Y(), 1, 1e-12).Normal() for place in places)
-        return np.array([[normal.X(), normal.Y(), normal.Z()] for normal in found])
+        at = (kernel("GeomLProp").GeomLProp_SLProps(surface_of(face), p.X(), p.Y(), 1, 1e-12) for p in places)
+        return np.array([[n.X(), n.Y(), n.Z()] for n in (each.Normal() for each in at)])
 
     fitted = [
         [use for use in uses if isinstance(surface_of(use[1]), splines)] for uses in uses_of_edges(shape).values()
@@ -290,8 +289,7 @@ def bends(shape: Any) -> list[float]:
 
 @pytest.mark.usefixtures("probed_here")
 def test_seams_are_measured_to_a_hundred_thousandth_of_an_edge() -> None:
-    box = SPECS / "box.step"
-    shape = cad_files.read_shape(box.read_bytes(), "step", str(box))
+    shape = cad_files.read_shape((SPECS / "box.step").read_bytes(), "step", "box.step")
     for (edge, face), *_ in uses_of_edges(shape).values():
         points = along_edge(edge, face)[0]
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)

@@ -99,13 +99,12 @@ def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kin
     part = cad_files.scaled(box_without_a_corner(radii) if radii else torus_with_a_hole(), size).Shape()
     result = gtb("fill", written(part, tmp_path), *elevated, "--json", "-o", out, status=0)
     seams = (data := json.loads(result.out))["seams"]
-    assert "own planes" not in result.err
     most = {"angle": 1e-3, "gap": 1e-6 * size if radii else 2e-5, "inner_angle": 4e-4 if "g2" in elevated else 1e-3}
     assert [0 < seams[key] < each for key, each in most.items()] == [True] * 3
     if "g2" in elevated:  # no other patch's figures
         assert set(data) == {"schema", "name", "corner_angles", "remarks", "fault", "seams"}
         assert seams["curvature"]["difference"] < 5e-3 * seams["curvature"]["largest"]
-    assert out.stat().st_size < 250_000
+    assert ("own planes" in result.err, out.stat().st_size < 250_000) == (False, True)
     shape = read_shape(out.read_bytes(), kind, out.name)
     assert kernel("BRepCheck").BRepCheck_Analyzer(shape).IsValid()
     assert len([*parts(shape, "SOLID")]) == 1
