@@ -136,8 +136,7 @@ def _made(shape: Patch | Model, recipe: Recipe | None, quick: bool) -> tuple[Mes
         with suppress(ToleranceError):
             return _made(shape, _fine(shape), quick)
         recipe = Recipe(14)
-    mesh, remarks = replace(recipe, normals=True).mesh(shape)
-    return mesh, remarks, recipe.tolerance_for(shape) or 0.0
+    return *replace(recipe, normals=True).mesh(shape), recipe.tolerance_for(shape) or 0.0
 
 
 def _fine(shape: Patch | Model) -> Recipe:

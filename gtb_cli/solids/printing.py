@@ -27,7 +27,7 @@ def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
     stands = (down > 0.99 * areas) & (heights < 0.002 * spans[axis])
     hangs = (down > (np.sqrt(0.5) + 1e-9) * areas) & ~stands
     walls = wall_of_faces(mesh) if len(mesh.cells) <= max_wall_faces else None
-    keys, values = ("least_wall", "least_wall_place", "least_wall_angle", "usual_wall"), [None, None, None, None]
+    keys, values = ("least_wall", "least_wall_place", "least_wall_angle", "usual_wall"), list[Any]([None] * 4)
     if walls is not None and np.isfinite(walls).any():
         least = int(np.argmax(walls <= np.nanmin(walls) * (1 + 1e-6)))  # the first of those that rounding tells apart
         order = np.argsort(walls)  # NaN last
