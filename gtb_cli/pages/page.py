@@ -137,9 +137,8 @@ def _measures(measures: Measures | None, unit: str | None, crosses: bool) -> lis
     """Return names and texts of what a mesh measures; the volume is marked if it crosses itself."""
     if measures is None:
         return []
-    found = [
-        ("size", " × ".join(f"{b - a:.5g}" for a, b in zip(*measures.bounds, strict=True)) + in_unit(0.0, 1, unit)[1])
-    ]
+    low, high = measures.bounds
+    found = [("size", " × ".join(f"{b - a:.5g}" for a, b in zip(low, high, strict=True)) + in_unit(0.0, 1, unit)[1])]
     named = {"length": measures.length, "surface": measures.area, "volume": measures.volume}
     for power, (name, value) in enumerate(named.items(), 1):
         if value is not None and math.isfinite(value):

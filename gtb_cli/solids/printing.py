@@ -41,8 +41,5 @@ def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
         values = [float(walls[least]), place, angle, float(walls[usual])]
     bed, hanging = (float(frame.length(areas[rows].sum(), 2)) for rows in (stands, hangs))
     measured = {"up": up, "size": frame.length(spans).tolist(), "bed_area": bed, "overhang_area": hanging}
-    return {
-        **measured,
-        "overhang_share": float(areas[hangs].sum() / areas.sum()),
-        **dict(zip(keys, values, strict=True)),
-    }
+    found = dict(zip(keys, values, strict=True))
+    return {**measured, "overhang_share": float(areas[hangs].sum() / areas.sum()), **found}

@@ -46,10 +46,9 @@ def tube(
     count = ring_size(radius, tolerance) if sides is None else sides
     planned = _planned(mesh, radius, tolerance, tangents)
     along = sum(len(sections.at) - (not path.closed) for path, sections in planned)
-    if (made := 2 * count * along) > max_faces:
-        raise ToleranceError(
-            f"the tube would have {made} faces, {count} around and {along} along, more than {max_faces}"
-        )
+    if 2 * count * along > max_faces:
+        faces = f"{2 * count * along} faces, {count} around and {along} along, more than {max_faces}"
+        raise ToleranceError(f"the tube would have {faces}")
     sweeps = [_sweep(path, sections, radius, count) for path, sections in planned]
     vertices, vectors, owner = (np.concatenate(parts) for parts in list(zip(*sweeps, strict=True))[:3])
     first = np.cumsum([0, *(len(sweep[0]) for sweep in sweeps)]).tolist()
