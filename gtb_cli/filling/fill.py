@@ -159,7 +159,8 @@ def with_fills(
 ) -> Patch | Model:
     """Fill holes of a model, one after the other, each named by an edge and with the continuity of its patch.
 
-    What is doubtful is a warning; that a patch rises above its hole, as that of a dome is meant to, is a note. Raises `RequirementError` where a patch folds with any fullness that is tried.
+    What is doubtful is a warning; that a patch rises above its hole, as a dome is meant to, is a note. Raises
+    `RequirementError` where a patch folds with any fullness that is tried.
     """
     for hole, kind in fills:
         if not isinstance(spec, Model) or spec.dimension != 2:

@@ -136,8 +136,7 @@ def _made(shape: Patch | Model, recipe: Recipe | None, quick: bool) -> tuple[Mes
         with suppress(ToleranceError):
             return _made(shape, _fine(shape), quick)
         recipe = Recipe(14)
-    mesh, remarks = replace(recipe, normals=True).mesh(shape)
-    return mesh, remarks, recipe.tolerance_for(shape) or 0.0
+    return *replace(recipe, normals=True).mesh(shape), recipe.tolerance_for(shape) or 0.0
 
 
 def _fine(shape: Patch | Model) -> Recipe:
@@ -182,18 +181,14 @@ def content_of_frames(frames: Frames, name: str) -> Content:
     first = frames.meshes[0]
     if not all(np.array_equal(mesh.cells, first.cells) for mesh in frames.meshes):
         raise DomainError("the meshes of a sequence have the same faces, and these do not: it cannot be played")
-    groups, none = ((name, 0, len(first.cells)),), np.empty((0, 4), dtype=np.int64)
+    groups = ((name, 0, len(first.cells)),)
+    lines, none = sides(first, groups), np.empty((0, 4), dtype=np.int64)
     return Content(
         name,
         tuple(_keyframe(with_normals(mesh, smooth=True), frames.net_points) for mesh in frames.meshes),
         first.cells,
         groups,
-        {
-            "border": sides(first, groups)["open"],
-            "open": none,
-            "folds": none,
-            "net": np.array(frames.net, dtype=int).reshape(-1, 2),
-        },
+        {"border": lines["open"], "open": none, "folds": none, "net": np.array(frames.net, dtype=int).reshape(-1, 2)},
         labels=tuple(frames.titles),
         net_names=tuple(subscript("b", i) for i in range(len(frames.net_points))),
         vertices=len(first.vertices),

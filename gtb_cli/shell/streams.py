@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 Spec: TypeAlias = "Patch | Model"
+Tell: TypeAlias = Callable[[str], object]
 STDIN = "<stdin>"  # name of standard input in messages
 MAX_STEM_BYTES = 200  # longest stem of a file name, in bytes: every file system allows it with a suffix
 
@@ -46,9 +47,7 @@ class Streams:
 
 
 @contextmanager
-def spec_of(
-    path: str, reading: Reading = AS_SEEN, warn: Callable[[str], object] = str, note: Callable[[str], object] = str
-) -> Iterator[Spec]:
+def spec_of(path: str, reading: Reading = AS_SEEN, warn: Tell = str, note: Tell = str) -> Iterator[Spec]:
     """Read a spec from a file, or from standard input, and name it in errors about the shape that it describes.
 
     Its holes are filled as the reading asks. A `SpecError` has a line for each of its own errors.

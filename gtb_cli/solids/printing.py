@@ -28,7 +28,7 @@ def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
     stands = (down > 0.99 * areas) & (heights < 0.002 * spans[axis])
     hangs = (down > (np.sqrt(0.5) + 1e-9) * areas) & ~stands
     walls = wall_of_faces(mesh) if len(mesh.cells) <= max_wall_faces else None
-    keys, values = ("least_wall", "least_wall_place", "least_wall_angle", "usual_wall"), [None, None, None, None]
+    keys, values = ("least_wall", "least_wall_place", "least_wall_angle", "usual_wall"), list[Any]([None] * 4)
     if walls is not None and np.isfinite(walls).any():
         least = int(np.argmax(walls <= np.nanmin(walls) * (1 + 1e-6)))  # the first of those that rounding tells apart
         order = np.argsort(walls)  # NaN last
@@ -42,8 +42,5 @@ def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
         values = [float(walls[least]), place, angle, float(walls[usual])]
     bed, hanging = (float(frame.length(areas[rows].sum(), 2)) for rows in (stands, hangs))
     measured = {"up": up, "size": frame.length(spans).tolist(), "bed_area": bed, "overhang_area": hanging}
-    return {
-        **measured,
-        "overhang_share": float(areas[hangs].sum() / areas.sum()),
-        **dict(zip(keys, values, strict=True)),
-    }
+    found = dict(zip(keys, values, strict=True))
+    return {**measured, "overhang_share": float(areas[hangs].sum() / areas.sum()), **found}

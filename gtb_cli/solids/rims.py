@@ -79,8 +79,7 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         return normals_of_corners(solid.cells, len(vertices), np.concatenate([own, around.vectors]), rows)
 
     flat = replace(solid, vertices=vertices, normals=normals, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
-    if kept:
-        kept = [f"the surface lies in the plane of a rim, which is along the normals {' and '.join(kept)}"]
+    kept = [f"the surface lies in the plane of a rim, which is along the normals {' and '.join(kept)}"] * bool(kept)
     return flat, kept + _knife_edge(vertices, solid.cells, np.asarray(is_side), abs(thickness))
 
 

@@ -30,11 +30,8 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
         widest, count = max(widest, float(np.max(lengths))), count + len(mesh.cells)
         lost += int((np.min(lengths, axis=0) <= same_place).sum())
     cells, side = ("segments", "segment") if spec.dimension == 1 else ("faces", "side of a face")
-    found = []
-    if lost:
-        found.append(f"{lost} of {count} {cells} have corners at one point")
-    if widest > max_side and resolution >= min_resolution:
-        found.append(f"one {side} spans {widest:.0%} of the patch")
+    found = [f"{lost} of {count} {cells} have corners at one point"] * bool(lost)
+    found += [f"one {side} spans {widest:.0%} of the patch"] * (widest > max_side and resolution >= min_resolution)
     return [f'toric parameters crowd: {" and ".join(found)}; leave out `parametrization="toric"`'] if found else []
 
 

@@ -76,10 +76,9 @@ def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
     if found["least_wall"] is not None:
         place = np.array(found["least_wall_place"])
         near = point_text(place, np.array([place, place + found["size"]]))
-        edge = f", where faces meet at {angle:.0f} degrees" if (angle := found["least_wall_angle"]) is not None else ""
-        wall = (
-            f"{found['least_wall']:.4g} near {near}{edge}; behind 90% of the surface {found['usual_wall']:.4g} or more"
-        )
+        angle, usual = found["least_wall_angle"], found["usual_wall"]
+        near += "" if angle is None else f", where faces meet at {angle:.0f} degrees"
+        wall = f"{found['least_wall']:.4g} near {near}; behind 90% of the surface {usual:.4g} or more"
     return [
         ("size", " × ".join(size)),
         ("footprint", f"{sides}, area {found['bed_area']:.4g} on the bed"),
