@@ -20,14 +20,13 @@ from gtb_cli.vocabulary import SHELLS, TEMPLATES
 from tests.marks import mostly_long
 from tests.shell import gtb
 
+RING = "ring", 12  # a fill of ten seconds; its wall alone is meshed
 THINGS = [("bowl", 5), ("ring", 4), ("shade", 6), ("joint", 3), ("handle", None)]
 PATCHES = ["curve", "triangle", "rectangle", "pentagon", "model"]
 ALL = [*THINGS, *((name, None) for name in PATCHES), *(("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100))]
 
 
-@pytest.mark.parametrize(
-    ("name", "sides"), mostly_long([*ALL[len(THINGS) :], *THINGS, ("ring", 12)], len(ALL) - len(THINGS))
-)
+@pytest.mark.parametrize(("name", "sides"), mostly_long([*ALL[len(THINGS) :], *THINGS, RING], len(ALL) - len(THINGS)))
 def test_a_template_meshes_and_has_the_properties(name, sides):
     result = gtb("new", *filter(None, (name, sides)), status=0)
     assert result.err == ""
@@ -52,7 +51,7 @@ def test_things_are_named_with_the_numbers_of_sides_that_they_may_have():
 
 COARSE = ["--tolerance", 0.8]
 EXTREMES = [(name, n, COARSE) for name, most in TEMPLATES.items() if most and name != "n-gon" for n in (3, most)]
-EXTREMES = [case for case in EXTREMES if case[:2] != ("ring", 12)]  # a fill of ten seconds; its wall is meshed above
+EXTREMES = [case for case in EXTREMES if case[:2] != RING]
 
 
 @pytest.mark.parametrize(

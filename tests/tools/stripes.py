@@ -138,9 +138,8 @@ def loops(paths: Sequence[Path], n: int = 256, size: int = 420) -> Image.Image:
 
 def draw(target: Path) -> None:
     """Draw the page's picture: a corner of the rounded cube among its neighbours, and a loop, with "g1" and "g2"."""
-    sheet([[panel(kind) for panel in (of_a_cube, of_a_loop) for kind in ("g1", "g2")]]).quantize(32).save(
-        target, "PNG", optimize=True
-    )
+    row = [panel(kind) for panel in (of_a_cube, of_a_loop) for kind in ("g1", "g2")]
+    sheet([row]).quantize(32).save(target, "PNG", optimize=True)
 
 
 def of_a_cube(kind: str, n: int = 48, size: int = 240) -> Image.Image:
