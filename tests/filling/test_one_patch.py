@@ -246,8 +246,7 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     if kind == "planes":
         assert_fills(filling, random_sides(5, 0, (2, 3)))
     found = [corner_limits(filling.patch, corner) for corner in range(5)]
-    assert max(each.angle for each in found) < 1e-6
-    assert [each.curvature_exponent for each in found] == [0] * 5
+    assert max(each.angle + abs(each.curvature_exponent) for each in found) < 1e-6
     assert max(each.curvature + 20 * each.folds for each in found) < 20
 
 
@@ -258,7 +257,8 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     assert_fills(filling, random_sides(n, seed))
     patch, told = filling.patch, np.array(filling.corner_curvatures)
     lengths = np.linalg.norm([np.ptp(side.ends, axis=0) for side in filling.sides], axis=1)
-    assert (told * (edges := np.minimum(lengths, np.roll(lengths, 1)))).max() < most
+    edges = np.minimum(lengths, np.roll(lengths, 1))
+    assert (told * edges).max() < most
     assert filling.bending.energy < {6: 8, 7: 9, 8: 22}[n]  # 45 in (6, 5) and 248 in (7, 2) with their first plans
     fan, far = 1 / (1 + np.exp(np.linspace(-14, 14, 46)))[:, None], np.geomspace(1e-4, 0.3, 30)[:, None, None]
     for corner in range(n):
