@@ -53,6 +53,7 @@ SCRIPT = '''
 """What a user writes, with types."""
 
 import sys
+from pathlib import Path
 
 import gtb_cli
 
