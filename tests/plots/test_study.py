@@ -42,7 +42,10 @@ def shown_by(code, names):
 def test_its_cells_run_and_draw(monkeypatch, capsys):
     monkeypatch.chdir(SPECS)
     mpl.use("Agg")
-    names = {}
+    plot, names = gtb_cli.Patch.plot, {}
+    monkeypatch.setattr(
+        gtb_cli.Patch, "plot", lambda self, *ax, **options: plot(self, *ax, **({} if ax else {"dpi": 30}), **options)
+    )
     figures = [shown for shown in (shown_by(code, names) for code in CODE) if isinstance(shown, Figure)]
     assert len(figures) == 7
     for figure in figures:
