@@ -268,7 +268,7 @@ def test_a_plate_shows_all_decompositions_or_the_first_hundred():
     curve, pentagon = (gtb_cli.load(SPECS / f"{name}.toml") for name in ("example-3.4", "pentagon"))
     for patch, shown, title in (
         (curve, 27, "27 regular decompositions"),
-        (pentagon, 100, "The first 100 of 1151 regular decompositions"),
+        (pentagon.part(np.arange(7)), 100, "The first 100 of 221 regular decompositions"),
     ):
         figure = gtb_cli.plot(patch, what="decompositions").figure
         assert len(figure.axes) == shown
