@@ -37,6 +37,7 @@ from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, SPEC_FORMATS, Aspect,
 BEGINNING_BYTES = 1 << 16  # bytes by which a mesh is told from a spec
 
 Comparable: TypeAlias = Mesh | Shape
+Spec: TypeAlias = Patch | Model
 
 
 @frozen
@@ -48,7 +49,7 @@ class Operand:
     name: str = ""  # of its file, for errors
 
     @property
-    def spec(self) -> Patch | Model | None:
+    def spec(self) -> Spec | None:
         """The patch or model that it is, if it is not a mesh."""
         return None if isinstance(self.origin, KnownMesh | Mesh) else self.origin
 
@@ -177,10 +178,9 @@ def compared(
 ) -> Difference:
     """Compare two operands; see `diff`."""
     aspects = (ignore,) if isinstance(ignore, str) else tuple(ignore)
-    for name, known, words in (("kind", get_args(Comparison), (kind,)), ("ignore", get_args(Aspect), aspects)):
-        for word in words:
-            if word not in known:
-                raise DomainError(f"{name}: expected {' or '.join(known)}, got {word!r}")
+    for name, known, word in (("kind", Comparison, kind), *(("ignore", Aspect, each) for each in aspects)):
+        if word not in get_args(known):
+            raise DomainError(f"{name}: expected {' or '.join(get_args(known))}, got {word!r}")
     if kind == "vertices" or a.spec is None or b.spec is None:
         return _meshes_compared(a, b, tolerance, kind, aspects)
     found = shape_distance(a.spec, b.spec)
@@ -189,7 +189,7 @@ def compared(
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
     dimensions = {spec.patches[0].dimension for spec in (a.spec, b.spec)}
-    turned, values, left_out = _patches_compared(a, b, allowed) if found.distance <= allowed else (0, (), ())
+    turned, values, left_out = _patches_compared(a.spec, b.spec, allowed) if found.distance <= allowed else (0, (), ())
     return Difference(
         method="patches",
         distance=found.distance,
@@ -224,32 +224,38 @@ def _meshes_compared(
     return replace(found, values=(*values, *[f"{LIBRARIES}: not the same"] * are_other))
 
 
-def _patches_compared(a: Operand, b: Operand, allowed: float) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
+def _patches_compared(a: Spec, b: Spec, allowed: float) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
     """Compare two specs of one surface in sides and names: how many faces are turned, remarks, and what is left out."""
-    one, other = (replace(each, recipe=Recipe(8)).known for each in (a, b))
+    are_others = len(a.patches) != len(b.patches)
+    meshes = [Operand(_once(each) if are_others else each, Recipe(8)).known for each in (a, b)]
+    one, other = sorted(meshes, key=lambda known: -len(known.mesh.groups))
+    left_out = ("names of patches are not compared, as there are others",) * are_others
     matched = matching(one, other, allowed)
     if matched is not None and matched.distances.max() <= allowed:
-        return matched.turned, unlike_values(one, other, matched.slots)[0], ()
+        return matched.turned, () if are_others else unlike_values(one, other, matched.slots)[0], left_out
     old, new = (each.mesh.groups or (("", 0, len(each.mesh.cells)),) for each in (one, other))
-    if len(old) != len(new):
-        return 0, (), ("names and sides of patches are not compared, as there are others",)
     nearest, over = nearest_cells(one.mesh, other.mesh)
-    owner = np.repeat(np.arange(len(new)), [stop - start for _, start, stop in new])
     turned = sum(stop - start for _, start, stop in old if over[start:stop].mean() > 0.5)  # most faces of each tell
+    owner = np.repeat(np.arange(len(new)), [stop - start for _, start, stop in new])
     counts = [np.bincount(owner[nearest[start:stop]], minlength=len(new)) for _, start, stop in old]
     there = [int(count.argmax()) for count in counts]
-    if len({*there}) < len(new) or any(count.max() < 0.9 * count.sum() for count in counts):  # but for borders
-        return turned, (), ("names of patches are not compared, as the surface is cut otherwise",)
+    is_cut = len({*there}) < len(new) or any(count.max() < 0.9 * count.sum() for count in counts)  # but for borders
+    if are_others or is_cut:
+        return turned, (), left_out or ("names of patches are not compared, as the surface is cut otherwise",)
     names = [name for name, *_ in old], [new[index][0] for index in there]
     remark = f"groups: {' '.join(names[0])} against {' '.join(names[1])}"
     return turned, (remark,) if names[0] != names[1] and len(old) > 1 else (), ()
 
 
-def _open_edges(a: Patch | Model, b: Patch | Model, allowed: float) -> tuple[str, ...]:
+def _once(spec: Spec) -> Model:
+    """The patches without names, and without those that are there again."""
+    patches = dict.fromkeys(patch.replace(name=None) for patch in spec.patches)
+    return Model(patches, weld=getattr(spec, "weld", None))
+
+
+def _open_edges(a: Spec, b: Spec, allowed: float) -> tuple[str, ...]:
     """Remark on open edges of patches in other places, as another weld leaves them, and not on edges cut otherwise."""
-    once = [dict.fromkeys(patch.replace(name=None) for patch in spec.patches) for spec in (a, b)]
-    models = [Model(each, weld=getattr(spec, "weld", None)) for each, spec in zip(once, (a, b), strict=True)]
-    one, other = ([model[k].boundary(edge) for k, edge in model.joints.open] for model in models)
+    one, other = ([model[k].boundary(edge) for k, edge in model.joints.open] for model in map(_once, (a, b)))
     both = bool(one and other)
     are_other = shape_distance(Model(one), Model(other)).distance > allowed if both else bool(one or other)
     return (f"{len(one)} open edges of patches against {len(other)}" + ", in other places" * both,) * are_other
@@ -271,7 +277,7 @@ def _computed(mesh: Mesh) -> KnownMesh:
     return replace(known, mesh=named, values=lambda: {**known.values(), **values_of(content, named, "")})
 
 
-def _options(spec: Patch | Model, held: Values) -> tuple[list[str], bool]:
+def _options(spec: Spec, held: Values) -> tuple[list[str], bool]:
     """Return the attributes that a PLY file has of a spec, in the order of its options, and whether it has uv, too."""
     known = dict.fromkeys(ATTRIBUTES[: 4 if spec.dimension == 2 else 1])
     if isinstance(spec, Patch):
@@ -322,10 +328,9 @@ def decoded(data: bytes, name: str, recipe: Recipe, reading: Reading = AS_SEEN) 
 
 def made_with(a: Operand, b: Operand) -> int | None:
     """Return the resolution with which the spec of one side has as many cells as the mesh of the other, or None."""
-    if (a.spec is None) == (b.spec is None):
+    spec, file = (b.spec, a) if a.spec is None else (a.spec, b)
+    if spec is None or file.spec is not None:
         return None
-    spec, wanted = (a.spec, len(b.known.mesh.cells)) if a.spec is not None else (b.spec, len(a.known.mesh.cells))
-    assert spec is not None
-    resolutions = range(1, 4097)  # segments of an edge
-    found = bisect_left(resolutions, wanted, key=lambda resolution: Recipe(resolution).faces(spec))
-    return resolutions[found] if found < 4096 and Recipe(resolutions[found]).faces(spec) == wanted else None
+    most, wanted = 4096, len(file.known.mesh.cells)  # segments of an edge, and faces
+    found = 1 + bisect_left(range(1, most), wanted, key=lambda resolution: Recipe(resolution).faces(spec))
+    return found if Recipe(found).faces(spec) == wanted else None

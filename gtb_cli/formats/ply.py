@@ -19,6 +19,8 @@ from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_r
 from gtb_cli.meshes.mesh import ABSENT, LIBRARIES, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 
+POLYGONS = "vertex_indices", "vertex_index"  # names of the corners of faces: the first of them in a file
+
 
 def ply_blocks(
     mesh: Mesh, uv: FloatArray | None, attributes: Mapping[str, FloatArray], *, ascii: bool
@@ -130,7 +132,8 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         values[unreserved(name, values)] = _exact(numbers), cells
     table, what = ("edge", "edges") if cells.shape[1] == 2 else ("face", "faces")
     rest = {f"{name} of vertices": tables["vertex"][name] for name in lists}
-    ends = [name for name in tables.get(table, {}) if name in ("vertex1", "vertex2") or name.startswith("vertex_ind")]
+    known_ends = ("vertex1", "vertex2") if table == "edge" else POLYGONS
+    ends = [name for name in tables.get(table, {}) if name in known_ends][: 2 if table == "edge" else 1]
     corners = tables[table][ends[0]][1] if table == "face" and ends else np.full(len(cells), 3)
     rows = np.broadcast_to(np.repeat(np.arange(len(corners)), (corners - 2).astype(np.intp))[:, None], cells.shape)
     for name, (numbers, counts) in tables.get(table, {}).items():
@@ -178,7 +181,7 @@ def _cells(elements: dict[str, Element], tables: dict[str, Columns]) -> IntArray
         return np.stack(ends, axis=1).astype(np.int64)
     if not face.rows:
         return np.empty((0, 3), dtype=np.int32)
-    name = "vertex_index" if "vertex_index" in face.properties else "vertex_indices"
+    name = next((name for name in face.properties if name in POLYGONS), POLYGONS[0])
     corners, counts = _numbers(face, tables, name, whole=True, lists=True)
     if counts.min() < 3:
         raise GtbError(f"element face: a face has at least 3 corners, got {counts.min()}")
@@ -205,7 +208,7 @@ def _header(data: bytes) -> tuple[dict[str, Element], str, int]:
     if not data.startswith((b"ply\n", b"ply\r")):
         raise GtbError("is not a PLY file: it does not begin with ply")
     # The longest headers have some thousands of bytes.
-    end = re.compile(rb"end_header[^\r\n]*(\r\n|\r|\n)").search(data, 0, 1 << 20)
+    end = re.compile(rb"[\r\n]end_header[^\r\n]*(\r\n|\r|\n)").search(data, 0, 1 << 20)
     if end is None:
         raise GtbError("is cut off: no end_header")
     order: str | None = None

@@ -149,6 +149,7 @@ def difference(
     matched = None if kind == "surface" else matching(a, b, allowed)
     if matched is None and kind == "vertices":
         raise DomainError("the meshes have different faces, so that vertices cannot be compared one by one")
+    spaces = (a.space, b.space) if a.format == b.format and a.space != b.space else None
     made = partial(
         Difference,
         tolerance=allowed,
@@ -158,15 +159,15 @@ def difference(
         is_curve=a.mesh.is_curve and b.mesh.is_curve,
         kind=kind,
         ignored=tuple(sorted(ignore)),
-        spaces=(a.space, b.space) if a.format == b.format and a.space != b.space else None,
+        spaces=spaces,
         stray=None if isinstance(tolerance, float | int) and tolerance >= resolution else _stray(smaller, diagonal),
     )
     if matched is not None:
         place = int(matched.distances.argmax())
-        vertex, other = int(matched.vertices[place]), int(matched.others[place])
-        distance, points = float(matched.distances[place]), a.mesh.vertices[matched.vertices]
+        distance, vertex, other = (each[place].item() for each in (matched.distances, matched.vertices, matched.others))
+        points, others = a.mesh.vertices[matched.vertices], b.mesh.vertices[matched.others]
         steps, finest = a.half_steps + b.half_steps, allowed_for(tolerance, diagonal, 0.0)[1]
-        most = np.abs(points - b.mesh.vertices[matched.others]).max(axis=0)
+        most = np.abs(points - others).max(axis=0)
         axes = [
             f"{axis}: up to {apart:.3g} apart, and numbers in the files are right to {step:.2g}"
             for axis, apart, step in zip("xyz", most.tolist(), steps.tolist(), strict=True)
@@ -174,7 +175,7 @@ def difference(
         ]
         left_out = set() if distance <= allowed else {NORMALS}  # which turn with what is turned
         values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
-        words = told_motion(points, b.mesh.vertices[matched.others], allowed) if distance > allowed else ()
+        words = told_motion(points, others, allowed, spaces is None) if distance > allowed else ()
         is_mirrored = words[:1] and words[0].startswith("mirrored")
         return made(
             method="vertices",

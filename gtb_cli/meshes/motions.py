@@ -9,7 +9,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.vocabulary import UNITS
 
 
-def told_motion(points: FloatArray, others: FloatArray, tolerance: float) -> tuple[str, ...]:
+def told_motion(points: FloatArray, others: FloatArray, tolerance: float, in_units: bool = True) -> tuple[str, ...]:
     """Name the similarity that takes (m, 3) points within the tolerance to others, simple ones first; () if none does.
 
     Least squares of a turn, a scale and a shift: Umeyama, IEEE PAMI 13 (1991), 376.
@@ -30,11 +30,12 @@ def told_motion(points: FloatArray, others: FloatArray, tolerance: float) -> tup
             shift = other_middle - scale * turn @ middle
             is_moved_only = scale == 1 and np.array_equal(turn, np.eye(3))
             lever = 1.0 if is_moved_only else 1.0 + float(np.abs(middle).max()) / size  # by which a turn's error grows
-            return _words(turn, scale, np.where(np.abs(shift) > tolerance * lever, shift, 0.0), tolerance / size)
+            shift[np.abs(shift) <= tolerance * lever] = 0.0
+            return _words(turn, scale, shift, tolerance / size, in_units)
     return ()
 
 
-def _words(turn: FloatArray, scale: float, shift: FloatArray, least: float) -> tuple[str, ...]:
+def _words(turn: FloatArray, scale: float, shift: FloatArray, least: float, in_units: bool) -> tuple[str, ...]:
     words = []
     is_mirrored = np.linalg.det(turn) < 0
     axis, degrees = _axis(-turn if is_mirrored else turn)
@@ -45,7 +46,7 @@ def _words(turn: FloatArray, scale: float, shift: FloatArray, least: float) -> t
         degrees -= math.copysign(180, degrees)
     if scale != 1:
         exchanged = [(u, v) for u, v in permutations(UNITS, 2) if abs(UNITS[u] / UNITS[v] / scale - 1) < 1e-6]
-        units = "".join(f" (1 {u} for 1 {v})" for u, v in exchanged[:1])
+        units = "".join(f" (1 {u} for 1 {v})" for u, v in exchanged[:1]) if in_units else " in numbers"
         words.append(f"{next(t for d in (6, 9, 12, 17) if (t := f'{scale:.{d}g}') != '1')} times as large{units}")
     if abs(math.radians(degrees)) > least:
         words.append(f"turned by {degrees:.6g}° about {axis}")

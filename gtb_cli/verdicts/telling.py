@@ -56,7 +56,7 @@ def difference_text(found: Difference) -> str:
         apart = f"{found.distance:.3g} apart{' where they were looked at' if found.is_loose else ''}"
         proof = f"not proved{f': at most {found.bound:.3g}' if found.is_loose else ''}"
         text = f"{what} {apart}, themselves (by a search, {proof}), {tolerance}{faults}"
-        return text if found.same else text + _farthest(found)
+        return text if found.distance <= found.tolerance else text + _farthest(found)
     is_known = found.bound <= max(found.distance * 1.01, found.tolerance * 1e-3)
     at_most = "" if is_known else f" (at most {found.bound:.3g})"
     if not found.is_proved:
@@ -66,9 +66,8 @@ def difference_text(found: Difference) -> str:
     from gtb_cli.meshes.measures import labelled
 
     rows = [labelled(measures.record()) for measures in (() if words else found.measures)]
-    for label in dict.fromkeys(label for row in rows for label in row if label not in ("lowest", "highest")):
-        text += _row(label, [row.get(label) for row in rows])
-    return text
+    labels = dict.fromkeys(label for row in rows for label in row if label not in ("lowest", "highest"))
+    return text + "".join(_row(label, [row.get(label) for row in rows]) for label in labels)
 
 
 def _farthest(found: Difference) -> str:
