@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import RequirementError
+from gtb_cli.shell.filled_holes import check_hole
 from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_option, reads, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input, write_blocks, write_json
@@ -137,6 +138,8 @@ def fill(
                 streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
             return
         name = None if isinstance(found, Model) else named or input_stem(loop)
+        if isinstance(found, Model) and hole is not None:
+            check_hole(found, hole, len(found))
         # What is written meets curvature, where no patch does
         bends = isinstance(found, Part) and kind is not None and continuity == {"": "g2"}
         options = {"inner": inner, "fullness": fullness or 1.0, "raises": raises, "g2_tolerance": g2_tolerance}
