@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING
 
 from gtb_cli.errors import DomainError
@@ -13,48 +12,51 @@ if TYPE_CHECKING:
     from gtb_cli.models.model import Model
     from gtb_cli.theory.patch import Patch
 
-Tell = Callable[[str], object]
 MOST = 8  # fills that are kept: those of two holes for four positions of a slider
-_kept: dict[bytes, tuple[Sequence[Patch], list[tuple[int, str]]]] = {}
+_kept: dict[bytes, tuple[Sequence[Patch], list[str], list[str]]] = {}
 
 
-def with_holes_filled(spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Tell, note: Tell) -> Patch | Model:
+def with_holes_filled(
+    spec: Patch | Model, fills: Sequence[tuple[str, str]], warn: Callable[[str], object], note: Callable[[str], object]
+) -> Patch | Model:
     """Fill holes as `with_fills` does, but each only once while all that its patch depends on is the same, bit for bit.
 
     `gtb view --watch` reads a spec for each position of its sliders, and a fill takes a second.
     """
     from gtb_cli.filling.fill import with_fills
-    from gtb_cli.models.model import Model
 
     own = len(spec.patches)
-    for hole, kind in fills:
-        if not isinstance(spec, Model) or spec.dimension != 2:
-            return with_fills(spec, fills, warn, note)  # which says that there is no hole
-        if (key := _surroundings(spec, hole, kind, own)) not in _kept:
-            said = list[tuple[int, str]]()
-            tells = [partial(lambda said, way, line: said.append((way, line)), said, way) for way in (0, 1)]
-            _kept[key] = with_fills(spec, [(hole, kind)], *tells).patches[len(spec.patches) :], said
-            for old in list(_kept)[:-MOST]:
-                del _kept[old]
-        patches, said = _kept[key]
-        for way, line in said:
-            (warn, note)[way](line)
-        spec = spec.replace(patches=(*spec.patches, *patches))
+    for fill in fills:
+        before, key = spec.patches, _surroundings(spec, *fill, own)
+        if key not in _kept:
+            doubts, notes = list[str](), list[str]()
+            _kept[key] = with_fills(spec, [fill], doubts.append, notes.append).patches[len(before) :], doubts, notes
+            if len(_kept) > MOST:
+                del _kept[next(iter(_kept))]
+        added, doubts, notes = _kept[key]
+        for line in doubts:
+            warn(line)
+        for line in notes:
+            note(line)
+        spec = spec.replace(patches=(*before, *added))
     return spec
 
 
-def _surroundings(model: Model, hole: str, kind: str, own: int) -> bytes:
+def _surroundings(spec: Patch | Model, hole: str, kind: str, own: int) -> bytes:
     """Return what a fill depends on: its words, the patches around it, the sides that they show, and names in use."""
     from gtb_cli.filling.holes import model_rings, one_ring
+    from gtb_cli.models.model import Model
 
+    if not isinstance(spec, Model) or spec.dimension != 2:
+        return b""  # it has no hole to fill, which `with_fills` says
     try:
-        check_hole(model, hole, own)
-        edges = one_ring(model_rings(model), hole, "model").edges
+        check_hole(spec, hole, own)
+        edges = one_ring(model_rings(spec), hole, "model").edges
     except DomainError as error:
         raise DomainError(f"`fills` {hole}: {str(error).removeprefix('hole: ').replace('`hole`', '`fills`')}") from None
-    refs = [model.joints.open[edge] for edge in edges]
-    around = [(patch, edge, model.patches[patch], model.joints.flipped[patch]) for patch, edge in refs]
-    return pickle.dumps((hole, kind, around, [patch.name for patch in model.patches], model.weld))
+    refs = [spec.joints.open[edge] for edge in edges]
+    around = [(patch, edge, spec.patches[patch], spec.joints.flipped[patch]) for patch, edge in refs]
+    return pickle.dumps((hole, kind, around, [patch.name for patch in spec.patches], spec.weld))
 
 
 def check_hole(model: Model, asked: str, own: int) -> None:
@@ -69,8 +71,7 @@ def check_hole(model: Model, asked: str, own: int) -> None:
         return
     known = owners | {name for name in edges if name.rpartition(" ")[2] == asked.rpartition(" ")[2]}
     why, meant = "no open edge has this name", suggestion(asked, known)
-    for joint in model.joints.shared:
-        pair = [joint.first, joint.second]
+    for pair in ([joint.first, joint.second] for joint in model.joints.shared):
         if asked in (names := [edge_name(model.patches, ref) for ref in pair]):
             other = asked == names[0]
             how = "its hole is filled already, and it is" if pair[other][0] >= own else "it is not open, but"
