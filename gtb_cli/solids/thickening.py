@@ -75,7 +75,8 @@ def side_of_wall(solid: Mesh, otherwise: str) -> str:
     around = surface - bounds_of(surface).mean(axis=0)
     moves, ways = unit(offset - surface), unit(around)
     plane = 1e-6 * np.abs(around).max() + 64 * EPS * np.abs(surface).max()  # as of rims
-    flat = ", a flat plate" if np.abs(dot(around, moves[:1])).max() <= plane else ""
+    is_flat = np.abs(dot(around, moves[:1])).max() <= plane and dot(moves, moves[:1]).min() > 0
+    flat = ", a flat plate" * bool(is_flat)
     rounding = 1e-6  # sine of the angle by which a wall may lean to the other side, as a plane floor does from an axis
     for along, least, words in (
         (moves[:, 2], 0.5, ("upwards", "downwards")),
