@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import RequirementError
+from gtb_cli.shell.filled_holes import check_hole
 from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_option, reads, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input, write_blocks, write_json
@@ -94,11 +95,11 @@ def fill(
     """\b
     Example: gtb boundary specs/nonagon.toml | gtb fill - | gtb mesh - -o filled.obj
 
-    Print the spec of one patch that fills a hole with three or more sides, or a model if the hole has to be cut.
+    Fill a hole with three or more sides by one patch, or by several if the hole has to be cut, and print the spec.
 
-    LOOP is a spec whose patches are the sides, in any order: rational Bézier curves, each with a "ribbon", the second
-    row of control points, if the patch is to touch tangent planes along it. It may also be a .gbp or .lop file; or a
-    model of surfaces, or a STEP, IGES or BREP file (extra gtb-cli[cad]), of which an open ring of edges is filled.
+    LOOP is a model of surfaces, or a STEP, IGES or BREP file (extra gtb-cli[cad]), of which --hole names the hole: an
+    open ring of edges. It may also be a spec whose patches are the sides, in any order: rational Bézier curves, each
+    with a "ribbon", the second row of control points, if tangent planes are to be touched; or a .gbp or .lop file.
 
     With -o FILE.step (or .iges, .brep) the patch is B-splines that keep its tangent planes, sewn to the part's faces;
     with --continuity g2 they also continue the curvature of these, and what differs is said.
@@ -137,6 +138,8 @@ def fill(
                 streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
             return
         name = None if isinstance(found, Model) else named or input_stem(loop)
+        if isinstance(found, Model) and hole is not None:
+            check_hole(found, hole, len(found))
         # What is written meets curvature, where no patch does
         bends = isinstance(found, Part) and kind is not None and continuity == {"": "g2"}
         options = {"inner": inner, "fullness": fullness or 1.0, "raises": raises, "g2_tolerance": g2_tolerance}

@@ -102,8 +102,9 @@ def mesh(
     its spec file; a folder stands for the specs in it. A spec with an error is reported and left out, and the exit
     status is 2; it is 1 if only what --require asks for is missing.
 
-    For Blender, -o x.glb: one thing that stands upright, with a part, name and colour for each patch, smooth where the
-    surface is. Its importer of OBJ files takes y for the vertical axis, which --up y makes of z.
+    To print, -o x.stl or x.3mf, with --thickness, which makes a solid of a surface, and --require solid. For Blender,
+    -o x.glb: one thing that stands upright, with a part, name and colour for each patch, smooth where the surface is.
+    Its importer of OBJ files takes y for the vertical axis, which --up y makes of z.
 
     STEP, IGES and BREP files (extra gtb-cli[cad]) hold surfaces: exact rational Bézier pieces, or pieces fitted within
     --tolerance, sewn. VTU files, for ParaView, hold such pieces as curved cells.

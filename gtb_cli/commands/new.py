@@ -17,12 +17,13 @@ from gtb_cli.vocabulary import TEMPLATES
 @output_options
 def new(template: str, sides: int | None, streams: Streams) -> None:
     """\b
-    Example: gtb new pentagon -o mine.toml
+    Example: gtb new bowl 5 -o bowl.toml
 
-    Print a spec with comments, to start from; it can be meshed as it is.
+    Print a spec with comments, to start from; it can be meshed as it is, and names the command that does so.
 
-    TEMPLATE is curve, triangle, rectangle, pentagon, n-gon with the number N of its sides, or model; or, to hold, in
-    millimetres, bowl, ring (of arcs) and shade, with N sides, joint, for N rods, and handle. No file is overwritten.
+    TEMPLATE is a thing to print, in millimetres: a bowl, a ring (of arcs) or a shade with N sides, a joint for N rods,
+    or a handle. Or it shows the keys: curve, triangle, rectangle, pentagon, n-gon with N sides, and model. No file is
+    overwritten.
     """
     from gtb_cli.language.starter import template as text_of
 

@@ -84,9 +84,9 @@ def view(
 
     Make a page that shows specs, meshes, or the FOLDER of a sequence in a browser. It needs no network.
 
-    With --thickness or --radius it shows the solid that gtb mesh writes with the same options. Of all that is closed,
-    the page has the volume, walls (of up to 200 000 triangles) and overhangs as colours, and fills the face of a
-    section. Its address holds how it looks, so that a link shows the same, such as page.html#mode=zebra&section=x.
+    With --thickness or --radius it shows the solid that gtb mesh writes with the same options. The page of what is
+    closed has its volume, colours walls (of up to 200 000 triangles) and overhangs, and fills the face of a section.
+    The address holds how it looks, so that a link shows the same, such as page.html#mode=zebra&section=x.
 
     Control net, knots, open edges, folds, curvature, zebra stripes and isophotes can be switched on; normals are the
     surface's own at the vertices of a mesh, which -n or --tolerance makes finer. Two points can be measured.

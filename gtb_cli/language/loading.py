@@ -90,9 +90,9 @@ def parse(
         values = Values(faults, budget)
         found = ModelReader(values, include, row, given).spec(document.data, stem_of(readers[-1]))
         if given and found is not None and not faults.count:
-            from gtb_cli.language.sliders import out_of_range
+            from gtb_cli.language.sliders import check_ranges
 
-            faults.doubt = faults.doubt or out_of_range(document, values.names, given)
+            check_ranges(document, faults, values.names, given)
         return found
 
     result = spec(text, format, (source,))

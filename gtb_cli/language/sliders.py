@@ -6,10 +6,9 @@ from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
 from gtb_cli.errors import SpecError
-from gtb_cli.language.document import Document, read
+from gtb_cli.language.document import Document, Faults, read
 from gtb_cli.language.expression import FUNCTIONS, evaluate_expression, names_in
 from gtb_cli.language.keys_and_values import MAX_SIZE
-from gtb_cli.language.scanner import Path
 from gtb_cli.vocabulary import SpecFormat
 
 _COMMENT = re.compile(r"""(?:[^"'#]|"(?:[^"\\]|\\.)*"|'[^']*')*#\s*(.*)""")
@@ -52,12 +51,19 @@ def sliders(data: bytes | str, source: str, format: SpecFormat | None = None) ->
     )
 
 
-def out_of_range(document: Document, numbers: Mapping[str, float], given: Collection[str]) -> tuple[Path, str] | None:
-    """Say which given number of all of ``let`` is outside the range that the comment on its line gives, if one is."""
+def check_ranges(document: Document, faults: Faults, numbers: Mapping[str, float], given: Collection[str]) -> None:
+    """Note which given number of all of ``let`` is outside the range that the comment on its line gives.
+
+    That is a fault of a count, as ``gtb new`` refuses it, and a doubt about any other number.
+    """
+    spec: Any = document.data
+    counts = _counts(spec, spec["let"])
     for name, label, _, _ in _commented(document, numbers):
         if name in given and (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
-            return ("let", name), f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"
-    return None
+            words = f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"
+            if name in counts:
+                faults.add(("let", name), words)
+            faults.doubt = faults.doubt or (("let", name), words)
 
 
 def _commented(document: Document, names: Collection[str]) -> list[tuple[str, str, int, str]]:

@@ -25,9 +25,9 @@ def template(name: str, sides: int | None = None) -> str:
     # Editors that use Taplo read the first line. It names a file: no address would serve the keys of every version.
     schema_lines = "#:schema ./spec-schema.json\n"
     schema_lines += "# gtb schema -o spec-schema.json makes the file by which editors know the keys.\n\n"
-    return schema_lines + (
-        text.format(**_polygon(sides or 0)) if name == "n-gon" else text.replace("SIDES", f"{sides}")
-    )
+    if name == "n-gon":
+        return schema_lines + text.format(**_polygon(sides or 0))
+    return schema_lines + text.replace("SIDES", f"{sides}").replace("MOST", f"{most}")
 
 
 def _polygon(sides: int) -> dict[str, object]:

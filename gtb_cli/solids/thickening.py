@@ -65,14 +65,18 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     )
 
 
-def side_of_wall(solid: Mesh) -> str:
-    """Say on which side of an open surface the wall of a solid made by `thicken` lies; empty if no word holds.
+def side_of_wall(solid: Mesh, otherwise: str) -> str:
+    """Say on which side of an open surface the wall of a solid made by `thicken` lies, if a word holds.
 
     Each word is true at all vertices: up or down if no place is steeper than 60 degrees, else away from the middle of
-    the surface's box, or from the upright axis there, or towards it, or again up or down.
+    the surface's box, or from the upright axis there, or towards it, or again up or down. A plane surface is named.
     """
     surface, offset = np.split(solid.vertices, 2)
-    moves, ways = unit(offset - surface), unit(surface - bounds_of(surface).mean(axis=0))
+    around = surface - bounds_of(surface).mean(axis=0)
+    moves, ways = unit(offset - surface), unit(around)
+    plane = 1e-6 * np.abs(around).max() + 64 * EPS * np.abs(surface).max()  # as of rims
+    is_flat = np.abs(dot(around, moves[:1])).max() <= plane and dot(moves, moves[:1]).min() > 0
+    flat = ", a flat plate" * bool(is_flat)
     rounding = 1e-6  # sine of the angle by which a wall may lean to the other side, as a plane floor does from an axis
     for along, least, words in (
         (moves[:, 2], 0.5, ("upwards", "downwards")),
@@ -82,8 +86,8 @@ def side_of_wall(solid: Mesh) -> str:
     ):
         for signed, word in zip((along, -along), words, strict=True):
             if signed.min() > least and signed.max() > rounding:
-                return word
-    return ""
+                return word + flat
+    return otherwise + flat
 
 
 def folded_faces(mesh: Mesh, thickness: float) -> IntArray:

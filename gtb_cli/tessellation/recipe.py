@@ -201,7 +201,7 @@ class Recipe:
             from gtb_cli.solids.thickening import side_of_wall
 
             way = "against" if self.thickness < 0 else "along"
-            return f", thickened {side_of_wall(solid) or f'{way} its normals'}"
+            return f", thickened {side_of_wall(solid, f'{way} its normals')}"
         return f", thickened {'inwards' if self.thickness < 0 else 'outwards'}, hollow"
 
     def _is_open(self, spec: Patch | Model) -> bool:

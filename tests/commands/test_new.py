@@ -14,7 +14,6 @@ from gtb_cli.errors import SpecError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.language.loading import parse
 from gtb_cli.language.starter import template
-from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.vocabulary import SHELLS, TEMPLATES
 from tests.marks import mostly_long
@@ -92,35 +91,19 @@ def test_rods_fit_into_a_joint(arms):
     assert radii[points[:, 0] > points[:, 0].max() - 20].max() < 6.1 + 0.35
 
 
-def test_numbers_of_things_may_be_changed():
-    text = template("bowl", 5).replace("sides = 5", "sides = 7").replace("height = 45", "height = 20")
-    model = parse(text.replace("width = 120", "width = 90"))
-    assert len(model) == 14
-    assert tessellate(model, 4).bounds[1, [0, 2]].tolist() == [45, 20]
-
-
 def test_templates_are_what_they_are_called():
     patches = {name: parse(template(name)) for name in ("curve", "triangle", "rectangle", "pentagon")}
     sides = {name: len(patch.domain.vertices) for name, patch in patches.items()}
     assert sides == {"curve": 2, "triangle": 3, "rectangle": 4, "pentagon": 5}
     for n in (3, 4, 5, 6, 7, 12, 100):
         patch = parse(template("n-gon", n))
-        assert len(patch.domain.vertices) == n
-        assert len(patch.knots) == 2 * n + 1
+        assert (len(patch.domain.vertices), len(patch.knots)) == (n, 2 * n + 1)
         # A regular polygon: rotated by an angle of its own, the corners are the same.
         turn = 2 * np.pi / n
         rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
         np.testing.assert_allclose(patch.knots[:n] @ rotation.T, np.roll(patch.knots[:n], -1, axis=0), atol=1e-14)
-    assert parse(template("triangle")).coefficients.tolist() == [1, 2, 1, 2, 2, 1]
-    assert parse(template("pentagon")).lifting is not None
-
-
-def test_the_model_is_a_closed_body():
-    joints = find_joints(parse(template("model")).patches)
-    assert (joints.closed, any(joints.flipped)) == (True, False)
-
-
-def test_an_unknown_template_is_an_error_in_python_too():
+    assert patches["triangle"].coefficients.tolist() == [1, 2, 1, 2, 2, 1]
+    assert patches["pentagon"].lifting is not None
     with pytest.raises(SpecError, match="template: expected one of curve, triangle"):
         template("octagon")
 

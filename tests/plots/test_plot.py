@@ -192,14 +192,6 @@ def test_no_line_hides_a_seam_of_stripes(tmp_path):
     assert len(np.unique(png(flat, "--what", "surface", "--camera", "-90,90", *SMALL)[45:63, 30:114])) > 1
 
 
-def test_variants_have_a_legend_in_the_plane_and_in_space(tmp_path):
-    space = tmp_path / "space.toml"
-    space.write_text("knots = [0, 1, 2]\ncontrol_points = [[0, 0, 0], [1, 2, 3], [2, 0, 0]]\n", encoding="utf-8")
-    for spec in (SPECS / "example-3.1.toml", space):
-        text = gtb("plot", spec, "--vary", "weights[1]=1,10,100", "-f", "svg").text
-        assert [value for value in (1, 10, 100) if f">ω₁ = {value}</text>" in text] == [1, 10, 100]
-
-
 @pytest.mark.usefixtures("measured_roughly")
 @long
 def test_a_sequence_has_a_panel_for_each_x():

@@ -96,7 +96,7 @@ def test_a_flat_rim_has_any_size_and_place(scale, shift):
     assert [line[:59] for line in remarks] == ["the flat rim meets the wall at 24 degrees, a knife edge, ne"]
     assert_closed(solid)
     assert (solid.vertices[:, 2].max() - shift) / scale == pytest.approx(28, abs=1e-12 if not shift else 1e-8)
-    assert side_of_wall(solid) == "outwards, away from its middle"
+    assert side_of_wall(solid, "") == "outwards, away from its middle"
     plain, _ = Recipe(3, thickness=2, rim="flat").mesh(walls(DISH, 5))
     np.testing.assert_array_equal(solid.cells, plain.cells)
 
@@ -121,7 +121,7 @@ def test_parts_beyond_the_plane_of_a_rim_that_do_not_reach_it_stay_where_they_ar
 
 def test_a_wall_that_looks_to_and_from_the_middle_is_on_a_side_of_its_axis():
     trumpet = walls([(100, 0), (10, 20), (10, 100)], 6)
-    words = [side_of_wall(Recipe(3, thickness=thickness).mesh(trumpet)[0]) for thickness in (1, -1)]
+    words = [side_of_wall(Recipe(3, thickness=thickness).mesh(trumpet)[0], "") for thickness in (1, -1)]
     assert words == ["outwards, away from its axis", "inwards, towards its axis"]
 
 
