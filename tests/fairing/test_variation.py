@@ -15,7 +15,7 @@ from gtb_cli.theory.patch import Patch
 
 
 def sampled(patch: Patch, resolution: int = 24) -> tuple[list[Block], np.ndarray]:
-    p, areas = energy_samples(patch.domain, resolution)
+    p, areas, _ = energy_samples(patch.domain, resolution)
     return list(blocks(patch.knots, patch.log_products, MomentMap(patch.knots, patch.log_products).inverse(p))), areas
 
 
