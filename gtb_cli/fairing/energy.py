@@ -39,16 +39,11 @@ class Samples(NamedTuple):
 
 
 def samples(
-    domain: Domain,
-    log_weights: FloatArray,
-    resolution: int,
-    left_out: float = 1e-3,
-    until: float = 1.0,
-    known: Any = (),
+    domain: Domain, log_weights: FloatArray, resolution: int, left_out: float = 1e-3, until: float = 1.0, base: Any = ()
 ) -> Samples:
     """Return the places of `energy_samples` on the torus, of knots from their middle and in units of √area.
 
-    The solver starts from a known resolution and its places, or from half of this, by polynomials in Gauss's variables.
+    The solver starts from places of a coarser resolution, (resolution, places) or half of this, by polynomials.
     """
     coarsest = 8  # with less, interpolation saves no steps
     p, areas, _ = energy_samples(domain, resolution, left_out, until)
@@ -56,7 +51,7 @@ def samples(
     knots, start = (domain.knots - middle) / unit, None
     if resolution > coarsest:
         half = (resolution + 1) // 2
-        count, s = known or (half, samples(domain, log_weights, half, left_out, until).s)
+        count, s = base or (half, samples(domain, log_weights, half, left_out, until).s)
         depth, along = _lagrange(_depths(count, until), _depths(resolution, until)), _lagrange(count, resolution)
         start = (depth @ s.reshape(2, len(domain.vertices), -1, count) @ along.T).reshape(2, -1)
     s = MomentMap(knots, log_weights).inverse((p - middle) / unit, 1e-10, start)

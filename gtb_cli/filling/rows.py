@@ -216,7 +216,8 @@ class _Form:
             pairs = (rows[:, self._free], ways), (held, equations.normals)
             soft, hard = ((a[:, :, None] * n[:, None]).reshape(len(a), -1) for a, n in pairs)
             lacking = soft.T @ (wanted - ((rows @ points) * ways).sum(axis=1))
-            form = np.kron(self._own, np.eye(3)) + soft.T @ soft
+            form = soft.T @ soft
+            np.einsum("iaja->aij", form.reshape(-1, 3, len(form) // 3, 3))[...] += self._own
             shifts = np.linalg.solve(form, np.column_stack([lacking, hard.T]))
             moves = shifts[:, 0] + shifts[:, 1:] @ _forces(hard @ shifts[:, 1:], missing - hard @ shifts[:, 0])
             points[self._free] += moves.reshape(-1, 3)
