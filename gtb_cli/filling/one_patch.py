@@ -250,7 +250,7 @@ def _attempt(
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     # By which the certificate is measured: digits on which they agree are said; no more places with many sides
-    quadratures = [math.ceil(each * math.sqrt(min(1.0, 8 / len(sides)))) for each in (24, 36)]
+    quadratures = [math.ceil(each * math.sqrt(min(1.0, 12 / len(sides)))) for each in (24, 36)]
     much = 100.0  # times the score of the fairest: with less, other plans have little to win
     found = list[_Attempt]()
     for patch, score in islice(_solved(edges, inner, fullness, samples_along), most):
