@@ -28,8 +28,7 @@ def test_energy_of_a_quadratic_graph():
 
     The integrals are over the square with sides of 0.999.
     """
-    side = 0.999
-    patch = square(lambda x, y: x * y)
+    side, patch = 0.999, square(lambda x, y: x * y)
     assert energy(patch, "thin-plate") == pytest.approx(2 * side**2, rel=1e-9)
     assert energy(patch, "dirichlet") == pytest.approx(2.5 * side**2 + side**4 / 6, rel=1e-9)
 
