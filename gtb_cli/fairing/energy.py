@@ -6,7 +6,8 @@ corner it may be for any power of h as a factor. So both energies are integrals 
 """
 
 import math
-from typing import Literal, NamedTuple, TypeAlias
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -38,29 +39,37 @@ class Samples(NamedTuple):
 
 
 def samples(
-    domain: Domain, log_weights: FloatArray, resolution: int, left_out: float = 1e-3, until: float = 1.0
+    domain: Domain, log_weights: FloatArray, resolution: int, left_out: float = 1e-3, until: float = 1.0, base: Any = ()
 ) -> Samples:
     """Return the places of `energy_samples` on the torus, of knots from their middle and in units of √area.
 
-    The solver starts from half the resolution, by polynomials in the variables of Gauss's rule.
+    The solver starts from places of a coarser resolution, (resolution, places) or half of this, by polynomials.
     """
     coarsest = 8  # with less, interpolation saves no steps
-    p, areas = energy_samples(domain, resolution, left_out, until)
+    p, areas, _ = energy_samples(domain, resolution, left_out, until)
     middle, unit = domain.vertices.mean(axis=0), np.sqrt(_sectors(domain.vertices).sum())
     knots, start = (domain.knots - middle) / unit, None
     if resolution > coarsest:
         half = (resolution + 1) // 2
-        s = samples(domain, log_weights, half, left_out, until).s
-        depth, along = _lagrange(_depths(half, until), _depths(resolution, until)), _lagrange(half, resolution)
-        start = (depth @ s.reshape(2, len(domain.vertices), -1, half) @ along.T).reshape(2, -1)
+        count, s = base or (half, samples(domain, log_weights, half, left_out, until).s)
+        depth, along = _lagrange(_depths(count, until), _depths(resolution, until)), _lagrange(count, resolution)
+        start = (depth @ s.reshape(2, len(domain.vertices), -1, count) @ along.T).reshape(2, -1)
     s = MomentMap(knots, log_weights).inverse((p - middle) / unit, 1e-10, start)
     return Samples(knots, log_weights, s, areas / unit**2)
 
 
+@lru_cache
+def gauss(count: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights of Gauss's rule on [−1, 1] (G. H. Golub, J. H. Welsch, Math. Comp. 23 (1969))."""
+    k = np.arange(1, count)
+    nodes, vectors = np.linalg.eigh(np.diag(k / np.sqrt(4 * k * k - 1), -1))
+    weights = 2 * vectors[0] ** 2
+    return (nodes - nodes[::-1]) / 2, weights / 2 + weights[::-1] / 2
+
+
 def _lagrange(count: int, finer: int) -> FloatArray:
     """Return the values of the polynomials of Gauss's nodes at the nodes of a finer rule, (finer, count)."""
-    nodes, places = (np.polynomial.legendre.leggauss(n)[0] for n in (count, finer))
-    values, basis = (np.polynomial.legendre.legvander(x, count - 1) for x in (places, nodes))
+    values, basis = (np.cos(np.arange(count) * np.arccos(gauss(n)[0])[:, None]) for n in (finer, count))
     return np.asarray(values @ np.linalg.inv(basis))
 
 
@@ -72,8 +81,8 @@ def energy_at(knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: 
 
 def energy_samples(
     domain: Domain, resolution: int, left_out: float = 1e-3, until: float = 1.0
-) -> tuple[FloatArray, FloatArray]:
-    """Return (m, 2) places and (m,) areas of a quadrature over Δ without what is outermost, by default a thousandth.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (m, 2) places, (m,) areas and depths of a quadrature over Δ without its outermost part, a thousandth.
 
     It has `resolution`² places in the triangle of each edge and the middle, by Gauss's rule in coordinates that are
     exponential functions of the distances from edges and corners: the error falls exponentially with the resolution.
@@ -81,11 +90,11 @@ def energy_samples(
     """
     # Of the way to the middle, as is what is left out, and of an edge; within these, steps are nearly even
     layer, corner = min(1e-2, until / 10), max(1e-3, left_out)
-    nodes, weights = np.polynomial.legendre.leggauss(_depths(resolution, until))
+    nodes, weights = gauss(_depths(resolution, until))
     span = np.log((until + layer) / (left_out + layer))
     depth = (left_out + layer) * np.exp(span * (nodes + 1) / 2) - layer
     depth_weights = weights * span / 2 * (depth + layer) * (1 - depth)
-    nodes, weights = np.polynomial.legendre.leggauss(resolution)
+    nodes, weights = gauss(resolution)
     # Along the edge a logistic function of the nodes, from 0 to 1
     steepness = np.log((1 + corner) / corner) / 2
     along = (1 + np.tanh(steepness * nodes) / np.tanh(steepness)) / 2
@@ -94,7 +103,7 @@ def energy_samples(
     on_edges = start + along[:, None] * (np.roll(domain.vertices, -1, axis=0)[:, None] - start)
     places = middle + (1 - depth)[:, None, None] * (on_edges[:, None] - middle)
     areas = 2 * _sectors(domain.vertices)[:, None, None] * depth_weights[:, None] * along_weights
-    return places.reshape(-1, 2), areas.ravel()
+    return places.reshape(-1, 2), areas.ravel(), np.broadcast_to(depth[:, None], areas.shape).ravel()
 
 
 def _depths(resolution: int, until: float) -> int:

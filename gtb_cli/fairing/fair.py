@@ -1,20 +1,20 @@
 """Which inner control points are free, and the patch in which they are fair; `descent` finds it by its energies."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.descent import FLAT, Zone, descended, figures, is_fairer, measured
-from gtb_cli.fairing.energy import energy_matrix, samples
+from gtb_cli.fairing.descent import FLAT, descended, figures, is_fairer, measured
+from gtb_cli.fairing.energy import Samples, energy_matrix, samples
 from gtb_cli.fairing.folds import folds
 from gtb_cli.fairing.metric import blocks
 from gtb_cli.fairing.variation import Bending
-from gtb_cli.knots.domain import LAYER_TOLERANCE, layers
+from gtb_cli.knots.domain import LAYER_TOLERANCE, Domain, layers
 from gtb_cli.language.spec_paths import SpecPath, loaded
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import CURVE_TOLERANCE
@@ -169,7 +169,8 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     Descent begins at the given ones, then at a thin plate if that is fairer than what is found, or if the quadratures
     do not agree on what is given: it is as good as folded somewhere.
     """
-    search, judge = ([(list(t), areas) for t, areas in _zones(patch, resolution)] for resolution in (32, 48))
+    quadratures = refined(patch.domain, patch.log_products, (32, 48))
+    search, judge = ([(list(blocks(*each[:3])), each.areas) for each in zones] for zones in quadratures)
     plate = _least(energy_matrix(patch, "thin-plate"), given, free)
     coarse, before = (figures(measured(zones, [given])[0]) for zones in (search, judge))
     best, least, fewest = given, before, len(folds(patch))
@@ -185,11 +186,14 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     return best
 
 
-def _zones(patch: Patch, resolution: int) -> list[Zone]:
-    """Return a quadrature of the inside and of a strip around it, to be used once."""
-    bounds = (LEFT_OUT[0], 1.0), LEFT_OUT[::-1]
-    found = (samples(patch.domain, patch.log_products, resolution, *each) for each in bounds)
-    return [(blocks(*places[:3]), places.areas) for places in found]
+def refined(domain: Domain, log_weights: FloatArray, resolutions: Sequence[int]) -> Iterator[list[Samples]]:
+    """Yield ever finer quadratures of the inside and of a strip around it, each found from the one before."""
+    known: list[Any] = [()] * len(LEFT_OUT)
+    for resolution in resolutions:
+        zones = zip(((LEFT_OUT[0], 1.0), LEFT_OUT[::-1]), known, strict=True)
+        found = [samples(domain, log_weights, resolution, *bounds, start) for bounds, start in zones]
+        yield found
+        known = [(resolution, each.s) for each in found]
 
 
 def agreed(
@@ -201,8 +205,8 @@ def agreed(
     """
     enough = 3e-3
     earlier, errors = None, (math.inf, math.inf)
-    for resolution in resolutions:
-        bent = measured(_zones(patch, resolution), surfaces)
+    for zones in refined(patch.domain, patch.log_products, resolutions):
+        bent = measured([(blocks(*each[:3]), each.areas) for each in zones], surfaces)
         now = np.array([figures(one) for one in bent])
         if earlier is not None:
             known = np.isfinite(now) & np.isfinite(earlier) & (now > FLAT)

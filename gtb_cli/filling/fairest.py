@@ -21,7 +21,7 @@ from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
-from gtb_cli.theory.corners import CornerLayer, corner_layer
+from gtb_cli.theory.corners import FAN, CornerLayer, corner_layer
 from gtb_cli.theory.patch import Patch
 
 VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary nothing is seen, or has a weight
@@ -150,9 +150,9 @@ class FairSearch:
             score = self.scores([points])[0][0]
         return min(calmer, key=itemgetter(0))
 
-    def _layers(self, points: FloatArray, among: Any = slice(None)) -> list[CornerLayer]:
-        corners = np.arange(len(self._domain.vertices))[among].tolist()
-        return [corner_layer(self._domain, self._places.log_weights, points, corner) for corner in corners]
+    def _layers(self, points: FloatArray, among: BoolArray | None = None) -> list[CornerLayer]:
+        corners, at = (range(len(self._domain.vertices)), FAN) if among is None else (np.flatnonzero(among), None)
+        return [corner_layer(self._domain, self._places.log_weights, points, int(corner), at) for corner in corners]
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> _Pulls:
         """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, angles_between, planar_cross
+from gtb_cli.arrays import EPS, FloatArray, angles_between
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
@@ -249,7 +249,8 @@ def _attempt(
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
-    quadratures = 24, 36  # by which the certificate is measured: digits on which they agree are said
+    # By which the certificate is measured: digits on which they agree are said; no more places with many sides
+    quadratures = [math.ceil(each * math.sqrt(min(1.0, 12 / len(sides)))) for each in (24, 36)]
     much = 100.0  # times the score of the fairest: with less, other plans have little to win
     found = list[_Attempt]()
     for patch, score in islice(_solved(edges, inner, fullness, samples_along), most):
@@ -281,10 +282,7 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     if inner == "flat":  # a membrane is what was asked for
         yield patch(least(energy_at(*places, "dirichlet"))), 0.0
         return
-    start, end, middle = *region.vertices[:2], region.vertices.mean(axis=0)
-    first = energy_samples(region, resolution, NEARER)[0][: resolution**2] - start  # all sectors have their depths
-    depths = planar_cross(end - start, first) / planar_cross(end - start, middle - start)
-    depths = np.minimum(np.tile(depths, len(edges)) / VISIBLE, 1)
+    depths = np.minimum(energy_samples(region, resolution, NEARER)[2] / VISIBLE, 1)
     search = FairSearch(region, places, depths, least, edges, fullness == 1)
     for score, points in search.fairest():
         yield patch(points), score

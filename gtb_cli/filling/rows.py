@@ -81,15 +81,16 @@ class Rows:
             points, moves = self._at(factors)
             factors = factors + form.least(points - origin, moves)[1][: self._count]
         turning, soft = set[int](), None
-        for _ in range(rounds + 1):  # corners may turn back only now
+        table, least = self._bounds(turning, share)
+        for number in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             # At these, ways to first control points do not turn one way, as without a fold
             legs = [self._legs(points, corner) for corner in range(len(self._net.corners))]
             turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
-            turning |= {corner for corner, turn in enumerate(turns) if turn.min() <= 0}
-            table, least = self._bounds(turning, share)
-            if not len(table):
-                break
+            if turned := {corner for corner, turn in enumerate(turns) if turn.min() <= 0} - turning:
+                table, least = self._bounds(turning := turning | turned, share)
+            if not len(table) or (number and not turned and not self._seconds):
+                break  # bounds are linear where there are no second rows, and hold
             if soft is None or self._seconds:  # moves depend on factors where there are second rows
                 # The inverse of the form of factors, without those that it does not see
                 soft = np.linalg.pinv(final.seen(moves[: self._count])[1], rcond=1e-9, hermitian=True)
@@ -215,7 +216,8 @@ class _Form:
             pairs = (rows[:, self._free], ways), (held, equations.normals)
             soft, hard = ((a[:, :, None] * n[:, None]).reshape(len(a), -1) for a, n in pairs)
             lacking = soft.T @ (wanted - ((rows @ points) * ways).sum(axis=1))
-            form = np.kron(self._own, np.eye(3)) + soft.T @ soft
+            form = soft.T @ soft
+            np.einsum("iaja->aij", form.reshape(-1, 3, len(form) // 3, 3))[...] += self._own
             shifts = np.linalg.solve(form, np.column_stack([lacking, hard.T]))
             moves = shifts[:, 0] + shifts[:, 1:] @ _forces(hard @ shifts[:, 1:], missing - hard @ shifts[:, 0])
             points[self._free] += moves.reshape(-1, 3)

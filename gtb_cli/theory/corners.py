@@ -335,6 +335,9 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
     return np.stack([(xx * yy - xy**2) / det, mean])
 
 
+FAN = np.stack(np.meshgrid(np.linspace(-3, 3, 21), -math.log(10) * np.arange(1, 7)))  # places near a corner
+
+
 class CornerLayer(NamedTuple):
     """The length of the shorter edge at a corner, and the second form II at p places near it: principal curvatures.
 
@@ -356,7 +359,7 @@ def corner_layer(
     ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances. Other places,
     without a table, are (2, …) rates q, of ways (1 / (1 + e^-q), 1 / (1 + e^q)), and logarithms of distances.
     """
-    q, far = np.stack(np.meshgrid(np.linspace(-3, 3, 21), -math.log(10) * np.arange(1, 7))) if at is None else at
+    q, far = FAN if at is None else at
     x, gaps, own = exponents_at(domain, corner)
     b, logs = points - points[own], log_weights - log_weights[own]
     ends = [np.where(x[:, 1 - k] <= gaps[1 - k], x[:, k], 0).argmax() for k in (0, 1)]

@@ -28,8 +28,7 @@ def test_energy_of_a_quadratic_graph():
 
     The integrals are over the square with sides of 0.999.
     """
-    side = 0.999
-    patch = square(lambda x, y: x * y)
+    side, patch = 0.999, square(lambda x, y: x * y)
     assert energy(patch, "thin-plate") == pytest.approx(2 * side**2, rel=1e-9)
     assert energy(patch, "dirichlet") == pytest.approx(2.5 * side**2 + side**4 / 6, rel=1e-9)
 
@@ -39,11 +38,10 @@ def test_energy_of_a_quadratic_graph():
 def test_energy_agrees_with_differences(name, kind):
     found = load(SPECS / f"{name}.toml")
     patch = found.patches[0] if isinstance(found, Model) else found
-    p, areas = energy_samples(patch.domain, 14)
+    p, areas, _ = energy_samples(patch.domain, 14)
     inside = patch.domain.heights_of_columns(p).min(axis=0) / patch.domain.normal_lengths.min() > 0.05
     size = np.sqrt(areas.sum())
-    h = 1e-4 * size
-    x, y = np.array([h, 0]), np.array([0, h])
+    x, y = (h := 1e-4 * size) * np.eye(2)
 
     def at(q: np.ndarray) -> np.ndarray:
         return patch.evaluate(q, "linear")
@@ -51,8 +49,7 @@ def test_energy_agrees_with_differences(name, kind):
     q = p[inside][::7]
     form = np.zeros((len(patch.knots),) * 2)
     for where in patch.rational_basis.locations(q, "linear"):
-        ones = np.ones(where.s.shape[1])
-        form += energy_at(where.knots / size, patch.log_products, where.s * size, ones, kind)
+        form += energy_at(where.knots / size, patch.log_products, where.s * size, np.ones(where.s.shape[1]), kind)
     value = np.einsum("ik,ij,jk->", patch.control_points, form, patch.control_points)
     if kind == "dirichlet":
         expected = sum((((at(q + d) - at(q - d)) / (2 * h)) ** 2).sum() for d in (x, y)) * size**2
