@@ -244,9 +244,7 @@ def curvature_near(patch: Patch, corner: int) -> float:
     at, steps = np.stack([u, far]).reshape(2, -1)[:, best], np.array([u[0, 1] - u[0, 0], far[1, 0] - far[0, 0]])
     for step in (steps, steps / 3, steps / 9, steps / 27):
         shifts = np.stack(np.meshgrid(*step[:, None] * fine)).reshape(2, -1, 1)
-        tried = at[:, None] + shifts
-        tried[0] = np.clip(tried[0], -1, 1)
-        found = curvatures(*tried)
+        found = curvatures(*(tried := at[:, None] + shifts))
         at = tried[:, found.argmax(axis=0), np.arange(len(best))]
     return float(found.max()) or math.nan
 

@@ -140,10 +140,9 @@ class FairSearch:
             curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
             beyond |= curved > MOST_CURVED
             calmer.append((score * max(1.0, curved.max() / MOST_CURVED) ** 4, points))
-            if step is None or not beyond.any() or curved.max() > BROKEN:
-                break
-            is_calm = curved.max() <= MOST_CURVED / 1.5
-            if (len(calmer) > 4 and is_calm) or (len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]):
+            is_calm = len(calmer) > 4 and curved.max() <= MOST_CURVED / 1.5
+            no_better = len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]
+            if step is None or not beyond.any() or curved.max() > BROKEN or is_calm or no_better:
                 break
             share = np.where(beyond, np.maximum(step[0] * bound, (step[0] - 1) * CROSSING), bound)
             points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy, also))
@@ -151,8 +150,9 @@ class FairSearch:
         return min(calmer, key=itemgetter(0))
 
     def _layers(self, points: FloatArray, among: Any = slice(None)) -> list[CornerLayer]:
+        fan = np.stack(np.meshgrid(np.linspace(-3, 3, 21), -math.log(10) * np.arange(1, 7)))  # wider ones mend less
         corners = np.arange(len(self._domain.vertices))[among].tolist()
-        return [corner_layer(self._domain, self._places.log_weights, points, corner) for corner in corners]
+        return [corner_layer(self._domain, self._places.log_weights, points, corner, fan, True) for corner in corners]
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> _Pulls:
         """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""

@@ -350,16 +350,15 @@ class CornerLayer(NamedTuple):
 
 
 def corner_layer(
-    domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int, at: FloatArray | None = None
+    domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int, at: FloatArray, tables: bool = False
 ) -> CornerLayer:
     """Sample a surface with (n, 3) control points near a corner of Δ; NaN where these have fewer than two directions.
 
     There are layers that limits do not show. With v and w dual to the two knots that lead, sums of ``ξ (ξ − 1)``,
-    ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances. Other places,
-    without a table, are (2, …) rates q, of ways (1 / (1 + e^-q), 1 / (1 + e^q)), and logarithms of the largest term of
-    P − V, in units of the edge.
+    ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances. Places are (2,
+    …) rates q, of ways (1 / (1 + e^-q), 1 / (1 + e^q)), and logarithms of the largest term of P − V, of the edge.
     """
-    q, far = np.stack(np.meshgrid(np.linspace(-3, 3, 21), -math.log(10) * np.arange(1, 7))) if at is None else at
+    q, far = at
     x, gaps, own = exponents_at(domain, corner)
     b, logs = points - points[own], log_weights - log_weights[own]
     ends = [np.where(x[:, 1 - k] <= gaps[1 - k], x[:, k], 0).argmax() for k in (0, 1)]
@@ -372,8 +371,7 @@ def corner_layer(
         return CornerLayer(edge, none, none, b[:1], np.zeros((1, 3, len(b))))
     ways, leads = 1 / (1 + np.exp(q.reshape(-1, 1) * [-1, 1])), logs[chain] + np.log(np.linalg.norm(b[chain], axis=1))
     s = ((far.reshape(-1, 1) + math.log(edge) - leads) / (ways @ x[chain].T)).min(axis=1, keepdims=True) * ways
-    lowest = np.where(x[chain] > gaps, x[chain], np.inf).min(axis=0)
-    s = np.maximum(s, -340 / lowest)  # where squares of terms are still numbers
+    s = np.maximum(s, -340 / np.where(x[chain] > gaps, x[chain], np.inf).min(axis=0))  # squares stay numbers
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
     terms = np.exp(s @ x.T + logs)
     parts, r = [], math.sqrt(2)
@@ -395,11 +393,11 @@ def corner_layer(
         turned = np.stack([a * a, o, o, r * a * c, r * a * d, o, c * c, 2 * c * d, d * d], axis=1).reshape(-1, 3, 3)
         forms = turned @ rates[:, 2:]
         xx, xy, yy = (forms @ normals[:, :, None])[:, :, 0].T
-        rows = (factors.T - means) * t[:, None] if at is None else np.zeros((len(t), 5, 0))
+        rows = (factors.T - means) * t[:, None] if tables else np.zeros((len(t), 5, 0))
         along = np.stack([a, o, c, d], axis=1).reshape(-1, 2, 2) @ rows[:, :2]
         table = turned @ rows[:, 2:] - forms @ axes @ along
         away = np.linalg.norm(place, axis=1) / edge
         parts.append((members, away, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / r), normals, table))
     members, *found = (np.concatenate(each) for each in zip(*parts, strict=True))
-    order = members.argsort()
-    return CornerLayer(edge, *(each[order] for each in found))
+    places: Any = slice(None) if tables else members.argsort()  # pulls need none, and take half of each group
+    return CornerLayer(edge, *(each[places] for each in found))

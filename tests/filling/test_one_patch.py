@@ -265,7 +265,7 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
         ways = patch.knots[[corner - 1 + n * (corner == 0), (corner + 1) % n]] - patch.knots[corner]
         places = patch.knots[corner] + (far * (fan * ways[0] + (1 - fan) * ways[1])).reshape(-1, 2)
         away = np.linalg.norm(patch.evaluate(places, "linear") - patch.control_points[corner], axis=1) / edges[corner]
-        seen = patch.curvature(places[(away > 1e-4) & (away < 0.05)], "linear")
+        seen = patch.curvature(places[(away > 1e-4) & (away < 0.1)], "linear")
         largest = np.nanmax(np.abs(seen.mean) + np.sqrt(np.maximum(seen.mean**2 - seen.gaussian, 0)))
         assert 0.4 < largest / told[corner] < 1.03
 
@@ -314,9 +314,8 @@ def test_pulls_move_free_points_as_energies_do():
 
 
 def test_equations_of_corners_hold_after_pulls():
-    """Their coefficients follow a free row, which the last pull has moved."""
-    side, *others = random_sides(3, 0)
-    edges = [edge_rows(each, None if each is side else side_normals(each), ONCE) for each in (side, *others)]
+    side, *others = random_sides(3, 0)  # its row is free: coefficients follow what the last pull moved
+    edges = [edge_rows(side, None, ONCE), *(edge_rows(each, side_normals(each), ONCE) for each in others)]
     rows = Rows(shape := net.net(edges), edges)
     pulls = np.random.default_rng(0).normal(size=(40, len(shape.knots))), np.ones((40, 3)), np.ones(40)
     points = rows.fairest(np.eye(len(shape.knots)), 1.0, pull=lambda _: pulls)
