@@ -380,10 +380,8 @@ def corner_layer(
         t = terms[members] / terms[members].sum(axis=1, keepdims=True)
         xi, eta = _coordinates(x, gaps, chain[[first, second]])
         factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)], axis=1)
-        means = (t @ factors)[:, :, None]
-        rates = (t @ (factors[:, :, None] * b[:, None]).reshape(len(b), 15)).reshape(-1, 5, 3)
-        place = t @ b
-        rates -= means * place[:, None]
+        place, means = t @ b, (t @ factors)[:, :, None]
+        rates = (t @ (factors[:, :, None] * b[:, None]).reshape(len(b), 15)).reshape(-1, 5, 3) - means * place[:, None]
         v, w, *_ = rates.swapaxes(0, 1)
         # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
         normals, long = unit(cross(v, w)), np.linalg.norm(v, axis=1)

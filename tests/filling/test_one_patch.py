@@ -343,8 +343,8 @@ def test_narrow_ridges_near_corners_are_found(monkeypatch):
     def layer(_, __, ___, ____, at):
         u, far = at[0] / np.log(600 / -np.minimum(at[1], -1)), at[1] / np.log(10) + np.log10(0.4)
         ridge = 2 * np.exp(-(((u - 0.925) / 0.026) ** 2) - ((far + 1.05) / 0.26) ** 2)
-        curvatures = ridge + np.exp(-4 * u**2 - (far + 3) ** 2) + 9 * (far > -1)
-        return SimpleNamespace(distances=10**far, curvatures=curvatures)
+        ridge += np.exp(-4 * u**2 - (far + 3) ** 2) + 9 * (far > -1)
+        return SimpleNamespace(distances=10**far, curvatures=ridge)
 
     monkeypatch.setattr(certificate, "corner_layer", layer)
     assert certificate.curvature_near(Patch(L[:3, :2], L[:3]), 0) == pytest.approx(2, rel=2e-2)
