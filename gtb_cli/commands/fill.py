@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import RequirementError
-from gtb_cli.shell.filled_holes import check_hole
 from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_option, reads, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input, write_blocks, write_json
@@ -117,7 +116,7 @@ def fill(
     """
     from gtb_cli.filling.certificate import DISAGREEING
     from gtb_cli.filling.fill import filled, filled_in_some_way, holes_of
-    from gtb_cli.filling.holes import ring_texts
+    from gtb_cli.filling.holes import check_hole, ring_texts
     from gtb_cli.filling.loops import read_loop
     from gtb_cli.filling.part_holes import Part
     from gtb_cli.language.writer import dump
@@ -273,7 +272,8 @@ def _report_corners(filling: Filling, console: Console) -> None:
     """Say in a line what curvature the corners have, and of each that has several planes or no bound, what it has."""
     from gtb_cli.theory.corners import PLANE_DEGREES
 
-    most, where, parts = 0.0, "", filling.parts or (filling,)
+    most, where, reach, parts = 0.0, "", "within a tenth", filling.parts or (filling,)
+    rounding = 1e-8  # degrees between limits of normals; from planes that differ by more, curvature grows further in
     for number, part in enumerate(parts):
         for corner, (limits, near) in enumerate(zip(part.corners, part.corner_curvatures, strict=True)):
             place = f"{f'part {number}, ' if len(parts) > 1 else ''}corner {corner}"
@@ -285,6 +285,8 @@ def _report_corners(filling: Filling, console: Console) -> None:
                 console.note(f"{named}: one tangent plane, and curvature grows like distance ^ {power:.2g}")
             elif max(limits.curvature, near) >= most:
                 most, where = max(limits.curvature, near), f", at {place}"
+            if rounding < limits.angle <= PLANE_DEGREES:
+                reach = "from a millionth to a tenth"
     if where:
-        largest = f"curvature at most {round(most, 12):.3g} within a tenth of an edge{where}"
+        largest = f"curvature at most {round(most, 12):.3g} {reach} of an edge{where}"
         console.note(f"corners: tangent planes, {largest}")

@@ -228,24 +228,25 @@ def curvature_near(patch: Patch, corner: int) -> float:
     The highest peaks over a fan of ways, from one edge to the other, and distances are climbed.
     """
     surface = patch.domain, patch.rational_basis.log_weights, patch.control_points
-    steepest, peaks, fine = 300.0, 4, np.linspace(-1, 1, 7)  # rate of a way that runs in an edge; shares of a step
+    steepest, peaks, fine = 600.0, 4, np.linspace(-1, 1, 7)  # rate of a way that runs in an edge; shares of a step
+    closest, farthest, apart = 1e-6, 0.1, 8  # of the edge; how far terms of P − V are from that, at most
 
     def curvatures(u: FloatArray, far: FloatArray) -> FloatArray:
-        """Return those at shares of the steepest way's rate, and logarithms of distances."""
-        at = np.stack([u * np.log(steepest / -far), far])
-        return corner_layer(*surface, corner, at).curvatures.reshape(u.shape)
+        """Return those at shares of the steepest way's rate, and logarithms of distances; 0 out of reach."""
+        layer = corner_layer(*surface, corner, np.stack([u * np.log(steepest / -np.minimum(far, -1)), far]))
+        near = (layer.distances >= closest) & (layer.distances <= farthest)
+        return np.asarray(np.where(near, np.nan_to_num(layer.curvatures), 0.0).reshape(u.shape))
 
-    u, far = np.meshgrid(np.linspace(-1, 1, 41), np.log(10) * np.linspace(-6, -1, 11))
-    found = np.nan_to_num(curvatures(u, far))
+    u, far = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(math.log(closest / apart), math.log(farthest * apart), 15))
+    found = curvatures(u, far)
     around = sliding_window_view(np.pad(found, 1), (3, 3)).max(axis=(2, 3))
     best = np.argsort(np.where(found == around, found, 0).ravel())[-peaks:]
     at, steps = np.stack([u, far]).reshape(2, -1)[:, best], np.array([u[0, 1] - u[0, 0], far[1, 0] - far[0, 0]])
-    for step in (steps, steps / 3, steps / 9):
+    for step in (steps, steps / 3, steps / 9, steps / 27):
         shifts = np.stack(np.meshgrid(*step[:, None] * fine)).reshape(2, -1, 1)
-        tried = np.clip(at[:, None] + shifts, [[[-1]], [[far[0, 0]]]], [[[1]], [[far[-1, 0]]]])
-        found = curvatures(*tried)
-        at = tried[:, np.nan_to_num(found).argmax(axis=0), np.arange(len(best))]
-    return float(np.fmax.reduce(found, axis=None))
+        found = curvatures(*(tried := at[:, None] + shifts))
+        at = tried[:, found.argmax(axis=0), np.arange(len(best))]
+    return float(found.max()) or math.nan
 
 
 def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:

@@ -21,7 +21,7 @@ from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
-from gtb_cli.theory.corners import FAN, CornerLayer, corner_layer
+from gtb_cli.theory.corners import CornerLayer, corner_layer
 from gtb_cli.theory.patch import Patch
 
 VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary nothing is seen, or has a weight
@@ -140,10 +140,9 @@ class FairSearch:
             curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
             beyond |= curved > MOST_CURVED
             calmer.append((score * max(1.0, curved.max() / MOST_CURVED) ** 4, points))
-            if step is None or not beyond.any() or curved.max() > BROKEN:
-                break
-            is_calm = curved.max() <= MOST_CURVED / 1.5
-            if (len(calmer) > 4 and is_calm) or (len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]):
+            is_calm = len(calmer) > 4 and curved.max() <= MOST_CURVED / 1.5
+            no_better = len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]
+            if step is None or not beyond.any() or curved.max() > BROKEN or is_calm or no_better:
                 break
             share = np.where(beyond, np.maximum(step[0] * bound, (step[0] - 1) * CROSSING), bound)
             points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy, also))
@@ -151,8 +150,11 @@ class FairSearch:
         return min(calmer, key=itemgetter(0))
 
     def _layers(self, points: FloatArray, among: BoolArray | None = None) -> list[CornerLayer]:
-        corners, at = (range(len(self._domain.vertices)), FAN) if among is None else (np.flatnonzero(among), None)
-        return [corner_layer(self._domain, self._places.log_weights, points, int(corner), at) for corner in corners]
+        """Return places near all corners, or with tables near some."""
+        fan = np.stack(np.meshgrid(np.linspace(-3, 3, 21), -math.log(10) * np.arange(1, 7)))  # wider ones mend less
+        corners = range(len(self._domain.vertices)) if among is None else np.flatnonzero(among).tolist()
+        tables = among is not None
+        return [corner_layer(self._domain, self._places.log_weights, points, each, fan, tables) for each in corners]
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> _Pulls:
         """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""

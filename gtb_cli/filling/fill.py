@@ -17,7 +17,7 @@ from gtb_cli.files import read_file
 from gtb_cli.filling.certificate import Filling, edge_of
 from gtb_cli.filling.cutting import fill_parts
 from gtb_cli.filling.hole_corners import corners
-from gtb_cli.filling.holes import Ring, model_rings, one_ring, ring_sides
+from gtb_cli.filling.holes import Ring, check_hole, model_rings, one_ring, ring_sides
 from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.one_patch import closed, fill_loop, met_with
 from gtb_cli.filling.part_holes import Part
@@ -162,13 +162,16 @@ def with_fills(
     What is doubtful is a warning; that a patch rises above its hole, as a dome is meant to, is a note. Raises
     `RequirementError` where a patch folds with any fullness that is tried.
     """
+    own = len(spec.patches)
     for hole, kind in fills:
         if not isinstance(spec, Model) or spec.dimension != 2:
             raise DomainError("`fills`: fills holes of a model of surfaces, [[patches]], and this is none")
         try:
+            check_hole(spec, hole, own)
             filling = filled_in_some_way(spec, hole, None, continuity=kind)
         except DomainError as error:
-            raise DomainError(f"`fills` {hole}: {str(error).removeprefix('hole: ')}") from None
+            words = str(error).removeprefix("hole: ").replace("`hole`", "`fills`")
+            raise DomainError(f"`fills` {hole}: {words}") from None
         end = _loose_end(spec, hole)
         if filling.fault:
             without = f'`fills` "{hole}=g0"'

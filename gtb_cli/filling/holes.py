@@ -10,6 +10,7 @@ from gtb_cli.arrays import EPS, FloatArray, point_text
 from gtb_cli.errors import DomainError
 from gtb_cli.filling.osculation import patch_bend
 from gtb_cli.filling.sides import MAX_GAP, HoleSide, bezier_form, edge_normals, points_and_tangents, stations
+from gtb_cli.language.keys_and_values import suggestion
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import EdgeRef, edge_name
 
@@ -85,6 +86,23 @@ def model_rings(model: Model) -> list[Ring]:
         ends.append(model.patches[index].control_points[knots if joints.flipped[index] else knots[::-1]])
     names = [edge_name(model.patches, ref) for ref in joints.open]
     return closed_rings(ends, names, max(MAX_GAP * float(np.ptp(points, axis=0).max()), model.weld or 0.0))
+
+
+def check_hole(model: Model, asked: str, own: int) -> None:
+    """Raise `DomainError` for a name of no open edge, and say why it is none; patches from `own` on fill holes."""
+    edges = [edge_name(model.patches, ref) for ref in model.joints.open]
+    owners = {name.rpartition(" edge ")[0] for name in edges}
+    if asked in edges or asked in owners or asked.count(",") == 2:  # a point
+        return
+    known = owners | {name for name in edges if name.rpartition(" ")[2] == asked.rpartition(" ")[2]}
+    why, meant = "no open edge has this name", suggestion(asked, known)
+    for pair in ([joint.first, joint.second] for joint in model.joints.shared):
+        if asked in (names := [edge_name(model.patches, ref) for ref in pair]):
+            other = asked == names[0]
+            how = "its hole is filled already, and it is" if pair[other][0] >= own else "it is not open, but"
+            why, meant = f"{how} joined with {names[other]}", ""
+    holes = "; ".join(ring_texts(model_rings(model))) or "none"
+    raise DomainError(f"hole: {why}; holes: {holes}{meant}")
 
 
 def ring_sides(model: Model, refs: Sequence[EdgeRef]) -> list[HoleSide]:

@@ -98,9 +98,10 @@ class Rows:
         points, moves = self._at(fullness * factors)
         points = final.least(points - origin, moves[self._count :])[0] + origin
         given = np.array([n is not None for n in self._normals])
-        for _ in range(rounds if given.all() and pull is None else 4):  # coefficients follow free rows, and pulls
+        # Coefficients follow free rows, which pulls move on and on: equations hold after rounds without
+        for pulls in [pull] * (4 if pull else rounds) + [None] * (0 if given.all() else rounds):
             equations = CornerForms.of(points, self._net.log_weights, self._net.corners, given)
-            points = final.moved(points, equations, *(pull(points) if pull else ()))
+            points = final.moved(points, equations, *(pulls(points) if pulls else ()))
         return points
 
     def _legs(self, points: FloatArray, corner: int) -> tuple[FloatArray, FloatArray]:

@@ -59,9 +59,9 @@ def spec_of(path: str, reading: Reading = AS_SEEN, warn: Tell = str, note: Tell 
     spec = parse(read_bytes(path), source, format, dict(reading.let), warn)
     with about(source):
         if reading.fills:
-            from gtb_cli.shell.filled_holes import with_holes_filled
+            from gtb_cli.filling.fill import with_fills
 
-            spec = with_holes_filled(spec, reading.fills, warn, note)
+            spec = with_fills(spec, reading.fills, warn, note)
         yield spec
 
 

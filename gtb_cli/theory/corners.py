@@ -335,31 +335,30 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
     return np.stack([(xx * yy - xy**2) / det, mean])
 
 
-FAN = np.stack(np.meshgrid(np.linspace(-3, 3, 21), -math.log(10) * np.arange(1, 7)))  # places near a corner
-
-
 class CornerLayer(NamedTuple):
     """The length of the shorter edge at a corner, and the second form II at p places near it: principal curvatures.
 
-    Along (p, 3) `normals`, `table` @ points has II_11, √2 II_12 and II_22 in orthogonal axes: (p, 3, n).
+    `distances` from the corner are of the edge. Along (p, 3) `normals`, `table` @ points has II_11, √2 II_12 and II_22
+    in orthogonal axes: (p, 3, n).
     """
 
     edge: float
+    distances: FloatArray
     curvatures: FloatArray
     normals: FloatArray
     table: FloatArray
 
 
 def corner_layer(
-    domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int, at: FloatArray | None = None
+    domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int, at: FloatArray, tables: bool = False
 ) -> CornerLayer:
     """Sample a surface with (n, 3) control points near a corner of Δ; NaN where these have fewer than two directions.
 
     There are layers that limits do not show. With v and w dual to the two knots that lead, sums of ``ξ (ξ − 1)``,
-    ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances. Other places,
-    without a table, are (2, …) rates q, of ways (1 / (1 + e^-q), 1 / (1 + e^q)), and logarithms of distances.
+    ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances. Places are (2,
+    …) rates q, of ways (1 / (1 + e^-q), 1 / (1 + e^q)), and logarithms of the largest term of P − V, of the edge.
     """
-    q, far = FAN if at is None else at
+    q, far = at
     x, gaps, own = exponents_at(domain, corner)
     b, logs = points - points[own], log_weights - log_weights[own]
     ends = [np.where(x[:, 1 - k] <= gaps[1 - k], x[:, k], 0).argmax() for k in (0, 1)]
@@ -368,9 +367,11 @@ def corner_layer(
     chain = others[newton_polygon(x[others], gaps)]
     chain = chain[b[chain].any(axis=1)]
     if len(chain) < 2 or edge == 0:
-        return CornerLayer(edge, np.full(q.size, math.nan), b[:1], np.zeros((1, 3, len(b))))
+        none = np.full(q.size, math.nan)
+        return CornerLayer(edge, none, none, b[:1], np.zeros((1, 3, len(b))))
     ways, leads = 1 / (1 + np.exp(q.reshape(-1, 1) * [-1, 1])), logs[chain] + np.log(np.linalg.norm(b[chain], axis=1))
     s = ((far.reshape(-1, 1) + math.log(edge) - leads) / (ways @ x[chain].T)).min(axis=1, keepdims=True) * ways
+    s = np.maximum(s, -340 / np.where(x[chain] > gaps, x[chain], np.inf).min(axis=0))  # squares stay numbers
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
     terms = np.exp(s @ x.T + logs)
     parts, r = [], math.sqrt(2)
@@ -379,9 +380,8 @@ def corner_layer(
         t = terms[members] / terms[members].sum(axis=1, keepdims=True)
         xi, eta = _coordinates(x, gaps, chain[[first, second]])
         factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)], axis=1)
-        means = (t @ factors)[:, :, None]
-        rates = (t @ (factors[:, :, None] * b[:, None]).reshape(len(b), 15)).reshape(-1, 5, 3)
-        rates -= means * (t @ b)[:, None]
+        place, means = t @ b, (t @ factors)[:, :, None]
+        rates = (t @ (factors[:, :, None] * b[:, None]).reshape(len(b), 15)).reshape(-1, 5, 3) - means * place[:, None]
         v, w, *_ = rates.swapaxes(0, 1)
         # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
         normals, long = unit(cross(v, w)), np.linalg.norm(v, axis=1)
@@ -391,9 +391,11 @@ def corner_layer(
         turned = np.stack([a * a, o, o, r * a * c, r * a * d, o, c * c, 2 * c * d, d * d], axis=1).reshape(-1, 3, 3)
         forms = turned @ rates[:, 2:]
         xx, xy, yy = (forms @ normals[:, :, None])[:, :, 0].T
-        rows = (factors.T - means) * t[:, None] if at is None else np.zeros((len(t), 5, 0))
+        rows = (factors.T - means) * t[:, None] if tables else np.zeros((len(t), 5, 0))
         along = np.stack([a, o, c, d], axis=1).reshape(-1, 2, 2) @ rows[:, :2]
         table = turned @ rows[:, 2:] - forms @ axes @ along
-        parts.append((members, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / r), normals, table))
-    members, curvatures, normals, table = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return CornerLayer(edge, curvatures if at is None else curvatures[members.argsort()], normals, table)
+        away = np.linalg.norm(place, axis=1) / edge
+        parts.append((members, away, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / r), normals, table))
+    members, *found = (np.concatenate(each) for each in zip(*parts, strict=True))
+    places: Any = slice(None) if tables else members.argsort()  # pulls need none, and take half of each group
+    return CornerLayer(edge, *(each[places] for each in found))

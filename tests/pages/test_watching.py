@@ -9,21 +9,16 @@ import urllib.error
 import urllib.request
 from http.server import ThreadingHTTPServer
 
-import numpy as np
 import pytest
 
 from gtb_cli.commands.view import content_of_paths
 from gtb_cli.errors import GtbError
-from gtb_cli.filling import fill
 from gtb_cli.language.reading import AS_SEEN, Numbers, Reading
-from gtb_cli.models.model import Model
 from gtb_cli.pages.page_scene import Content
 from gtb_cli.plots.panels import Approach
-from gtb_cli.shell import filled_holes
 from gtb_cli.shell.view_server import HOST, Pages, handler
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import SPECS, gtb
-from tests.surfaces import box
 
 GOOD = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
 
@@ -108,26 +103,6 @@ def test_a_quick_picture_leaves_holes_open(spec):
     reading = Reading(None, (), (("0.3,0.3,0", "g0"),))
     quick, whole = (content_of_paths((str(spec),), Recipe(3), reading, Approach(), q) for q in (True, False))
     assert len(whole.groups) == 2 * len(quick.groups) == 2
-
-
-def test_a_fill_is_kept_while_all_around_it_is_the_same_bit_for_bit(monkeypatch):
-    made, said, (wall, *rest) = [], [], box().patches[:4]
-    points, lid = wall.control_points, wall.replace(name="lid")
-    far, farther = (wall.replace(control_points=points + shift, name="far") for shift in (9, 10))
-
-    def filled(model, fills, warn, note):
-        made.append((fills, warn("doubt"), note("note")))
-        return model.replace(patches=(*model.patches, lid))
-
-    monkeypatch.setattr(filled_holes, "_kept", {})
-    monkeypatch.setattr(fill, "with_fills", filled)
-    below = wall.replace(control_points=np.where(points == 0, -0.0, points))
-    named, heavier = far.replace(name="hole"), wall.replace(weights=wall.weights * 2)
-    for first, last in ((wall, far), (wall, farther), (heavier, far), (below, far), (wall, named)):
-        model = Model((first, *rest, last))
-        whole = filled_holes.with_holes_filled(model, [("0,1,0", "g1")], said.append, said.append)
-        assert whole == model.replace(patches=(*model.patches, lid))
-    assert (len(made), said) == (4, ["doubt", "note"] * 5)
 
 
 def test_included_files_are_followed_and_those_that_they_include(spec, tmp_path):
