@@ -97,10 +97,7 @@ def _sewn(
     for face in [*([] if part is None else parts(part, "FACE")), *given]:
         sewing.Add(face)
     sewing.Perform()
-    named = [
-        (sewing.ModifiedSubShape(face) if sewing.IsModifiedSubShape(face) else face, surface.name)
-        for face, surface in zip(given, surfaces, strict=True)
-    ]
+    named = [(sewing.ModifiedSubShape(face), one.name) for face, one in zip(given, surfaces, strict=True)]
     compound = topology.TopoDS_Compound()
     pile = kernel("BRep").BRep_Builder()
     pile.MakeCompound(compound)
@@ -164,6 +161,7 @@ def _write_step(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, 
     writer = kernel("STEPCAFControl").STEPCAFControl_Writer()
     statics = kernel("Interface").Interface_Static
     statics.SetIVal_s("write.stepcaf.subshapes.name", 1)
+    statics.SetIVal_s("write.surfacecurve.mode", 0)  # no edges in parameters of faces, which readers find to 1e-7
     statics.SetCVal_s("xstep.cascade.unit", unit)
     statics.SetCVal_s("write.step.unit", unit)
     kinds = kernel("STEPControl").STEPControl_StepModelType

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -152,10 +153,12 @@ def fill(
 
         part = found.shape if isinstance(found, Part) else None
         with about(source):
-            bounds, allowed = (tolerance, angle), g2_tolerance if bends else None
-            made = encode_surfaces(filling.model or filling.patch, kind, "mm", *bounds, part=part, bend_allowed=allowed)
-            data, size, warnings, seams = made
-        write_blocks(streams.output, [data])
+            model, allowed = filling.model or filling.patch, g2_tolerance if bends else None
+            made = encode_surfaces(model, kind, "mm", tolerance, angle, part=part, bend_allowed=allowed)
+            block, size, warnings, seams = made
+        if part is not None and re.search(rb"STYLED_ITEM|ADVANCED_FACE *\( *'[^']", data):
+            warnings.append("colours of the part, and names of its faces, are not kept")
+        write_blocks(streams.output, [block])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
         streams.write(dump(filling.model or filling.patch))  # before its certificate: it may be impossible
     if as_json:

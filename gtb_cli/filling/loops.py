@@ -39,9 +39,8 @@ def read_loop(
     if reading.spec_format is None and (kind := cad_kind(data, source)) is not None:
         if weld is not None:
             raise SpecError(f"{source}: is a CAD part, and `weld` is for a loop or a model of patches")
-        shape = read_shape(data, kind, source)
         with kernel_faults(source):
-            return part_of(shape), None
+            return part_of(read_shape(data, kind, source)), None
     spec, rows = parse_loop(data, source, reading)
     if isinstance(spec, Patch):
         what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"

@@ -48,9 +48,8 @@ def part_of(shape: Any) -> Part:
     sewing = kernel("BRepBuilderAPI").BRepBuilderAPI_Sewing(SEWN * float(np.ptp(box_of(shape), axis=0).max()))
     sewing.Add(shape)
     sewing.Perform()
-    numbers = {}  # of faces in the file, by which `gtb import` names them, too
-    for number, face in enumerate(parts(shape, "FACE")):
-        numbers[hash(sewing.ModifiedSubShape(face) if sewing.IsModifiedSubShape(face) else face)] = number
+    # Of faces in the file, by which `gtb import` names them, too
+    numbers = {hash(sewing.ModifiedSubShape(face)): number for number, face in enumerate(parts(shape, "FACE"))}
     shape = sewing.SewedShape()
     tool, forward = kernel("BRep").BRep_Tool, kernel("TopAbs").TopAbs_Orientation.TopAbs_FORWARD
     edges, rows = list[tuple[str, bool, Any, Any]](), list[FloatArray]()

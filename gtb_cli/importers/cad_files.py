@@ -11,7 +11,7 @@ import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from itertools import pairwise
@@ -41,12 +41,14 @@ def kernel(room: str) -> Any:
 def read_shape(data: bytes, kind: str, source: str) -> Any:
     """Read a file of a kind, step, iges or brep, as a shape of Open CASCADE.
 
-    Raises `SpecError`: the extra is missing, or the kernel cannot read the file.
+    Raises `SpecError`: the extra is missing, the kernel finds no shape, or faces have triangles only.
     """
     try:
         silence()
     except ModuleNotFoundError:
         raise SpecError(f"{source}: {kind.upper()} {MISSING}") from None
+    if kind == "brep" and b"TShapes" in data and not re.search(rb"\*\s+[-+ie]\d+ \d+\s*\Z", data[-99:]):
+        raise SpecError(f"{source}: ends early, among its shapes")  # where the kernel may wait for more without end
     with tempfile.TemporaryDirectory(prefix=".gtb-") as folder:
         path = os.path.join(folder, f"x.{kind}")
         begin(folder)
@@ -61,7 +63,10 @@ def read_shape(data: bytes, kind: str, source: str) -> Any:
             said = re.sub(r"\x1b\[[\d;]*m|\*|ERR \w+ : (Undefined )?", "", probed.stdout.decode("utf-8", "replace"))
             words = "".join(f" ({printable(line.strip())})" for line in said.strip().splitlines()[:1])
             raise SpecError(f"{source}: Open CASCADE finds no shape in it{words}: is it {kind.upper()}?")
-        return _shape(kind, path)
+        shape = _shape(kind, path)
+    if any(kernel("BRep").BRep_Tool.Surface_s(face) is None for face in parts(shape, "FACE")):
+        raise SpecError(f"{source}: has faces that are triangles without a surface: a mesh is STL, OBJ or PLY")
+    return shape
 
 
 @contextmanager
@@ -69,7 +74,9 @@ def kernel_faults(source: str) -> Iterator[None]:
     """Turn exceptions of the kernel into a `SpecError` with its words."""
     try:
         yield
-    except kernel("Standard").Standard_Failure as error:
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] != "OCP":  # in some versions, they have no class in common
+            raise
         raise SpecError(f"{source}: Open CASCADE: {error}") from None
 
 
@@ -216,12 +223,10 @@ def face_forms(face: Any, places: Sequence[Sequence[float]]) -> FloatArray:
     surface, gp, rows = kernel("BRep").BRep_Tool.Surface_s(face), kernel("gp"), []
     _, along, across, normals = face_frames(face, places)
     for u, v in places:
-        vectors = gp.gp_Pnt(), *(gp.gp_Vec() for _ in range(5))
-        try:
+        vectors = gp.gp_Pnt(), *(gp.gp_Vec(*(math.nan,) * 3) for _ in range(5))
+        with suppress(SpecError), kernel_faults(""):
             surface.D2(u, v, *vectors)
-            rows.append([(each.X(), each.Y(), each.Z()) for each in vectors[3:]])
-        except kernel("Standard").Standard_Failure:
-            rows.append([(math.nan,) * 3] * 3)
+        rows.append([(each.X(), each.Y(), each.Z()) for each in vectors[3:]])
     known = np.isfinite(normals).all(axis=1)
     parts_of = np.full((len(normals), 3, 2), math.nan)  # of vectors, along both derivatives
     parts_of[known] = np.linalg.pinv(np.stack([along, across], axis=1)[known])
@@ -238,8 +243,9 @@ def face_pieces(face: Any) -> list[FloatArray] | None:
     surface = kernel("BRep").BRep_Tool.Surface_s(face)
     bounds, most = list(kernel("BRepTools").BRepTools.UVBounds_s(face)), surface.Bounds()
     for first, is_periodic in ((0, surface.IsUPeriodic()), (2, surface.IsVPeriodic())):
-        if not is_periodic:  # by rounding, the bounds of a file may be beyond
-            bounds[first : first + 2] = max(bounds[first], most[first]), min(bounds[first + 1], most[first + 1])
+        start, end = most[first : first + 2]  # by rounding, the bounds of a file may be beyond, or more than a period
+        bounds[first] = bounds[first] if is_periodic else max(bounds[first], start)
+        bounds[first + 1] = min(bounds[first + 1], bounds[first] + end - start if is_periodic else end)
     whole = kernel("BRepBuilderAPI").BRepBuilderAPI_MakeFace(surface, *bounds, 1e-9)
     if not whole.IsDone():
         return None
@@ -248,8 +254,8 @@ def face_pieces(face: Any) -> list[FloatArray] | None:
         return None
     convert, part = kernel("GeomConvert"), kernel("Geom").Geom_RectangularTrimmedSurface(surface, *bounds)
     pieces = convert.GeomConvert_BSplineSurfaceToBezierSurface(convert.GeomConvert.SurfaceToBSplineSurface_s(part))
-    places = [(i, j) for i in range(1, pieces.NbUPatches() + 1) for j in range(1, pieces.NbVPatches() + 1)]
-    patches = [pieces.Patch(*place) for place in places]
+    u, v = (range(1, count + 1) for count in (pieces.NbUPatches(), pieces.NbVPatches()))
+    patches = [pieces.Patch(i, j) for i in u for j in v]
     nets = [_net(patch.Pole, patch.Weight, (patch.NbUPoles(), patch.NbVPoles())) for patch in patches]
     turned = face.Orientation() == kernel("TopAbs").TopAbs_Orientation.TopAbs_REVERSED
     return [net.swapaxes(0, 1) if turned else net for net in nets]
@@ -266,10 +272,9 @@ def _net(pole: Callable[..., Any], weight: Callable[..., float], shape: tuple[in
 
 def _read(kind: str, data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     """Return the untrimmed faces of a file, and the edges of no face, as patches; remarks name the others."""
-    shape = read_shape(data, kind, source)
-    patches: list[Patch] = []
-    trimmed = 0
+    patches, trimmed = list[Patch](), 0
     with kernel_faults(source):
+        shape = read_shape(data, kind, source)
         for number, face in enumerate(parts(shape, "FACE")):
             nets = face_pieces(face)
             trimmed += nets is None
@@ -279,18 +284,14 @@ def _read(kind: str, data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     if len(patches) > MAX_PATCHES:
         raise SpecError(f"{source}: has {len(patches)} spans, a model has at most {MAX_PATCHES} patches")
     remarks = [f"{trimmed} trimmed faces are left out, as patches have no trimming"] if trimmed else []
-    if kind != "brep":
-        remarks.append("lengths are millimetres")
-    return patches, remarks
+    return patches, remarks + ["lengths are millimetres"] * (kind != "brep")
 
 
-def _patches(nets: list[FloatArray], name: str) -> list[Patch]:
-    found = []
+def _patches(nets: list[FloatArray], name: str) -> Iterator[Patch]:
     for k, net in enumerate(nets):
         points, weights = net[..., :3] / net[..., 3:], net[..., 3] / net.flat[3]
         patch = rectangle(points, weights) if net.ndim == 3 else curve(points, weights)
-        found.append(patch.replace(name=name if len(nets) == 1 else f"{name}-{k}"))
-    return found
+        yield patch.replace(name=name if len(nets) == 1 else f"{name}-{k}")
 
 
 read_step, read_iges, read_brep = (partial(_read, kind) for kind in ("step", "iges", "brep"))

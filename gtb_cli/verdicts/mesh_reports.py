@@ -95,8 +95,8 @@ def _part_report(data: bytes, kind: str, source: str) -> dict[str, Any]:
     from gtb_cli.filling.part_holes import part_of
     from gtb_cli.importers.cad_files import box_of, extent_of, face_pieces, kernel_faults, parts, read_shape
 
-    shape = read_shape(data, kind, source)
     with kernel_faults(source):
+        shape = read_shape(data, kind, source)
         part, faces, solids = part_of(shape), [*parts(shape, "FACE")], [*parts(shape, "SOLID")]
         if not faces:
             raise SpecError(f"{source}: has no faces")
