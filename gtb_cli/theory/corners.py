@@ -358,8 +358,7 @@ def corner_layer(
     ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances. Places are (2,
     …) rates q, of ways (1 / (1 + e^-q), 1 / (1 + e^q)), and logarithms of the largest term of P − V, of the edge.
     """
-    q, far = at
-    x, gaps, own = exponents_at(domain, corner)
+    (q, far), (x, gaps, own) = at, exponents_at(domain, corner)
     b, logs = points - points[own], log_weights - log_weights[own]
     ends = [np.where(x[:, 1 - k] <= gaps[1 - k], x[:, k], 0).argmax() for k in (0, 1)]
     edge = float(np.linalg.norm(b[ends], axis=1).min())

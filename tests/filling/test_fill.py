@@ -163,18 +163,21 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
     if cure:
         (word,) = (word for word in words if word.endswith(str(*cure.values())))
         text = f"filled with {word}, as otherwise the patch folds at 3 of some thousand places"
-        room.with_fills(model, [("x", "g1")], said.append, said.append)
-        assert said == [f"`fills` x: {text}"]
+        room.with_fills(model, [("0,0,0", "g1")], said.append, said.append)
+        assert said == [f"`fills` 0,0,0: {text}"]
         assert f"gtb: {text}\n" in gtb("fill", path, status=0).err
         return
     assert "places: raise degrees more, or try curves that" in gtb("fill", path, "--fullness=1", status=1).err
-    for kind, end in (("g1", 'smaller ones, or `fills` "x=g0"'), ("g0", "too: try curves that cut .* smaller ones")):
+    for kind, end in (
+        ("g1", 'smaller ones, or `fills` "0,0,0=g0"'),
+        ("g0", "too: try curves that cut .* smaller ones"),
+    ):
         with pytest.raises(RequirementError, match=f"{', '.join(words)} were tried, .*{end}$"):
-            room.with_fills(model, [("x", kind)], said.append, said.append)
+            room.with_fills(model, [("0,0,0", kind)], said.append, said.append)
     good = beside_planes
     assert "try a fullness of 0.8 or 0.5, other ribbons" in gtb("fill", path, "--elevate=0", status=1).err
     with pytest.raises(RequirementError, match="too: try other ribbons, or curves"):
-        room.with_fills(model, [("x", "g1")], said.append, said.append)
+        room.with_fills(model, [("0,0,0", "g1")], said.append, said.append)
 
 
 def test_a_fill_says_in_one_line_in_how_many_parts_it_is_and_where_planes_differ_most(monkeypatch):
@@ -183,9 +186,9 @@ def test_a_fill_says_in_one_line_in_how_many_parts_it_is_and_where_planes_differ
     for parts, angle in (((), 0.9), ((good, good), 0.9), ((), 26.66)):
         found = replace(good, parts=parts, corner_angles=np.array([np.nan, angle / 2, angle]))
         monkeypatch.setattr(room, "filled", lambda *_, found=found, **__: found)
-        room.with_fills(model, [("x", "g1")], said.append, said.append)
+        room.with_fills(model, [("0,0,0", "g1")], said.append, said.append)
     planes = "neighbours' planes differ by up to 26.7 degrees at their corner (0, 0, 1)"
-    assert said == [f"`fills` x: {text}; `fill` says all" for text in ("filled in 2 parts", planes)]
+    assert said == [f"`fills` 0,0,0: {text}; `fill` says all" for text in ("filled in 2 parts", planes)]
 
 
 def test_the_last_of_copies_that_do_not_close_is_named_before_a_fill_is_blamed(monkeypatch):
