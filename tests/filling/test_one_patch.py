@@ -250,9 +250,9 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert max(each.curvature + 20 * each.folds for each in found) < 20
 
 
-@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 130), (7, 1, 130), (7, 2, 145), (8, 7, 185)]))
+@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 130), (7, 2, 145), (8, 7, 185)]))
 def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
-    """Rows that run along their edges have a layer of 24,000 beside limits of 100 in the first, and 1,900 in (7, 1)."""
+    """Rows that run along their edges have a layer of 24,000 beside limits of 100 in the first."""
     filling = fill_loop(random_sides(n, seed))
     assert_fills(filling, random_sides(n, seed))
     patch, told = filling.patch, np.array(filling.corner_curvatures)
