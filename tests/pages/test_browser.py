@@ -474,7 +474,7 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
         browser.run("$('edits').click()")
         lines = browser.run("return $('said').textContent").splitlines()
         assert lines[:2] == [
-            "12: sides = 7",
+            "12: sides = 7  # 3 … 24",
             "13: width = 100  # of the rim, from the middle of the bowl to a corner and back",
         ]
         assert spec.read_text(encoding="utf-8") == text
