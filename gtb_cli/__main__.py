@@ -50,10 +50,12 @@ def _catch_signals() -> None:
 
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal last
-        if _importing(frame):
-            # Some imported code swallows exceptions: the process would not stop.
-            _discard_unfinished()
-            os._exit(SIGNAL_STATUS + number)
+        while frame is not None:
+            if frame.f_code.co_filename.startswith("<frozen importlib"):
+                # Some imported code swallows exceptions: the process would not stop.
+                _discard_unfinished()
+                os._exit(SIGNAL_STATUS + number)
+            frame = frame.f_back
         now = time.monotonic()
         if now - last > grace_seconds:
             last = now
@@ -69,14 +71,6 @@ def _discard_unfinished() -> None:
     """Remove unfinished files, if there are any."""
     if discard := getattr(sys.modules.get("gtb_cli.files"), "discard", None):
         discard()
-
-
-def _importing(frame: FrameType | None) -> bool:
-    while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return True
-        frame = frame.f_back
-    return False
 
 
 if __name__ == "__main__":

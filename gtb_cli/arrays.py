@@ -34,7 +34,8 @@ def finite(name: str, values: ArrayLike) -> FloatArray:
             raise TypeError("complex")
         array = read_only(values)
     except (TypeError, ValueError) as error:
-        raise DomainError(f"{name}: not a regular array of numbers ({error}){_hint(values)}") from None
+        hint = "; gtb_cli.from_dict takes expressions" if "convert string" in str(error) else ""
+        raise DomainError(f"{name}: not a regular array of numbers ({error}){hint}") from None
     return _each(name, array, np.isfinite(array), "finite")
 
 
@@ -44,15 +45,6 @@ def one_for_each(name: str, values: FloatArray, count: int, each: str, row: tupl
         found = len(values) if values.ndim and values.shape[1:] == row else f"shape {values.shape}"
         raise DomainError(f"{name}: expected {count}, one for each {each}, got {found}")
     return values
-
-
-def _hint(values: ArrayLike) -> str:
-    """Say which function takes expressions, if the values are text."""
-    try:
-        is_text = np.asarray(values).dtype.kind == "U"
-    except ValueError:  # rows of different lengths
-        is_text = False
-    return "; gtb_cli.from_dict takes expressions" if is_text else ""
 
 
 def positive(name: str, values: ArrayLike) -> FloatArray:

@@ -93,7 +93,7 @@ class StagedFiles:
             elif not os.path.isdir(self.folder):
                 raise ExportError(f"cannot write to {self.folder or repr(self.folder)}: it is not a folder")
         except BaseException as error:
-            self._abandon()
+            discard(self._made)
             if isinstance(error, OSError):
                 raise _refusal(self.folder, error) from error
             raise
@@ -145,8 +145,8 @@ class StagedFiles:
             # A sequence half old and half new would be worse than a late stop.
             self._rename()
             raise
-        finally:
-            self._abandon()
+        finally:  # files without a final name go, and folders made for them
+            discard([*self._made, *self._staged.values()])
 
     def _rename(self) -> None:
         """Give all files their names, in a new folder last; continue if that was interrupted."""
@@ -166,10 +166,6 @@ class StagedFiles:
                     also = f"; new already: {', '.join(new)}" if new else ""
                     raise ExportError(f"{_refusal(target, error)}{also}") from error
                 new.append(target)
-
-    def _abandon(self) -> None:
-        """Remove the files without a final name, and the folders made for them."""
-        discard([*self._made, *self._staged.values()])
 
 
 def discard(places: Sequence[str] | None = None) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.domain import Domain, domain, has_integer_corners
+from gtb_cli.knots.domain import domain, has_integer_corners
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.language.spec_paths import of_patch
@@ -49,16 +49,11 @@ def multiplier(patch: Patch) -> FloatArray:
         steps = np.concatenate([direction.steps for direction in lattice])
         return np.array([np.zeros(shape.dimension), *steps, *[steps.sum(axis=0)] * (len(lattice) == 2)])
     if shape.dimension == 2:
-        return np.asarray((shape.vertices - shape.vertices[0]) / _common_steps(shape))
+        edges = range(len(shape.vertices))
+        found = [lattice_of(domain(shape.along(edge, shape.knots[shape.edge_knots(edge)]))) for edge in edges]
+        counts = {on_edge[0].degree if on_edge else 1 for on_edge in found}
+        return np.asarray((shape.vertices - shape.vertices[0]) / (counts.pop() if len(counts) == 1 else 1))
     return np.array([[0.0], [np.diff(np.sort(shape.knots[:, 0])).max()]])
-
-
-def _common_steps(shape: Domain) -> int:
-    """Return into how many equal steps knots divide each edge of a surface's Δ; 1 if the steps are not equal."""
-    edges = range(len(shape.vertices))
-    found = [lattice_of(domain(shape.along(edge, shape.knots[shape.edge_knots(edge)]))) for edge in edges]
-    counts = {on_edge[0].degree if on_edge else 1 for on_edge in found}
-    return counts.pop() if len(counts) == 1 else 1
 
 
 def product(patch: Patch, knots: FloatArray) -> Patch:

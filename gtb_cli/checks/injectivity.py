@@ -25,7 +25,12 @@ def for_all_weights(probe: Probe) -> Finding:
         return not_applicable(SPATIAL_NOTE)
     knots, n = probe.patch.knots, len(probe.patch.knots)
     total = math.comb(n, 3)
-    triples = _triples(n)
+    if total > MAX_TRIPLES:  # some, chosen alike every time
+        triples = np.sort(np.random.default_rng(0).integers(0, n, (MAX_TRIPLES, 3)), axis=1)
+        triples = triples[(np.diff(triples, axis=1) > 0).all(axis=1)]
+    else:
+        below = np.arange(n)[:, None] < np.arange(n)
+        triples = np.argwhere(below[:, :, None] & below)
     signs = _signs(knots, *triples.T) * _signs(points, *triples.T)
     found = [tuple(triples[np.argmax(signs == sign)].tolist()) for sign in (1.0, -1.0) if (signs == sign).any()]
     if len(found) == 2:
@@ -73,15 +78,6 @@ def planar(points: FloatArray) -> FloatArray | None:
     if np.abs(centred @ normal).max() > knot_tolerance(points):
         return None
     return np.asarray(centred @ np.stack([axes[0], axes[1] if normal[2] >= 0 else -axes[1]], axis=1))
-
-
-def _triples(n: int) -> IntArray:
-    """Return triples i < j < k, (m, 3): all of them, or up to `MAX_TRIPLES`, chosen alike every time."""
-    if math.comb(n, 3) > MAX_TRIPLES:
-        drawn = np.sort(np.random.default_rng(0).integers(0, n, (MAX_TRIPLES, 3)), axis=1)
-        return drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
-    below = np.arange(n)[:, None] < np.arange(n)
-    return np.argwhere(below[:, :, None] & below)
 
 
 def _signs(points: FloatArray, i: IntArray, j: IntArray, k: IntArray) -> FloatArray:

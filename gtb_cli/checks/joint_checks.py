@@ -16,10 +16,11 @@ from gtb_cli.theory.patch import Patch
 
 def joint_findings(model: Model) -> tuple[Finding, ...]:
     """Check that joined edges are one curve, and count what a closed body would not have."""
-    shared, size = model.joints, _size(model)
+    points = np.concatenate([patch.control_points for patch in model])
+    shared, size = model.joints, float(np.ptp(points, axis=0).max()) or 1.0
     what = "edges" if model.dimension == 2 else "ends"
     gap = max((distance for _, _, distance in shared.almost), default=0.0)
-    found = {"joined edges": _joined(model)}
+    found = {"joined edges": _joined(model, size)}
     welded = [joint.distance for joint in shared.shared if joint.distance]
     if welded:
         reason = f"largest distance of the {len(welded)} edges that were welded, of the model's size"
@@ -31,7 +32,6 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
         "orientation": number(len(shared.one_sided), "number of joints at which orientations cannot agree"),
         "almost joined edges": number(gap / size, f"largest gap of {near}, of the model's size"),
     }
-    points = np.concatenate([patch.control_points for patch in model])
     seams = [seam for seam in model.seams if math.isfinite(seam.angle)]
     if seams:
         worst = max(seams, key=lambda seam: seam.angle)
@@ -48,7 +48,7 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
     return tuple(replace(finding, name=name, reference="Thm 4.0") for name, finding in found.items())
 
 
-def _joined(model: Model) -> Finding:
+def _joined(model: Model, size: float) -> Finding:
     tolerance = 8 * CURVE_TOLERANCE  # to which control points, knots and weights of joined edges may differ
     shared = [joint for joint in model.joints.shared if not joint.distance]
     if not shared:
@@ -60,7 +60,7 @@ def _joined(model: Model) -> Finding:
         worst = max(worst, float(np.sqrt(((first - second) ** 2).sum(axis=1)).max()))
     reason = f"largest distance at {len(shared)} joints, of the model's size"
     farthest = max(float(np.abs(patch.control_points).max()) for patch in model)
-    return at_most(worst / _size(model), tolerance + FAR_ROUNDING * farthest / _size(model), reason)
+    return at_most(worst / size, tolerance + FAR_ROUNDING * farthest / size, reason)
 
 
 def _points(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:
@@ -68,7 +68,3 @@ def _points(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:
     if patch.dimension == 1:
         return patch.evaluate(patch.domain.vertices[[edge]])
     return edge_points_at(patch, edge, fractions)
-
-
-def _size(model: Model) -> float:
-    return float(np.ptp(np.concatenate([patch.control_points for patch in model]), axis=0).max()) or 1.0

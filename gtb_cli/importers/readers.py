@@ -59,7 +59,16 @@ def import_data(path: str, data: bytes, format: str | None = None) -> Imported:
     """
     if len(data) > MAX_BYTES:
         raise SpecError(f"{path}: is too large, at most {MAX_BYTES // 10**6} MB are read")
-    patches, remarks = _read(path, data, format)
+    format = format or cad_kind(data, path) or suffix_of(path)
+    if format not in READERS:
+        if kind := kind_of(data):
+            why = ": triangles cannot become patches" if kind.endswith("mesh") else ""
+            raise SpecError(f"{path}: is {kind}, and holds no patches{why}")
+        known = f"by its content or suffix; name one of {', '.join(READERS)}"
+        raise SpecError(f"{path}: is in no format that is known {known}")
+    room = import_module(f"gtb_cli.importers.{READERS[format]}")
+    patches: list[Patch]
+    patches, remarks = getattr(room, f"read_{format}")(data, path)
     surfaces = [patch for patch in patches if patch.dimension == 2]
     if surfaces and len(surfaces) < len(patches):
         remarks.append(f"{len(patches) - len(surfaces)} curves beside the surfaces are left out")
@@ -69,14 +78,3 @@ def import_data(path: str, data: bytes, format: str | None = None) -> Imported:
     name = stem_of(path)
     named = patches[0].replace(name=patches[0].name or name)
     return Imported(named if len(patches) == 1 else Model(tuple(patches), name), tuple(remarks))
-
-
-def _read(path: str, data: bytes, format: str | None) -> tuple[list[Patch], list[str]]:
-    format = format or cad_kind(data, path) or suffix_of(path)
-    if format in READERS:
-        room = import_module(f"gtb_cli.importers.{READERS[format]}")
-        return getattr(room, f"read_{format}")(data, path)  # type: ignore[no-any-return]
-    if kind := kind_of(data):
-        why = ": triangles cannot become patches" if kind.endswith("mesh") else ""
-        raise SpecError(f"{path}: is {kind}, and holds no patches{why}")
-    raise SpecError(f"{path}: is in no format that is known by its content or suffix; name one of {', '.join(READERS)}")

@@ -63,9 +63,3 @@ def offsets_from(points: FloatArray, k: int) -> FloatArray:
 def cleared(differences: FloatArray, rounding: FloatArray | float) -> FloatArray:
     """Return differences of points, with exact zeros in place of what may be rounding."""
     return np.where(np.abs(differences) <= rounding, 0.0, differences)
-
-
-def unit_columns(vectors: FloatArray) -> FloatArray:
-    """Scale (…, 3, m) columns to length 1, by their largest entries first, so that squares do not underflow."""
-    scaled = vectors / np.abs(vectors).max(axis=-2, keepdims=True)
-    return np.asarray(scaled / np.sqrt((scaled**2).sum(axis=-2, keepdims=True)))

@@ -75,8 +75,8 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     property (f), before Theorems 3.2 and 4.2; Ex. 3.4, Ex. 4.4.
 
     Knots a_i are (n, d), d = 1 or 2, or (n,) for d = 1, in any order, and the lifting λ is (n,). Among repeated knots
-    only the highest count, all of them if several are. `DomainError` is raised where shapes disagree, values are not
-    finite or beyond 1e100, or all knots lie on one line (at one place for d = 1).
+    only the highest count, all of them if several are. `DomainError` is raised where `domain` refuses the knots (all on
+    one line, say), shapes disagree, or lifting values are not finite or beyond 1e100.
 
     The hull is computed exactly, in integers, since floats are binary fractions. Simplices split by rounding of the
     input are then joined, the largest first: a knot lies on a face within 1e-12 of the lifting's range plus the effect

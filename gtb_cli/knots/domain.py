@@ -189,12 +189,21 @@ class Domain:
         return np.asarray(np.where(slanted, cancelling_distance * self.size, self.tolerance) * self.normal_lengths)
 
     def _distance_without_cancellation(self, edges: IntArray, u: FloatArray) -> FloatArray:
-        """Return signed distances of u[k] from edge edges[k], (m,), with a relative error of a few roundings."""
+        """Return signed distances of u[k] from edge edges[k], (m,), with a relative error of a few roundings.
+
+        The cross product of the differences is in double-double arithmetic (Dekker, Knuth).
+        """
         if self.dimension == 1:
             return np.asarray(np.sign(self.normals[edges, 0]) * (u[:, 0] - self.vertices[edges, 0]))
         start, end = self.vertices[edges], self.vertices[(edges + 1) % len(self.vertices)]
-        cross = _cross_of_differences(start, end, u)
-        return np.asarray(cross / np.hypot(end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]))
+        (ex, ex_low), (ey, ey_low) = (_two_difference(end[:, k], start[:, k]) for k in (0, 1))
+        (wx, wx_low), (wy, wy_low) = (_two_difference(u[:, k], start[:, k]) for k in (0, 1))
+        first, first_low = two_product(ex, wy)
+        second, second_low = two_product(ey, wx)
+        high, low = _two_difference(first, second)
+        low += first_low - second_low
+        low += (ex * wy_low + ex_low * wy) - (ey * wx_low + ey_low * wx)
+        return np.asarray((high + low) / np.hypot(ex, ey))
 
 
 def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: ArrayLike = 1.0) -> Domain:
@@ -286,18 +295,6 @@ def _normals(vertices: FloatArray, edge_normals: EdgeNormals) -> FloatArray:
     if edge_normals == "unit" or not integer:
         return np.asarray(normals / np.hypot(normals[:, 0], normals[:, 1])[:, None])
     return np.asarray(normals / [[float(math.gcd(int(a), int(b)))] for a, b in normals])
-
-
-def _cross_of_differences(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Return (b - a) × (c - a) for (m, 2) points: (m,), in double-double arithmetic (Dekker, Knuth)."""
-    (ex, ex_low), (ey, ey_low) = (_two_difference(b[:, k], a[:, k]) for k in (0, 1))
-    (wx, wx_low), (wy, wy_low) = (_two_difference(c[:, k], a[:, k]) for k in (0, 1))
-    first, first_low = two_product(ex, wy)
-    second, second_low = two_product(ey, wx)
-    high, low = _two_difference(first, second)
-    low += first_low - second_low
-    low += (ex * wy_low + ex_low * wy) - (ey * wx_low + ey_low * wx)
-    return np.asarray(high + low)
 
 
 def _two_difference(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:

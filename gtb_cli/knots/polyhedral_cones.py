@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from itertools import product
 from typing import TypeAlias
 
@@ -16,10 +17,7 @@ def extreme_rays(rows: Sequence[Vector], size: int, rounding: float) -> list[Vec
     The rows span the space, so that the cone holds no line. Whole rows have rays that are whole and have no common
     divisor; a product of others, with largest entries 1, is 0 within `rounding`.
     """
-
-    def on(row: Vector, x: Vector) -> float:
-        return product_of(row, x, rounding)
-
+    on = partial(product_of, rounding=rounding)
     lines: list[Vector] = [[int(i == k) for i in range(size)] for k in range(size)]
     rays: list[tuple[Vector, Bits]] = []  # with the rows so far that are 0 on it
     for number, row in enumerate(rows):

@@ -84,7 +84,9 @@ def triangulation(domain: Domain, resolution: int) -> Triangulation:
         steps = np.arange(n)
         return Triangulation(u[:, None], np.stack([steps, steps + 1], axis=1), np.array([[0], [n]]))
     if len(v) == 4 and (v[1] == [v[2, 0], v[0, 1]]).all() and (v[3] == [v[0, 0], v[2, 1]]).all():
-        return Triangulation(_rectangle(v, n), *_squares(n))
+        lines = v[0] + (v[2] - v[0]) * (np.arange(n + 1) / n)[:, None]
+        lines[-1] = v[2]
+        return Triangulation(np.stack(np.meshgrid(*lines.T), axis=-1).reshape(-1, 2), *_squares(n))
     make = {3: _triangle, 4: _quadrilateral}.get(len(v), _sectors)
     return _with_exact_boundary(domain, *make(v, n))
 
@@ -120,13 +122,6 @@ def _triangle(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
         strip[1::2, 0], strip[1::2, 1], strip[1::2, 2] = here[1:-1], above[1:], above[:-1]
     side = np.arange(n)
     return u, cells, np.stack([side, first[side] + n - side, first[n - side]])
-
-
-def _rectangle(v: FloatArray, n: int) -> FloatArray:
-    """Rows from edge 0 to edge 2, n + 1 vertices each, all with the same first coordinates."""
-    lines = v[0] + (v[2] - v[0]) * (np.arange(n + 1) / n)[:, None]
-    lines[-1] = v[2]
-    return np.stack(np.meshgrid(*lines.T), axis=-1).reshape(-1, 2)
 
 
 def _quadrilateral(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:

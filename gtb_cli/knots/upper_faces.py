@@ -8,8 +8,9 @@ from operator import mul
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, FloatArray, finite, one_for_each, planar_cross, read_only
+from gtb_cli.arrays import EPS, FloatArray, finite, one_for_each, planar_cross
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import SIZES, domain
 from gtb_cli.knots.hull import border_of, convex_hull, depth_in, knot_tolerance
 
 POINT_BELOW = -1  # index of the point at infinity below the lifted knots, which makes the lower hull one vertical prism
@@ -43,29 +44,19 @@ def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
     # input. Affine parts do not count: the lifting is taken without its best affine fit.
     gap_tolerance = 1e-12
     rounding_ulps = 2  # by which a coordinate or lifting may be off, too: two operations of the caller
-    largest = 1e100  # so that gradients are floats, however near to each other knots are
-    points = finite("knots", knots)
-    if points.ndim == 1:
-        points = read_only(points[:, None])
-    if points.ndim != 2 or points.shape[1] not in (1, 2):
-        raise DomainError(f"knots: expected shape (n,), (n, 1) or (n, 2), got {points.shape}")
+    _, largest = SIZES  # so that gradients are floats, however near to each other knots are
+    points = domain(knots).knots
     heights = one_for_each("lifting", finite("lifting", lifting), len(points), "knot")
-    n, d = points.shape
-    if n <= d:
-        raise DomainError(f"knots: expected at least {d + 1}, got {n}")
-    for name, size in (("knots", np.abs(points).max()), ("lifting", np.abs(heights).max())):
-        if size > largest:
-            raise DomainError(f"{name}: values beyond {largest:g} are not supported, got {size:g}")
+    if (size := np.abs(heights).max()) > largest:
+        raise DomainError(f"lifting: values beyond {largest:g} are not supported, got {size:g}")
     tolerance = knot_tolerance(points)
-    if d == 2:
-        convex_hull(points)  # refuses a flat hull
-    elif not np.ptp(points) > tolerance:
-        raise DomainError(f"knots: a curve needs two different knots, all are {points[0, 0]:g}")
+    if points.shape[1] == 1 and not np.ptp(points) > tolerance:
+        raise DomainError(f"knots: a curve needs two different knots, all are {points[0, 0]:g} to rounding")
 
     rows = np.column_stack([points, heights])
     ratios = [[value.as_integer_ratio() for value in row] for row in rows.tolist()]
     bits = max(denominator for row in ratios for _, denominator in row).bit_length() - 1
-    design = np.column_stack([np.ones(n), (points - points[0]) / np.ptp(points, axis=0).max()])
+    design = np.column_stack([np.ones(len(points)), (points - points[0]) / np.ptp(points, axis=0).max()])
     residual = heights - design @ np.linalg.lstsq(design, heights, rcond=None)[0]
     sizes = np.abs(rows).max(axis=0)
     # Numbers that are all multiples of 2^-32 of the largest are exact: rounded results are not such by chance.

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from itertools import product
-from typing import TypeAlias
 
 import numpy as np
 
@@ -58,10 +57,6 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     )
 
 
-# An edge that carries the curve of an earlier one, whether it runs backwards, and how the two correspond
-_Follower: TypeAlias = tuple[int, bool, Match]
-
-
 class _EdgeCurves:
     """The curves of all edges, and which of them are compared."""
 
@@ -109,10 +104,11 @@ class _EdgeCurves:
                 least[i], least[j] = min(least[i], match.distance), min(least[j], match.distance)
         return found
 
-    def followers(self, near: dict[tuple[int, int], Match]) -> dict[int, list[_Follower]]:
+    def followers(self, near: dict[tuple[int, int], Match]) -> dict[int, list[tuple[int, bool, Match]]]:
         """Join edges with the same data, then equal edges, then the nearest: the later edges, by the first one.
 
-        Each two that become one must be within the weld of each other: chains would move edges farther.
+        For each, return whether it runs backwards, and how the two correspond. Each two that become one must be within
+        the weld of each other: chains would move edges farther.
         """
         group = {i: [i] for i in self.same}
         for (i, j), match in sorted(near.items(), key=lambda pair: (not pair[1].proved, pair[1].distance)):
@@ -122,7 +118,7 @@ class _EdgeCurves:
             if match.proved or all(self.is_one(self.compared(*sorted(pair))) for pair in product(one, other)):
                 one += other
                 group.update(dict.fromkeys(other, one))
-        found: dict[int, list[_Follower]] = {}
+        found: dict[int, list[tuple[int, bool, Match]]] = {}
         for first in (i for i in self.same if i == min(group[i])):
             found[first] = [(j, turned, Match(0.0, True, True)) for j, turned in self.same[first]]
             for k in sorted(group[first])[1:]:

@@ -1,4 +1,4 @@
-"""Families of patches that tend to a limit, meshed on one complex: the triangulation follows the limit."""
+"""Families of patches that tend to a limit, meshed on one complex that follows the limit; and films as meshes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,16 +6,18 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import IntArray
+from gtb_cli.arrays import FloatArray, IntArray, shifted
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
-from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.hull import border_of, knot_tolerance
+from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.joints import Joint, Joints, unjoined
-from gtb_cli.sequences.film_meshes import film_mesh
+from gtb_cli.moment.solve import LogSum, solve
+from gtb_cli.moment.torus import shares
 from gtb_cli.tessellation.complexes import Complex, coarse_complexes, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
@@ -50,17 +52,6 @@ class Family:
         """Return the complex with `resolution` cells along each edge of each patch of the limit."""
         return joined_complex(self.limit.patches, self.joints, resolution)
 
-    def over_whole(self, mosaic: Complex) -> Complex:
-        """Return a complex over the patches of the limit as one over Δ."""
-        assert self.faces is not None
-        return replace(
-            mosaic,
-            patch=np.zeros_like(mosaic.patch),
-            face=self.faces[mosaic.patch, mosaic.face],
-            cell_patch=np.zeros_like(mosaic.cell_patch),
-            own_corners=mosaic.corners,
-        )
-
     def refined(self, tolerance: float, max_faces: int) -> Complex:
         """Refine the coarsest complex until it is within a tolerance of every member; at most `max_faces` in all."""
         max_cells = max_faces // len(self.samplers)
@@ -69,7 +60,21 @@ class Family:
             count = len(mosaic.cells)
             for sampler in reversed(self.samplers):
                 mosaic, _ = refine(mosaic, sampler, tolerance, max_cells)
-        return _in_order(mosaic)
+        if mosaic.cells.shape[1] == 3:
+            return mosaic
+        # Refinement does not keep the order along a curve.
+        cells = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
+        vertices = np.append(mosaic.cells[cells, 0], mosaic.cells[cells[-1], 1])
+        steps = np.arange(len(cells))
+        return replace(
+            mosaic,
+            patch=mosaic.patch[vertices],
+            parameters=mosaic.parameters[vertices],
+            face=mosaic.face[vertices],
+            cells=np.stack([steps, steps + 1], axis=1),
+            cell_patch=mosaic.cell_patch[cells],
+            own_corners=mosaic.corners[cells],
+        )
 
 
 def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
@@ -140,19 +145,33 @@ def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequ
     return table
 
 
-def _in_order(mosaic: Complex) -> Complex:
-    """Return a curve's cells and vertices in their order along it, which refinement does not keep."""
-    if mosaic.cells.shape[1] == 3:
-        return mosaic
-    cells = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
-    vertices = np.append(mosaic.cells[cells, 0], mosaic.cells[cells[-1], 1])
-    steps = np.arange(len(cells))
-    return replace(
-        mosaic,
-        patch=mosaic.patch[vertices],
-        parameters=mosaic.parameters[vertices],
-        face=mosaic.face[vertices],
-        cells=np.stack([steps, steps + 1], axis=1),
-        cell_patch=mosaic.cell_patch[cells],
-        own_corners=mosaic.corners[cells],
-    )
+def film_mesh(limit: KnotLimit) -> Mesh:
+    """Mesh the films of a knot limit that has some: segments for a curve, triangles for a surface."""
+    segment, square = [0, 1], [[0, 0], [1, 0], [1, 1], [0, 1]]
+    levels, n = (segment, 1024) if limit.patch.dimension == 1 else (square, 64)  # and cells along each side of a film
+    part = triangulation(domain(levels), n)
+    points, cells, count = [], [], 0
+    for film in limit.films:
+        if film.along is None:
+            points.append(film.points(part.parameters[:, ::-1]))
+        else:
+            log_weights = film.log_weights((np.arange(n + 1) / n)[:, None])
+            points.append(_section_points(film.along, log_weights, film.control_points, n))
+        cells.append(shifted(part.cells, count))
+        count += len(points[-1])
+    vertices, triangles = np.concatenate(points), np.concatenate(cells)
+    # Sections share the corners that no knot reaches, so there is no cell there.
+    distinct = (vertices[triangles] != vertices[np.roll(triangles, 1, axis=1)]).any(axis=2)
+    return Mesh(vertices, triangles[distinct.all(axis=1)], name="film")
+
+
+def _section_points(along: FloatArray, log_weights: FloatArray, control_points: FloatArray, n: int) -> FloatArray:
+    """Sample curves with (l, k) logarithms of weights at n + 1 evenly spaced linear parameters: (l (n + 1), 3)."""
+    x = (along - along.min()) / np.ptp(along)
+    t = np.tile(np.arange(1, n) / n, len(log_weights))
+    weights = np.repeat(log_weights.T, n - 1, axis=1)
+    # Points that are not found stay where the solver left them: on the film, too.
+    s, _ = solve(LogSum(x[:, None] - 0.5, weights), t[None] - 0.5, np.log(t / (1 - t))[None])
+    inner = shares((x[:, None] - 0.5) * s + weights).T.reshape(len(log_weights), n - 1, -1)
+    ends = [shares(np.where(x == end, log_weights, -np.inf).T).T[:, None] for end in (0, 1)]
+    return np.concatenate([ends[0], inner, ends[1]], axis=1).reshape(-1, len(x)) @ control_points

@@ -1,7 +1,7 @@
 """Distances of the members of a family from its limit."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -77,10 +77,17 @@ class Measurement:
 
     def surfaces(self, members: Sequence[Patch]) -> list[Surface]:
         """Return members with points all over them, and more in the thin layers along edges while knots move."""
-        if self.family.faces is not None:
-            mosaic = self.family.over_whole(self.rough)
-            return [surface_of([member], mosaic) for member in members]
-        return [surface_of([member], layered(self.rough, [member])) for member in members]
+        rough, faces = self.rough, self.family.faces
+        if faces is None:
+            return [surface_of([member], layered(rough, [member])) for member in members]
+        whole = replace(  # the same complex over Δ
+            rough,
+            patch=np.zeros_like(rough.patch),
+            face=faces[rough.patch, rough.face],
+            cell_patch=np.zeros_like(rough.cell_patch),
+            own_corners=rough.corners,
+        )
+        return [surface_of([member], whole) for member in members]
 
     def between_meshes(self, member: int) -> tuple[float, float, float | None, str]:
         """Measure a member as `distances` does, from a limit with a film, between meshes within the chord error."""

@@ -50,7 +50,15 @@ def bound(seconds: float | None, size: int | None) -> None:
         copy = os.fork()
         if copy == 0:
             list_unfinished_in(os.dup(ledger.fileno()))
-            _limit(seconds, size)
+            if seconds is not None:
+                import resource
+
+                # It ends what nobody waits for any more, such as a worker in a library that lets no other thread run.
+                most = math.ceil((seconds + GRACE_SECONDS) * (os.cpu_count() or 1))
+                with suppress(OSError, ValueError):
+                    resource.setrlimit(resource.RLIMIT_CPU, (most, most))
+            if size is not None:
+                limit_to(size)
             return
         status, asked = _awaited(copy, seconds)
         if status < 0:
@@ -63,19 +71,6 @@ def bound(seconds: float | None, size: int | None) -> None:
         cause = "is there too little memory" if size is None else f"is {size_text(size)} (--max-memory) too little"
         raise GtbError(f"the process was killed by {signal.Signals(-status).name}: {cause}?")
     raise click.exceptions.Exit(status)
-
-
-def _limit(seconds: float | None, size: int | None) -> None:
-    """Let the system limit this process and its children."""
-    import resource
-
-    if seconds is not None:
-        # It ends what nobody waits for any more, such as a worker in a library that lets no other thread run.
-        most = math.ceil((seconds + GRACE_SECONDS) * (os.cpu_count() or 1))
-        with suppress(OSError, ValueError):
-            resource.setrlimit(resource.RLIMIT_CPU, (most, most))
-    if size is not None:
-        limit_to(size)
 
 
 def _awaited(copy: int, seconds: float | None) -> tuple[int, GtbError | KeyboardInterrupt | None]:

@@ -101,25 +101,19 @@ def files_in(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
             raise GtbError(f"{folder}: has more than {MAX_FOLDERS} folders in it; do links lead to each other?")
         for name in [name for name in names if name[0] != "."]:
             inner, file = os.path.join(place, name), os.path.join(path, name)
-            if fault := _fault_of(path, name):
-                unreadable[inner] = fault
-            elif os.path.isdir(file):
+            try:
+                os.stat(file)
+            except OSError as error:  # such as a link to nothing
+                unreadable[inner] = f"{file}: {error.strerror}"
+            if "\n" in name and os.path.islink(file):  # its errors would not begin with its name
+                unreadable[inner] = f"{path}: {name!r} is a link with a line break in its name"
+            if inner in unreadable:
+                continue
+            if os.path.isdir(file):
                 waiting.append((inner, above | {here}))
             elif not _is_manifest(file):
                 files[inner] = file
     return files
-
-
-def _fault_of(folder: str, name: str) -> str | None:
-    """Say why something in a folder cannot be read, such as a link to nothing."""
-    file = os.path.join(folder, name)
-    if "\n" in name and os.path.islink(file):  # its errors would not begin with its name
-        return f"{folder}: {name!r} is a link with a line break in its name"
-    try:
-        os.stat(file)
-    except OSError as error:
-        return f"{file}: {error.strerror}"
-    return None
 
 
 def _is_manifest(path: str) -> bool:

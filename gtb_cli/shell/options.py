@@ -30,7 +30,6 @@ from gtb_cli.vocabulary import (
     UP,
     Rim,
     percentage,
-    requirements,
     suffix_of,
 )
 
@@ -81,11 +80,6 @@ numbers_option = functools.partial(click.option, callback=reads(numbers_of))
 
 # Names of files that a command reads, and that it writes; - is a standard stream
 INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
-
-
-def _requirements(words: tuple[str, ...]) -> tuple[str, ...]:
-    requirements(words)
-    return tuple(dict.fromkeys(words))
 
 
 def _aspects(text: str) -> tuple[str, ...]:
@@ -211,7 +205,6 @@ parametrization_option = click.option(
     "or toric, at the paper's parameters, which may crowd.",
 )
 
-
 resolution_up_to = functools.partial(click.option, "-n", "--resolution", metavar="N")
 
 resolution_option = resolution_up_to(
@@ -269,7 +262,6 @@ lifting_option = numbers_option(
     metavar="L,…",
     help="A lifting value for each knot, instead of the spec's. Expressions such as 4*sqrt(2) may be used.",
 )
-
 
 difference_option = click.option(
     "--tolerance",
@@ -358,7 +350,6 @@ def mesh_options(*more: str) -> Option:
         weld_option,
         click.option(
             "--require",
-            callback=reads(_requirements),
             metavar="WHAT",
             multiple=True,
             help="Write nothing and exit with status 1, naming edges or places, unless the mesh is watertight "

@@ -16,8 +16,8 @@ from gtb_cli.shell.gathering import Option, gathered
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import check_outputs, console_option, mesh_options, output_to, reading_option
-from gtb_cli.shell.streams import Streams, about, file_stem, is_device, is_folder, shown_input, versioned, write_text
-from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
+from gtb_cli.shell.streams import Streams, about, file_stem, is_device, is_folder, shown_input, write_text
+from gtb_cli.vocabulary import FORMATS, SCHEMA, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.sequences.sequence import Member, MeshSequence
@@ -80,7 +80,7 @@ class SequenceOutput:
                     entries.append(sequence.entry(member, name))
                     self._report(place, sequence, member, self.options.warnings(member.mesh, kind))
             content = sequence.record(entries)
-            files.add(record, [(json.dumps(versioned(content), indent=2) + "\n").encode("ascii")])
+            files.add(record, [(json.dumps({"schema": SCHEMA, **content}, indent=2) + "\n").encode("ascii")])
         if rate := content["rate"]["predicted"]:
             power = "(1 − step)^" if sequence.key == "step" else "x^" if sequence.values[-1] == 0 else "x^-"
             console.note(f"{stem}: distances from the limit fall as {power}{rate:.3g} or faster in theory")

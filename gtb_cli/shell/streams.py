@@ -6,7 +6,7 @@ import codecs
 import os
 import stat
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -208,16 +208,11 @@ def write_json(output: str, data: Any, *, by_row: bool = False) -> None:
     import json
 
     if not by_row:
-        found = [versioned(each) for each in data] if isinstance(data, list) else versioned(data)
-        return write_text(output, json.dumps(found) + "\n")
+        found = [{"schema": SCHEMA, **each} for each in (data if isinstance(data, list) else [data])]
+        return write_text(output, json.dumps(found if isinstance(data, list) else found[0]) + "\n")
     lists = {key: ",".join(f"\n{json.dumps(row)}" for row in rows) for key, rows in data.items()}
     text = ", ".join(f'"{key}": [{rows}\n]' for key, rows in lists.items())
     write_text(output, f'{{"schema": {SCHEMA}, {text}}}\n')
-
-
-def versioned(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a record with the version of what JSON holds."""
-    return {"schema": SCHEMA, **record}
 
 
 def write_text(output: str, text: str) -> None:

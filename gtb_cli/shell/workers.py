@@ -50,7 +50,6 @@ jobs_option = click.option(
     "is written does not depend on the number. Where ulimit -v allows less than 1 GB, this process does it all.",
 )
 
-
 workers_option = gathered(
     "workers",
     Workers,

@@ -66,14 +66,6 @@ class ChordProofs:
         self.steps = [float(np.log(4.0) / gaps[gaps > 0].min()) for gaps in self.gaps]
         self.reach = [self._reach(side) for side in (0, 1)]
 
-    def _torus_coordinates(self, u: FloatArray) -> FloatArray:
-        """Return the torus coordinates of parameters in an array of any shape, infinite at the ends of the curve."""
-        places, inverse = np.unique(u, return_inverse=True)
-        s = np.empty(len(places))
-        for location in self.basis.locations(places, "linear"):
-            s[location.rows] = location.s[0] if len(location.s) else (-np.inf, np.inf)[location.face.index]
-        return s[inverse.reshape(u.shape)]
-
     def failing(self, u: FloatArray, chords: FloatArray, tolerance: float) -> BoolArray:
         """Mark (k, 2, 3) chords not proved to be within the tolerance of the curve between their (k, 2) parameters."""
         max_halvings = 200  # all but a few rounds halve intervals; what is still open then fails
@@ -82,7 +74,11 @@ class ChordProofs:
         hull = np.concatenate([self.points, *chords.swapaxes(0, 1)])
         if np.linalg.norm(np.ptp(hull, axis=0)) * (1 + 8 * EPS) <= tolerance:
             return np.zeros(len(u), dtype=bool)
-        start, end = self._torus_coordinates(u).T * self.size
+        places, inverse = np.unique(u, return_inverse=True)
+        s = np.empty(len(places))  # torus coordinates, infinite at the ends of the curve
+        for location in self.basis.locations(places, "linear"):
+            s[location.rows] = location.s[0] if len(location.s) else (-np.inf, np.inf)[location.face.index]
+        start, end = s[inverse.reshape(u.shape)].T * self.size
         fails = np.zeros(len(start), dtype=bool)
         todo = Intervals(np.arange(len(start)), start, end)
         length = max(64, block_length(len(self.knots)) // alive)

@@ -4,7 +4,7 @@ import numpy as np
 
 from gtb_cli.cad.kinds_of_surfaces import shortened
 from gtb_cli.cad.vtu import QuadraticCells, encode_quadratic, encode_vtu
-from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.attributes import QUALITY_NAME, with_attributes
@@ -40,9 +40,7 @@ def quadratic_cells(spec: Patch | Model, recipe: Recipe) -> list[QuadraticCells]
     With a tolerance, triangles with straight sides are within it, and curved cells much nearer. The recipe's attributes
     are fields on all points. A `ToleranceError` refuses too many cells.
     """
-    count = recipe.faces(spec)
-    if recipe.tolerance is None and count > recipe.max_faces:
-        raise ToleranceError(f"{count} cells are more than {recipe.max_faces}: lower `resolution` or raise `max_faces`")
+    recipe.check_size(spec)
     tolerance = recipe.tolerance_for(spec)
     mosaic = joined_complex(spec.patches, joints_of(spec), recipe.resolution if tolerance is None else 2)
     if tolerance is not None:

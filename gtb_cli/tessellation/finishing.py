@@ -56,7 +56,11 @@ def finished(
         found = np.concatenate([found, sampler.normals(owners[:, 1], places, sampler.faces_at(owners[:, 1], places))])
         of_patch, of_vertex = np.append(patch, owners[:, 1]), np.append(np.arange(len(patch)), vertex)
         found = np.where(turned[of_patch, None], -found, found)
-        row = _rows_of_missing(found, of_patch, of_vertex)
+        # Normals (NaN) that one vertex lacks in one patch share a row.
+        row, missing = np.arange(len(found)), np.flatnonzero(np.isnan(found[:, 0]))
+        keys = paired(of_vertex[missing], of_patch[missing], len(turned))
+        _, first, number_of_key = np.unique(keys, return_index=True, return_inverse=True)
+        row[missing] = missing[first[number_of_key]]
         rows = cells.astype(index_type(len(found)))
         rows.ravel()[corners] = row[len(patch) + number]
         filled = filled_normals(found, vertices[of_vertex], outwards(rows))
@@ -79,16 +83,6 @@ def finished(
         name=shape.name or ("model" if is_model else "patch"),
         origin=Origin(patch, turned) if is_model else None,
     )
-
-
-def _rows_of_missing(normals: FloatArray, patch: IntArray, vertex: IntArray) -> IntArray:
-    """Return the row of each normal, (k,); normals (NaN) that one vertex lacks in one patch share a row."""
-    result = np.arange(len(normals))
-    missing = np.flatnonzero(np.isnan(normals[:, 0]))
-    keys = paired(vertex[missing], patch[missing], int(patch.max()) + 1)
-    _, first, number = np.unique(keys, return_index=True, return_inverse=True)
-    result[missing] = missing[first[number]]
-    return result
 
 
 def _inside_out(

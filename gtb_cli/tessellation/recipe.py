@@ -74,7 +74,7 @@ class Recipe:
         if self.rim != RIMS[0] and self.thickness is None:
             raise DomainError("rim: needs a thickness, as only a surface made a solid has such rims")
         words = (self.require,) if isinstance(self.require, str) else tuple(self.require or ())
-        object.__setattr__(self, "require", words)
+        object.__setattr__(self, "require", tuple(dict.fromkeys(words)))
         requirements(words)
 
     def mesh(self, spec: Patch | Model, rounding: float = 0.0, held: Held | None = None) -> tuple[Mesh, list[str]]:

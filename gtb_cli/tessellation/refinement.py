@@ -15,15 +15,7 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
 from gtb_cli.tessellation.chords import ChordProofs
 from gtb_cli.tessellation.complexes import Complex
-from gtb_cli.tessellation.refinement_samples import (
-    MIN_SAMPLES,
-    SIDE_STEPS,
-    PeakParameters,
-    Sampling,
-    inner_points,
-    quadratic_heights,
-    steps_for,
-)
+from gtb_cli.tessellation.refinement_samples import MIN_SAMPLES, SIDE_STEPS, PeakParameters, Sampling, inner_points
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.subdivision import Subdivision
 
@@ -301,3 +293,19 @@ class _Refinement:
             inner = sides[(edges.patch[sides] == index) & (edges.face[sides] == INTERIOR)]
             edges.error[inner] = edges.bend[inner]
         return marked
+
+
+def steps_for(width: FloatArray, samples: int) -> IntArray:
+    """Return the steps of the lattices of cells of (k,) widths in Δ: many if cells are few or wide."""
+    most = 32 / SIDE_STEPS
+    few = np.clip(np.sqrt(2 * samples / len(width)) / SIDE_STEPS, 1, most)
+    steps, parts = np.full(len(width), int(few)), width * most
+    wide = np.flatnonzero(parts > 1)
+    steps[wide] = np.maximum(steps[wide], np.exp2(np.ceil(np.log2(parts[wide]) - 1e-9)))
+    return SIDE_STEPS * steps
+
+
+def quadratic_heights(places: FloatArray) -> FloatArray:
+    """Return the factors, (k, 3), of heights over the middles of sides in the heights at (k, 3) barycentric places."""
+    a, b, c = places.T
+    return np.asarray(4 * np.stack([a * b, b * c, c * a], axis=1))

@@ -29,22 +29,6 @@ def inner_points(steps: int) -> FloatArray:
     return np.stack([i[inner], j[inner], steps - i[inner] - j[inner]], axis=1) / steps
 
 
-def steps_for(width: FloatArray, samples: int) -> IntArray:
-    """Return the steps of the lattices of cells of (k,) widths in Δ: many if cells are few or wide."""
-    most = 32 / SIDE_STEPS
-    few = np.clip(np.sqrt(2 * samples / len(width)) / SIDE_STEPS, 1, most)
-    steps, parts = np.full(len(width), int(few)), width * most
-    wide = np.flatnonzero(parts > 1)
-    steps[wide] = np.maximum(steps[wide], np.exp2(np.ceil(np.log2(parts[wide]) - 1e-9)))
-    return SIDE_STEPS * steps
-
-
-def quadratic_heights(places: FloatArray) -> FloatArray:
-    """Return the factors, (k, 3), of heights over the middles of sides in the heights at (k, 3) barycentric places."""
-    a, b, c = places.T
-    return np.asarray(4 * np.stack([a * b, b * c, c * a], axis=1))
-
-
 class Sampling:
     """Samples over the edges and cells of a subdivision, by a sampler of linear parameters."""
 

@@ -12,14 +12,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, groups
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.about_a_knot import (
-    PARALLEL_SINE,
-    Differences,
-    cleared,
-    coordinate_rounding,
-    offsets_from,
-    unit_columns,
-)
+from gtb_cli.knots.about_a_knot import PARALLEL_SINE, Differences, cleared, coordinate_rounding, offsets_from
 from gtb_cli.knots.domain import layers
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hull import knot_tolerance
@@ -202,11 +195,17 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return unit cross products of (…, 3, m) vectors, (…, m, 3), NaN if parallel or zero; and sines of angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = (unit_columns(v) for v in (first, second))
+        first, second = (_unit_columns(v) for v in (first, second))
         normal = cross(first, second, -2)
         sine = np.sqrt((normal**2).sum(axis=-2))
         across = sine[..., None, :]
         return np.where(across > PARALLEL_SINE, normal / across, np.nan).swapaxes(-1, -2), sine
+
+
+def _unit_columns(vectors: FloatArray) -> FloatArray:
+    """Scale (…, 3, m) columns to length 1, by their largest entries first, so that squares do not underflow."""
+    scaled = vectors / np.abs(vectors).max(axis=-2, keepdims=True)
+    return np.asarray(scaled / np.sqrt((scaled**2).sum(axis=-2, keepdims=True)))
 
 
 def tangents(patch: Blend, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
@@ -234,7 +233,7 @@ def _tangents_inside(patch: Blend, location: Location) -> FloatArray:
         step, part = cleared(knots - knots[k], knot_tolerance(knots)), e[:, rows]
         derivative = covariance(part, step, deltas, deltas.T @ shares(part))
         known = np.abs(derivative).max(axis=0) > PARALLEL_SINE * np.abs(step).max() * np.abs(deltas).max()
-        result[rows] = unit_columns(np.where(known, derivative, np.nan)).T
+        result[rows] = _unit_columns(np.where(known, derivative, np.nan)).T
     return result
 
 
@@ -246,7 +245,7 @@ def _tangent_at_end(patch: Blend, end: int) -> FloatArray:
     place, *places = (_mean(deltas, basis.log_weights, knots) for knots in (at_end, *layers(heights)))
     for step in (other - place for other in places):
         if np.abs(step).max() > coordinate_rounding(patch.control_points):
-            return np.asarray(unit_columns(step)[:, 0] * (1.0 if end == 0 else -1.0))
+            return np.asarray(_unit_columns(step)[:, 0] * (1.0 if end == 0 else -1.0))
     return np.full(3, np.nan)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, planar_cross
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
 
 
@@ -70,17 +69,12 @@ def quadrature(patch: Patch, order: int = 24) -> Quadrature:
         areas = np.abs(planar_cross(along, inwards))
         weights = (areas[:, None, None] * (steps * distance)[:, None] * steps).ravel()
     places = places.reshape(-1, shape.dimension)
-    return Quadrature(_inside(shape, places), weights)
-
-
-def _inside(shape: Domain, places: FloatArray) -> FloatArray:
-    """Move places that floats cannot tell from an edge towards the middle, until they can."""
-    middle = shape.vertices.mean(axis=0)
+    # Places that floats cannot tell from an edge move towards the middle, until they can. Their distances are found by
+    # differences, as a sum over all coordinates would lose digits far from the origin.
     inward = shape.normals / shape.normal_lengths[:, None]
-    # Differences, as a sum over all coordinates would lose digits far from the origin
     distances, farthest = (
-        np.stack([(at - corner) @ normal for corner, normal in zip(shape.vertices, inward, strict=True)], axis=1)
+        np.stack([(at - corner) @ normal for corner, normal in zip(v, inward, strict=True)], axis=1)
         for at in (places, middle[None])
     )
     lacking = np.maximum(4 * shape.tolerance - distances, 0.0)
-    return np.asarray(places + (lacking / farthest).max(axis=1, keepdims=True) * (middle - places))
+    return Quadrature(places + (lacking / farthest).max(axis=1, keepdims=True) * (middle - places), weights)

@@ -14,7 +14,7 @@ from gtb_cli.knots.hull import depth_in
 from gtb_cli.limits.degeneration import degenerate, regular_control_surface
 from gtb_cli.limits.knot_limit import knot_limit, merge_knots, move_knots
 from gtb_cli.meshes.nearest import NearestCells
-from gtb_cli.sequences.film_meshes import film_mesh
+from gtb_cli.sequences.family import film_mesh
 from gtb_cli.sequences.sequence import degeneration
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch

@@ -18,8 +18,7 @@ from gtb_cli import (
 from gtb_cli.limits.knot_limit import knot_limit
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
-from gtb_cli.sequences.family import approaching
-from gtb_cli.sequences.film_meshes import film_mesh
+from gtb_cli.sequences.family import approaching, film_mesh
 from gtb_cli.sequences.measurement import Accuracy, Measurement
 from gtb_cli.sequences.sequence import degeneration, knot_sequence
 from tests.marks import long, mostly_long
