@@ -3,11 +3,12 @@
 import hashlib
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, as_indices
+from gtb_cli.arrays import FloatArray, IntArray, as_indices, bounds_of
 from gtb_cli.meshes.mesh import COLOURS, FACETS, GROUPS, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 from gtb_cli.values import frozen
 
@@ -57,13 +58,14 @@ def single_half_steps(largest: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(steps), steps, 0.0))
 
 
-def first_beyond(rows: FloatArray, limit: float) -> int | None:
+def first_beyond(rows: NDArray[Any], limit: float) -> int | None:
     """Return the first of (m, k) rows with a number that is not finite or larger than a limit."""
-    beyond = np.flatnonzero(~(np.abs(rows) <= limit).all(axis=1))
-    return int(beyond[0]) if len(beyond) else None
+    if not rows.size or np.abs(bounds_of(rows).astype(np.float64)).max() <= limit:
+        return None
+    return int((~(np.abs(rows.astype(np.float64)) <= limit).all(axis=1)).argmax())
 
 
-def faulty_point(points: FloatArray) -> tuple[int, str] | None:
+def faulty_point(points: NDArray[Any]) -> tuple[int, str] | None:
     """Return the first of (m, 3) points that no mesh may have, and what is wrong with it."""
     if (number := first_beyond(points, 2.0**1000)) is None:  # differences of larger coordinates may overflow
         return None

@@ -282,7 +282,7 @@ def _binary(data: bytes, start: int, element: Element, order: str) -> tuple[Colu
     lengths = dict(zip(element.properties, map(len, first), strict=True))
     lists = [name for name, item in element.properties.items() if item.count_kind]
     if held == element.rows and all((rows[f"count {name}"] == lengths[name]).all() for name in lists):
-        columns = {name: (rows[f"value {name}"].ravel(), np.full(held, lengths[name])) for name in lengths}
+        columns = {name: (rows[f"value {name}"].ravel(), np.broadcast_to(lengths[name], held)) for name in lengths}
         return columns, start + rows.nbytes
     return _uneven(element, chain([first], (row() for _ in range(1, element.rows)))), place
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError, MeshError
@@ -54,9 +55,9 @@ def read_stl(data: bytes) -> FileArrays:
     number = int.from_bytes(data[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
     if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * FACET.itemsize:
         facets = np.frombuffer(data, dtype=FACET, offset=STL_HEADER_BYTES)
-        corners = facets["corners"].astype(np.float64).reshape(-1, 3)
-        attribute = {"attribute": facets["attribute"]} if facets["attribute"].any() else {}  # which text has not
-        content = _content(corners, single_half_steps, {FACETS: facets["normal"], **attribute})
+        kept = ["normal", "attribute"] if facets["attribute"].any() else ["normal"]  # text has no attributes
+        values = {FACETS if name == "normal" else name: facets[name].copy() for name in kept}  # without the rest
+        content = _content(facets["corners"].reshape(-1, 3), single_half_steps, values)
         look = re.findall(rb"(?s)(COLOR=.{4}|MATERIAL=.{12})", data[:80])  # of facets without a colour, by Magics
         return replace(content, ranges={f"{OTHER}colour": [([mark_of(*look)], 0, number)] if look else []})
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
@@ -67,7 +68,7 @@ def read_stl(data: bytes) -> FileArrays:
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 
-def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray], facets: dict[str, Any]) -> FileArrays:
+def _content(corners: NDArray[Any], half_steps: Callable[[FloatArray], FloatArray], held: dict[str, Any]) -> FileArrays:
     if fault := faulty_point(corners):
         raise MeshError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
     first, labels = numbered_places(corners)
@@ -75,9 +76,9 @@ def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray]
 
     def values() -> Values:
         rows = np.broadcast_to(np.arange(len(cells))[:, None], cells.shape)
-        return {name: (found.reshape(len(cells), -1).astype(np.float64), rows) for name, found in facets.items()}
+        return {name: (found.reshape(len(cells), -1).astype(np.float64), rows) for name, found in held.items()}
 
-    return FileArrays(corners[first], cells, half_steps, values=values)
+    return FileArrays(corners[first].astype(np.float64), cells, half_steps, values=values)
 
 
 def _read_text(data: bytes) -> FileArrays:

@@ -1,31 +1,52 @@
 """`numbered_places` numbers points at exactly the same place alike; `merged` joins what pairs connect."""
 
-import numpy as np
+from typing import Any
 
-from gtb_cli.arrays import FloatArray, IntArray, index_type
+import numpy as np
+from numpy.typing import NDArray
+
+from gtb_cli.arrays import INDEX_ROWS, BoolArray, IntArray, index_type, taken
 
 _FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)  # odd, mixed bits
 
 
-def numbered_places(points: FloatArray) -> tuple[IntArray, IntArray]:
+def numbered_places(points: NDArray[Any]) -> tuple[IntArray, IntArray]:
     """Number (m, 3) finite points so that those with equal coordinates have the same number; −0 and 0 are equal.
 
     Returns the first point (k,) of each number, ascending, and (m,) numbers.
     """
-    rows = np.ascontiguousarray(points, dtype=np.float64) + 0.0
-    bits = rows.view(np.uint64)
-    key = np.zeros(len(rows), dtype=np.uint64)
-    for axis in range(3):
-        key = (key ^ bits[:, axis]) * _FACTORS[axis]
-        key ^= key >> np.uint64(29)
-    _, first, number = np.unique(key, return_index=True, return_inverse=True)
-    if not np.array_equal(rows[first[number]], rows):  # two keys coincide by chance
-        order = np.lexsort(rows.T)
-        key[order] = np.cumsum(np.append(False, (rows[order][1:] != rows[order][:-1]).any(axis=1)))
-        _, first, number = np.unique(key, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=index_type(len(rows)))
-    rank[np.argsort(first)] = np.arange(len(first))
-    return np.sort(first), rank[number]
+    count, kind = len(points), index_type(len(points))
+    bits = np.uint64(count.bit_length())  # of an index, which takes the lowest ones of a key: sorting is stable
+    key, least = np.empty(count, dtype=np.uint64), np.empty(count, dtype=kind)  # the first of equal points
+    for rows in _blocks(count):
+        held = (points[rows].astype(np.float64) + 0.0).view(np.uint64)
+        mixed = np.zeros(len(held), dtype=np.uint64)
+        for axis in range(3):
+            mixed = (mixed ^ held[:, axis]) * _FACTORS[axis]
+            mixed ^= mixed >> np.uint64(29)
+        key[rows] = mixed >> bits << bits | np.arange(rows.start, rows.start + len(held), dtype=np.uint64)
+    key.sort()
+    order = (key & ((np.uint64(1) << bits) - np.uint64(1))).astype(kind)
+    key >>= bits
+    least[order] = _first_of_runs(order, key[1:] != key[:-1])
+    del key, order
+    apart = [rows.start + np.flatnonzero((points[rows] != points[least[rows]]).any(axis=1)) for rows in _blocks(count)]
+    if len(other := np.concatenate([np.empty(0, dtype=np.intp), *apart])):  # keys coincide by chance
+        held = points[other]
+        order = np.lexsort(held.T)
+        least[other[order]] = _first_of_runs(other[order], (held[order][1:] != held[order][:-1]).any(axis=1))
+    is_first = least == np.arange(count, dtype=kind)
+    return np.flatnonzero(is_first), taken(np.cumsum(is_first, dtype=kind) - 1, least)
+
+
+def _first_of_runs(values: IntArray, is_new: BoolArray) -> IntArray:
+    """Replace each value by the first one of its run; those behind the first may begin a new one."""
+    starts = np.append(0, np.flatnonzero(is_new) + 1)[: len(values)]
+    return np.repeat(values[starts], np.diff(starts, append=len(values)))
+
+
+def _blocks(count: int) -> list[slice]:
+    return [slice(start, start + INDEX_ROWS) for start in range(0, count, INDEX_ROWS)]
 
 
 def merged(count: int, pairs: IntArray) -> IntArray:

@@ -8,13 +8,13 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of, cross, dot, paired
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of, cross, dot, index_type, paired, taken
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import KnownMesh, Mesh
 from gtb_cli.meshes.nearest import NearestCells, middles
-from gtb_cli.meshes.topology import are_used, component_count, components_of, sides_of
+from gtb_cli.meshes.topology import are_proper, are_used, component_count, components_of, sides_of
 
 Slots: TypeAlias = tuple[IntArray, IntArray]
 
@@ -51,20 +51,42 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
     has_numbers = a.has_indices and b.has_indices
     are_short = not {a.format, b.format} <= {"obj", "spec"}  # numbers of 32 bits
     for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short):
+        if turned is not None and _are_renamed(turned.cells, (cells, other_cells)):
+            continue
         found = _matched(a, b, cells, other_cells)
         if found is None:
             continue
-        if found.distances.max() <= tolerance and not found.turned:
-            return found
-        if found.distances.max() <= tolerance:  # faces that are there twice may look to both sides
-            turned = turned or found
+        if found.distances.max() <= tolerance:
+            if not found.turned:
+                return found
+            turned = turned or found  # faces that are there twice may look to both sides
+            continue
         is_named = has_numbers and cells is a.mesh.cells
         if is_certain and first is None and (is_named or _is_likely(a.mesh, b.mesh, found, tolerance)):
             first = found
-        here, there = (np.sort(each.mesh.used, axis=0) for each in (a, b))
-        if is_certain and len(here) == len(there) and np.abs(here - there).max() > tolerance:
-            break  # no vertices can be near all their own ones
+        if is_certain and _are_apart(a.mesh, b.mesh, tolerance, first):
+            break
     return turned or first
+
+
+def _are_renamed(ways: tuple[IntArray, IntArray], others: tuple[IntArray, IntArray]) -> bool:
+    """Tell whether the same places of two meshes with the same faces have one number in both ways of counting."""
+    names = np.full(int(ways[0].max()) + 1, -1, dtype=others[0].dtype)
+    names[ways[0]] = others[0]
+    used = np.sort(names[names >= 0])
+    are_one = all(np.array_equal(taken(names, way), other) for way, other in zip(ways, others, strict=True))
+    return are_one and bool((used[1:] != used[:-1]).all())
+
+
+def _are_apart(a: Mesh, b: Mesh, tolerance: float, first: Matching | None) -> bool:
+    """Tell whether no vertices can be near all their own ones: one is near none, or there are other coordinates."""
+    if first is not None:
+        most = int(first.distances.argmax())
+        ends = (b, a.vertices[first.vertices[most]]), (a, b.vertices[first.others[most]])
+        if any((reduce(np.hypot, (mesh.used - end).T) > tolerance).all() for mesh, end in ends):
+            return True
+    here, there = (np.sort(each.used, axis=0) for each in (a, b))
+    return len(here) == len(there) and bool(np.abs(here - there).max() > tolerance)
 
 
 def _is_likely(a: Mesh, b: Mesh, found: Matching, tolerance: float) -> bool:
@@ -82,10 +104,11 @@ def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator
     own = _places(a), _places(b)
     if np.array_equal(own[0][1], own[1][1]):
         yield own[0][1], own[1][1], True
-    if are_short:  # 32-bit numbers of one file may coincide, those of the other not
-        with np.errstate(over="ignore", under="ignore"):
+    with np.errstate(over="ignore", under="ignore"):
+        are_short &= any((mesh.vertices.astype(np.float32) != mesh.vertices).any() for mesh in (a, b))
+        if are_short:  # 32-bit numbers of one file may coincide, those of the other not
             (_, cells), (_, others) = (_places(mesh, np.float32) for mesh in (a, b))
-        if np.array_equal(cells, others):
+        if are_short and np.array_equal(cells, others):
             yield cells, others, False
     cells, others, _, are_all = by_nearness(a, b, tolerance, own)
     if are_all:
@@ -94,14 +117,14 @@ def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator
 
 def _places(mesh: Mesh, kind: type = np.float64) -> tuple[IntArray, IntArray]:
     """The index of one vertex at each place in use, in the order of cells, and the cells as numbers of these places."""
-    _, place = numbered_places(mesh.vertices.astype(kind).astype(np.float64))
-    corners = mesh.cells.ravel()
+    _, place = numbered_places(mesh.vertices.astype(kind, copy=False))
+    corners, cells = mesh.cells.ravel(), taken(place, mesh.cells)
     first = np.full(int(place.max(initial=-1)) + 1, len(corners))
-    np.minimum.at(first, place[corners], np.arange(len(corners)))
+    np.minimum.at(first, cells.ravel(), np.arange(len(corners)))
     used = np.argsort(first)[: np.count_nonzero(first < len(corners))]
-    labels = np.empty(len(first), dtype=np.int64)
+    labels = np.empty(len(first), dtype=place.dtype)
     labels[used] = np.arange(len(used))
-    return corners[first[used]], labels[place[mesh.cells]]
+    return corners[first[used]], taken(labels, cells)
 
 
 def by_nearness(
@@ -120,10 +143,10 @@ def by_nearness(
     apart, place = map(np.asarray, tree.query(targets, distance_upper_bound=float(frame.length(tolerance, -1))))
     order = np.lexsort((apart, place))
     order = order[(np.diff(place[order], prepend=-1) != 0) & (place[order] < len(first))]
-    numbers = len(first) + np.arange(len(place))
+    numbers = np.arange(len(first), len(first) + len(place), dtype=index_type(len(first) + len(place)))
     numbers[order] = place[order]
     places = np.concatenate([a.vertices[first], b.vertices[second]])
-    return cells, numbers[others], places, len(order) == len(first) == len(second)
+    return cells, taken(numbers, others), places, len(order) == len(first) == len(second)
 
 
 @dataclass(frozen=True)
@@ -145,17 +168,13 @@ class _Faces:
 
 
 def _faces(cells: IntArray, others: IntArray) -> _Faces:
-    count = len(cells)
-    rows = np.concatenate([cells, others]).astype(np.int64)
-    order = np.argsort(rows, axis=1, kind="stable")
-    rows = np.take_along_axis(rows, order, axis=1)
+    count, rows = len(cells), np.concatenate([cells, others])
+    low, high = reduce(np.minimum, rows.T), reduce(np.maximum, rows.T)
+    _, labels = numbered_places(np.stack([low, reduce(np.bitwise_xor, rows.T) ^ low ^ high, high], axis=1))
     side = np.zeros(len(rows), dtype=np.int8)  # segments, and faces with a corner twice, look nowhere
     if rows.shape[1] == 3:
-        is_even = (order[:, 1] - order[:, 0]) % 3 == 1
-        side = np.where(is_even, 1, -1) * ((rows[:, 0] < rows[:, 1]) & (rows[:, 1] < rows[:, 2]))
-    else:
-        rows = np.pad(rows, ((0, 0), (0, 1)))
-    _, labels = numbered_places(rows.astype(np.float64))
+        a, b, c = rows.T
+        side = np.where((a < b) ^ (b < c) ^ (c < a), np.int8(-1), np.int8(1)) * are_proper(rows)
     here, there = (np.bincount(part, minlength=int(labels.max()) + 1) for part in (labels[:count], labels[count:]))
     return _Faces(labels[:count], labels[count:], side[:count], side[count:], here, there)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import bounds_of, cross, dot
+from gtb_cli.arrays import INDEX_ROWS, bounds_of, cross, dot
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh, vertices_to_measure
@@ -72,7 +72,7 @@ def measure(mesh: Mesh) -> Measures:
     low, high = bounds_of(points)
     frame = Frame.around(points)
     first, labels = numbered_places(points)
-    place = np.zeros(len(mesh.vertices), dtype=np.int64)
+    place = np.zeros(len(mesh.vertices), dtype=labels.dtype)
     place[are_used(mesh.cells, len(mesh.vertices))] = labels
     cells = place[mesh.cells]
     proper = are_proper(cells)
@@ -82,6 +82,7 @@ def measure(mesh: Mesh) -> Measures:
     edges, number = topology.edges, topology.uses
     sides = vertices[edges[:, 1]] - vertices[edges[:, 0]]
     lengths = np.sqrt(dot(sides, sides))
+    del sides
     euler = int(are_used(cells, len(vertices)).sum()) - len(edges) + (0 if mesh.is_curve else len(cells))
     parts = components_of(cells, len(vertices))[cells[:, 0]]
     area = length = volume = boundary = inward = None
@@ -89,12 +90,15 @@ def measure(mesh: Mesh) -> Measures:
         number = np.bincount(edges.ravel(), minlength=1)
         length = float(frame.length(lengths.sum()))
     else:
-        a, b, c = (vertices[corner] for corner in cells.T)
-        normal = cross(b - a, c - a)
+        normal = np.empty((len(cells), 3))
+        for start in range(0, len(cells), INDEX_ROWS):  # which stay in the processor's cache
+            rows = slice(start, start + INDEX_ROWS)
+            a, b, c = (vertices[corner] for corner in cells[rows].T)
+            normal[rows] = cross(b - a, c - a)
         area = float(frame.length(np.sqrt(dot(normal, normal)).sum() / 2, 2))
         boundary = float(frame.length(lengths[number == 1].sum()))
         if len(cells) and not len(topology.open):
-            volume = float(frame.length((cones := dot(a, normal)).sum() / 6, 3))
+            volume = float(frame.length((cones := dot(vertices[cells[:, 0]], normal)).sum() / 6, 3))
             inward = int((np.bincount(parts, cones) < -1e-9 * np.bincount(parts, np.abs(cones))).sum())
     return Measures(
         vertices=len(mesh.vertices),

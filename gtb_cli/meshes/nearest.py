@@ -90,13 +90,13 @@ class NearestCells:
     @cached_property
     def order(self) -> IntArray:
         """(k,) the cells along the curve."""
-        return spatial_order(middles(self.corners))
+        return spatial_order(np.asarray(self._centres.data))
 
     @cached_property
     def boxes(self) -> list[tuple[FloatArray, FloatArray]]:
         """Lowest and highest corners of the boxes of each level, those of the cells, in this order, first."""
-        order, corners = self.order, np.moveaxis(self.corners, 1, 0)
-        low, high = (reduce(bound, (each[order] for each in corners)) for bound in (np.minimum, np.maximum))
+        corners = np.moveaxis(self.corners, 1, 0)
+        low, high = (reduce(bound, corners)[self.order] for bound in (np.minimum, np.maximum))
         levels = [(low, high)]
         while (count := len(levels[-1][0])) > BRANCHES:
             first = np.arange(0, count, BRANCHES)
@@ -130,12 +130,15 @@ def spatial_order(points: FloatArray) -> IntArray:
     """The order of (m, 3) points along Morton's space-filling curve, in which consecutive points are mostly near."""
     low, high = bounds_of(points)
     bits = 20  # of each coordinate
+    # Groups of bits are halved and moved apart, until two zeros follow each bit.
+    apart = (32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F), (4, 0x10C30C30C30C30C3)
     extent = float((high - low).max()) or 1.0
-    grid = ((points - low) * ((2**bits - 1) / extent)).astype(np.int64)
     key = np.zeros(len(points), dtype=np.int64)
-    for bit in range(bits):
-        for axis in range(3):
-            key |= (grid[:, axis] >> bit & 1) << (3 * bit + axis)
+    for axis in range(3):
+        grid = ((points[:, axis] - low[axis]) * ((2**bits - 1) / extent)).astype(np.int64)
+        for shift, kept in (*apart, (2, 0x1249249249249249)):
+            grid = (grid | grid << shift) & kept
+        key |= grid << axis
     return np.argsort(key, kind="stable")
 
 
