@@ -190,8 +190,7 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
             ("shared edges", str(found["shared_edges"])),
             ("open edges", _listed(found["open_edges"], in_full) or "none"),
         ]
-        collapsed = _listed(found["collapsed_edges"], in_full)
-        lines += [("collapsed edges", collapsed)] if collapsed else []
+        lines += [("collapsed edges", listed)] if (listed := _listed(found["collapsed_edges"], in_full)) else []
         lines += [("not joined", reason) for reason in found["not_joined"]]
         welded = f"{found['welded_edges']}, up to {found['welded_distance']:.3g} apart"
         lines += [("welded edges", welded)] if found["welded_edges"] else []
@@ -201,7 +200,6 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
         count = found["shared_edges"] if found["dimension"] == 2 else 0
         lines += [("and more", f"{count} joints in all, and each patch: with --long")] if not patches else []
     else:
-        error = found["linear_precision_error"]
         what = "edge" if found["dimension"] == 2 else "end"
         lines += [
             ("dimension", str(found["dimension"])),
@@ -211,7 +209,7 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
             *((f"knots of {what} {index}", row(edge)) for index, edge in enumerate(found["edges"])),
         ]
         lines += [("edge normals", found["edge_normals"])] if found["edge_normals"] else []
-        lines += [("linear precision", f"off by up to {error:.3g}"), *_size_rows(found)]
+        lines += [("linear precision", f"off by up to {found['linear_precision_error']:.3g}"), *_size_rows(found)]
     text = "".join(f"{indent}{label:17} {value}\n" for label, value in lines)
     return text + "".join("\n" + _text(patch, indent + "  ") for patch in patches)
 
@@ -219,8 +217,8 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
 def _size_rows(found: dict[str, Any]) -> list[tuple[str, str]]:
     lines = [*zip(("lowest", "highest"), corners(found["bounding_box"]), strict=True)]
     lines.append(("control points", "from {} to {}".format(*corners(found["control_box"]))))
-    names = [name for name in ("length", "area", "volume") if name in found]
-    lines += [(name, _within(found[name], found[f"{name}_error"])) for name in names]
+    names = ("length", "area", "volume")
+    lines += [(name, _within(found[name], found[f"{name}_error"])) for name in names if name in found]
     return lines + printing_rows(found.get("printing", {}))
 
 

@@ -30,6 +30,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.tessellation.attributes import QUALITY_NAME
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import Shape, shape_of
+from gtb_cli.theory.edges import edge_curve
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, SPEC_FORMATS, Aspect, Comparison, suffix_of
@@ -203,7 +204,7 @@ def compared(
         same_kind=len(dimensions) == 1,
         is_curve=dimensions == {1},
         turned=turned,
-        remarks=_open_edges(a.spec, b.spec, allowed) if found.distance <= allowed and dimensions == {2} else (),
+        remarks=_open_edges(a.spec, b.spec, allowed) if found.distance <= allowed and len(dimensions) == 1 else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
         uncompared=left_out,
@@ -254,11 +255,15 @@ def _once(spec: Spec) -> Model:
 
 
 def _open_edges(a: Spec, b: Spec, allowed: float) -> tuple[str, ...]:
-    """Remark on open edges of patches in other places, as another weld leaves them, and not on edges cut otherwise."""
-    one, other = ([model[k].boundary(edge) for k, edge in model.joints.open] for model in map(_once, (a, b)))
+    """Remark on open edges of patches, or ends of curves, in other places, and not on edges cut otherwise."""
+    one, other = (
+        [Patch([0, 1], edge_curve(m[k], e).ends) if m.dimension == 1 else m[k].boundary(e) for k, e in m.joints.open]
+        for m in map(_once, (a, b))
+    )
     both = bool(one and other)
     are_other = shape_distance(Model(one), Model(other)).distance > allowed if both else bool(one or other)
-    return (f"{len(one)} open edges of patches against {len(other)}" + ", in other places" * both,) * are_other
+    what = "edges of patches" if a.dimension == 2 else "ends of curves"
+    return (f"{len(one)} open {what} against {len(other)}" + ", in other places" * both,) * are_other
 
 
 def _digest(path: str) -> bytes:

@@ -12,7 +12,7 @@ from gtb_cli.vocabulary import UNITS
 def told_motion(points: FloatArray, others: FloatArray, tolerance: float, in_units: bool = True) -> tuple[str, ...]:
     """Name the similarity that takes (m, 3) points within the tolerance to others, simple ones first; () if none does.
 
-    Least squares of a turn, a scale and a shift: Umeyama, IEEE PAMI 13 (1991), 376.
+    Least squares of a turn, a scale, a shift: Umeyama, IEEE PAMI 13 (1991), 376. The tolerance grows with the points.
     """
     middle, other_middle = points.mean(axis=0), others.mean(axis=0)
     size = float(np.abs(points - middle).max(initial=0.0))
@@ -26,11 +26,11 @@ def told_motion(points: FloatArray, others: FloatArray, tolerance: float, in_uni
     for turn in (np.eye(3), *flips, left @ proper @ right, left @ -proper @ np.diag([-1, -1, 1]) @ right):
         scale = float(np.sum(there * (here @ turn.T)) / np.sum(here**2))
         scale = 1.0 if abs(scale - 1) * size <= tolerance else scale
-        if scale > 0 and np.abs(there - scale * here @ turn.T).max() * size <= tolerance:
+        if scale > 0 and np.abs(there - scale * here @ turn.T).max() * size <= tolerance * max(1.0, scale):
             shift = other_middle - scale * turn @ middle
             is_moved_only = scale == 1 and np.array_equal(turn, np.eye(3))
             lever = 1.0 if is_moved_only else 1.0 + float(np.abs(middle).max()) / size  # by which a turn's error grows
-            shift[np.abs(shift) <= tolerance * lever] = 0.0
+            shift[np.abs(shift) <= tolerance * max(1.0, scale) * lever] = 0.0
             return _words(turn, scale, shift, tolerance / size, in_units)
     return ()
 

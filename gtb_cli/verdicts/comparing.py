@@ -98,11 +98,9 @@ class Comparing:
         specs_count = not has_meshes or len(suffixes) > 1
         if suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and specs_count):
             return self.files(first, second)
-        if filecmp.cmp(first, second, shallow=False):
-            return Verdict("", (first, second), "same")
-        if os.path.basename(first) == os.path.basename(second) == SEQUENCE_RECORD and _are_alike(first, second):
-            return Verdict("", (first, second), "same", is_rounded=True)
-        return Verdict("", (first, second), "different")
+        is_equal = filecmp.cmp(first, second, shallow=False)
+        is_rounded = not is_equal and os.path.basename(first) == SEQUENCE_RECORD and _are_alike(first, second)
+        return Verdict("", (first, second), "same" if is_equal or is_rounded else "different", is_rounded=is_rounded)
 
     def shown(self, verdict: Verdict) -> Verdict:
         """Return a verdict with the meshes that there are of a file, if it could not be compared."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
@@ -88,8 +87,7 @@ class Verdicts:
     @property
     def counts(self) -> dict[Word, int]:
         """How many files have each verdict."""
-        counted = Counter(verdict.word for verdict in self.each)
-        return {word: counted[word] for word in WORDS}
+        return {word: sum(each.word == word for each in self.each) for word in WORDS}
 
     @property
     def status(self) -> int:
