@@ -77,12 +77,10 @@ def descended(
 
 def _logarithms(parts: Sequence[Sequence[FloatArray]]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return half the gradient, the square and the matrix of the logarithm of the product of all figures."""
-    slope, square, matrix = 0.0, 0.0, 0.0
+    slope, square, matrix = np.zeros((3, 1))
     for k in range(len(parts)):
         (area, *integrals), slopes, squares, matrices = (sum(part) for part in zip(*parts[: k + 1], strict=True))
         factors = np.array([BENDING_POWER, 1]) / integrals
         slope = slope + factors @ slopes[1:] + slopes[0] / area
-        square, matrix = (
-            one + np.einsum("i,ijk->jk", factors, other) for one, other in ((square, squares), (matrix, matrices))
-        )
+        square, matrix = square + np.tensordot(factors, squares, 1), matrix + np.tensordot(factors, matrices, 1)
     return np.asarray(slope), np.asarray(square), np.asarray(matrix)

@@ -64,8 +64,7 @@ def fit(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
     places = finite("points", points)
     if places.ndim != 2 or places.shape[1] not in (2, 3):
         raise DomainError(f"points: expected shape (n, 3) or (n, 2), got {places.shape}")
-    n = len(places)
-    if not 2 <= n <= MAX_POINTS:
+    if not 2 <= (n := len(places)) <= MAX_POINTS:
         raise DomainError(f"points: expected 2 to {MAX_POINTS}, got {n}")
     a = _chord_lengths(places) if knots is None else finite("knots", knots)
     one_for_each("knots", a, n, "point")
@@ -115,7 +114,6 @@ def _local_weights(steps: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
         s = np.concatenate([[0.0], np.cumsum(kappa / steps)])
         s -= s[-1] / 2
         logs = np.concatenate([[0.0], -np.cumsum(steps * (s[1:] + s[:-1]) / 2)])
-        is_ordinary = bool(np.ptp(logs) <= 1300.0)  # the range of floats
-        if is_ordinary:
+        if is_ordinary := bool(np.ptp(logs) <= 1300.0):  # the range of floats
             break
     return s, logs - (logs.min() + logs.max()) / 2, is_ordinary

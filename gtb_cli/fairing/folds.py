@@ -55,9 +55,8 @@ def folds(patch: Patch) -> FloatArray:
     s = s.reshape(2, -1)
     blocks = np.array_split(s, 1 + s.shape[1] // block_length(len(knots)), axis=1)
     normals = np.concatenate([directions(block) for block in blocks])
-    pairs = np.concatenate(
-        [np.stack(pair, axis=-1).reshape(-1, 2) for pair in ((rings, np.roll(rings, -1, 1)), (rings[:-1], rings[1:]))]
-    )
+    neighbours = (rings, np.roll(rings, -1, 1)), (rings[:-1], rings[1:])
+    pairs = np.concatenate([np.stack(pair, axis=-1).reshape(-1, 2) for pair in neighbours])
     pairs = pairs[dot(*np.moveaxis(normals[pairs], 1, 0)) < 0]
     start, end, before, after = s[:, pairs[:, 0]], s[:, pairs[:, 1]], normals[pairs[:, 0]], normals[pairs[:, 1]]
     most = np.zeros(len(pairs))  # of cosines at a fold
@@ -70,8 +69,7 @@ def folds(patch: Patch) -> FloatArray:
         late, early = known & ~turns_first, known & turns_first
         start, before = np.where(late, middle, start), np.where(late[:, None], between, before)
         end, after = np.where(early, middle, end), np.where(early[:, None], between, after)
-    found = dot(before, after) < most
-    return np.asarray((patch.control_points.T @ shares(exponents(knots, weights, end[:, found]))).T)
+    return np.asarray((patch.control_points.T @ shares(exponents(knots, weights, end[:, dot(before, after) < most]))).T)
 
 
 def _places(patch: Patch) -> tuple[FloatArray, FloatArray, FloatArray]:

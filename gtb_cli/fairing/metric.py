@@ -26,31 +26,38 @@ from gtb_cli.moment.torus import exponents, shares
 
 
 class Block(NamedTuple):
-    """(n, m) shares T at m of the places, and, for parts of these, (n, 10) powers 1, x, y, xx, …, yyy of the knots."""
+    """Some of the places, in parts: a slice, k knots with shares there, (k, m) T and (k, 10) powers 1, x, y, …, yyy."""
 
     places: IntArray
-    t: FloatArray
-    parts: list[tuple[slice, FloatArray]]
+    parts: list[tuple[slice, IntArray, FloatArray, FloatArray]]
+
+    def among(self, members: IntArray) -> "Block":
+        """Return what is left of some knots, known by their numbers among these."""
+        kept = []
+        for part, near, t, powers in self.parts:
+            own, numbers = np.nonzero(near[:, None] == members)
+            kept.append((part, numbers, t[own], powers[own]))
+        return Block(self.places, kept)
 
     def sums(self, values: FloatArray) -> FloatArray:
         """Return sums over all knots of T times powers times (n, …) values: (10, …, m)."""
         flat = values.reshape(len(values), 1, -1)
-        found = [((p[:, :, None] * flat).reshape(len(p), -1).T @ self.t[:, part]) for part, p in self.parts]
+        found = [(p[:, :, None] * flat[near]).reshape(len(p), -1).T @ t for _, near, t, p in self.parts]
         return np.concatenate(found, axis=1).reshape(10, *values.shape[1:], -1)
 
-    def tables(self, factors: FloatArray) -> Iterator[tuple[slice, FloatArray]]:
-        """Yield, for each part, T times polynomials with (10, …, m) factors of the powers: (n, … · part)."""
-        for part, powers in self.parts:
-            t, own = self.t[:, part], factors[..., part].reshape(10, -1)
-            found = (powers @ own).reshape(len(t), -1, t.shape[1])
+    def tables(self, factors: FloatArray) -> Iterator[tuple[slice, IntArray, FloatArray]]:
+        """Yield, for each part and its knots, T times polynomials with (10, …, m) factors of the powers: (k, … · m)."""
+        for part, near, t, powers in self.parts:
+            found = (powers @ factors[..., part].reshape(10, -1)).reshape(len(t), -1, t.shape[1])
             found *= t[:, None]
-            yield part, found.reshape(len(t), *factors.shape[1:-1], -1)
+            yield part, near, found.reshape(len(t), *factors.shape[1:-1], -1)
 
-    def form(self, rates: Sequence[FloatArray]) -> FloatArray:
-        """Return the (n, n) matrix of the squares of a symmetric tensor, with (10, m) factors in its components."""
+    def add_form(self, matrix: FloatArray, rates: Sequence[FloatArray]) -> None:
+        """Add the squares of a symmetric tensor, with (10, m) factors in its components, to an (n, n) matrix."""
         factors = [rate * math.sqrt(math.comb(len(rates) - 1, k)) for k, rate in enumerate(rates)]
-        tables = (table.reshape(len(table), -1) for _, table in self.tables(np.stack(factors, axis=1)))
-        return np.asarray(sum(table @ table.T for table in tables))
+        for _, near, table in self.tables(np.stack(factors, axis=1)):
+            square = (flat := table.reshape(len(table), -1)) @ flat.T
+            matrix[... if np.array_equal(near, np.arange(len(matrix))) else np.ix_(near, near)] += square
 
 
 def blocks(
@@ -62,6 +69,7 @@ def blocks(
     coordinates are small: differences of sums would lose digits elsewhere.
     """
     length, most = 2048, 1024  # of blocks, and of parts: up to four tables of these are alive at once
+    nothing = 1e-20  # shares of knots that are left out: near a corner, third derivatives are of the order of 1e-9
     vertices = domain(knots, "unit").vertices
     sides, heights = np.roll(vertices, -1, axis=0) - vertices, vertices @ s
     near = len(sides) * (heights + np.roll(heights, -1, axis=0)).argmax(axis=0) + heights.argmax(axis=0)
@@ -76,8 +84,11 @@ def blocks(
     for places in np.split(order, range(length, len(order), length)):
         cuts = [0, *(np.flatnonzero(np.diff(near[places])) + 1).tolist(), len(places)]
         parts = [slice(i, min(i + most, end)) for start, end in pairwise(cuts) for i in range(start, end, most)]
-        own = [(part, powers[int(near[places[part.start]])]) for part in parts]
-        yield Block(places, shares(exponents(knots, log_weights, s[:, places])), own)
+        t, own = shares(exponents(knots, log_weights, s[:, places])), []
+        for part in parts:
+            there = np.flatnonzero(t[:, part].max(axis=1) > nothing)
+            own.append((part, there, t[there, part], powers[int(near[places[part.start]])][there]))
+        yield Block(places, own)
 
 
 class SurfaceFrame(NamedTuple):
@@ -150,5 +161,5 @@ def forms(blocks: Iterable[Block], areas: FloatArray, points: FloatArray, orders
         for zone in np.ndindex(areas.shape[:-1]):
             root = np.sqrt(areas[*zone, block.places] * found.space)
             for k, order in enumerate(orders):
-                matrices[*zone, k] += block.form([rate[3:] * root for rate in found.orders[order - 1]])
+                block.add_form(matrices[*zone, k], [rate[3:] * root for rate in found.orders[order - 1]])
     return matrices

@@ -65,19 +65,20 @@ def linearisation(
     for block in blocks:
         found = frame(block, points)
         root = np.sqrt(areas[block.places] * found.space)
-        block = Block(block.places, block.t[members], [(part, powers[members]) for part, powers in block.parts])
+        block = block.among(members)
         factors = [[rate[3:] * root for rate in order] for order in found.orders]
         *rates, spread = _rates(found, *factors)
         values[0] += root @ root
-        slopes[0] += sum(table.reshape(3 * k, -1) @ root[part] for part, table in block.tables(spread)) / 2
+        for part, near, table in block.tables(spread):
+            slopes[0].reshape(k, 3)[near] += table @ root[part] / 2
         for i, order in enumerate(factors[1:]):
             residuals = np.stack([value * root for value, _ in rates[i]])
             values[i + 1] += (residuals**2).sum()
-            for part, table in block.tables(np.stack([rate for _, rate in rates[i]], axis=2)):
-                table = table.reshape(3 * k, -1)
-                slopes[i + 1] += table @ residuals[:, part].ravel()
-                squares[i] += table @ table.T
-            matrices[i] += block.form(order)
+            for part, near, table in block.tables(np.stack([rate for _, rate in rates[i]], axis=2)):
+                own, table = (3 * near[:, None] + np.arange(3)).ravel(), table.reshape(3 * len(near), -1)
+                slopes[i + 1, own] += table @ residuals[:, part].ravel()
+                squares[i][np.ix_(own, own)] += table @ table.T
+            block.add_form(matrices[i], order)
     return values, slopes, squares, matrices
 
 

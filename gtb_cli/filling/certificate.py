@@ -7,7 +7,7 @@ from dataclasses import field, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gtb_cli.arrays import FloatArray, angles_between, point_text
+from gtb_cli.arrays import FloatArray, angles_between, point_text, unit
 from gtb_cli.fairing.folds import most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.hole_corners import at_corners, concave_corners
@@ -183,8 +183,7 @@ def contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None
     """Measure a patch along a side with (96, 3) normals, or none."""
     if normals is None:
         return Contact(math.nan, np.full(3, math.nan))
-    angles = angles_to(patch, side, normals)
-    k = int(angles.argmax())
+    k = int((angles := angles_to(patch, side, normals)).argmax())
     points = points_and_tangents(given.curve, stations())[0]
     found = Contact(float(angles[k]), points[k])
     if given.bend is None:
@@ -213,8 +212,7 @@ def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31
     points, _ = points_and_tangents(curve, np.linspace(0, 1, 101))
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
     depth, given = np.full((len(on_edge), 1), distance), patch.evaluate(on_edge, "linear")
-    along = np.gradient(given, axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    along = unit(np.gradient(given, axis=0))
     for _ in range(tries):
         way = patch.evaluate(on_edge + depth * inward, "linear") - given
         way -= (way * along).sum(axis=1, keepdims=True) * along

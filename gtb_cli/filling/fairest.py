@@ -125,8 +125,8 @@ class FairSearch:
         rows, ways = np.zeros((len(wanted), len(points))), np.zeros((len(wanted), 3))
         for block in places:
             own = frame(block, points)
-            for part, table in block.tables(own.orders[1][0][3:] + own.orders[1][2][3:]):
-                rows[block.places[part]] = table.T
+            for part, near, table in block.tables(own.orders[1][0][3:] + own.orders[1][2][3:]):
+                rows[np.ix_(block.places[part], near)] = table.T
             ways[block.places] = own.axes[0].T
         stiffness = 1 / much if energy is None else np.sqrt(_value(energy, points) / len(wanted)) / much
         return rows * stiffness, ways, wanted * stiffness

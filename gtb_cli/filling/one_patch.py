@@ -109,8 +109,7 @@ def fill_loop(
         best = _best(attempt, _plans(unit, raises))
         if not best.faults:
             break
-    patch = best.patch
-    bending, nearer = best.bending
+    patch, (bending, nearer) = best.patch, best.bending
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
@@ -125,10 +124,9 @@ def fill_loop(
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
     at = [edge_of(patch, k) for k in range(len(ordered))]
-    near = [curvature_near(best.patch, edge) for edge in at]
     limits, turned = tuple(corner_limits(patch, edge) for edge in at), 0 if best.folds else best.sharp_turns
     measured = bending.scaled(size), nearer.scaled(size), best.errors, contacts, corner_angles, limits
-    curved = tuple(np.array(near) / size)
+    curved = tuple(np.array([curvature_near(best.patch, edge) for edge in at]) / size)
     return Filling(patch, ordered, *measured, curved, best.raises, best.folds, turned, tuple(remarks))
 
 
@@ -256,8 +254,7 @@ def _attempt(
     for patch, score in islice(_solved(edges, inner, fullness, samples_along), most):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
-        turns = len(sharp_turns(patch))
-        faults = turns + 1000 * (folds + turned)
+        faults = (turns := len(sharp_turns(patch))) + 1000 * (folds + turned)
         worse = bool(found) and score > much * found[0].score
         found.append(_Attempt(faults, score, worse, folds, turns, raises, patch))
         if not found[-1].faults:

@@ -72,10 +72,8 @@ class Rows:
         rounds = 2
         matrix = matrix + RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
         final = _Form(matrix, self._free)
-        forms = [final]
-        if self._seconds:
-            free = np.concatenate([self._free, *(members for _, members, *_ in self._seconds)])
-            forms = [_Form(matrix, free), *[final] * rounds]
+        free = np.concatenate([self._free, *(members for _, members, *_ in self._seconds)])
+        forms = [_Form(matrix, free), *[final] * rounds] if self._seconds else [final]
         factors = np.zeros(self._count)
         for form in forms:
             points, moves = self._at(factors)
@@ -210,22 +208,24 @@ class _Form:
 
         These are (p, n) rows, (p, 3) ways, and (p,) what rows of points should be along them.
         """
-        held, missing = equations.matrix(len(points))[:, self._free], -equations.residuals(points)
-        points = points.copy()
-        if pulled:  # many: in all coordinates of the free points, as there are fewer of these
-            rows, ways, wanted = pulled
-            pairs = (rows[:, self._free], ways), (held, equations.normals)
-            soft, hard = ((a[:, :, None] * n[:, None]).reshape(len(a), -1) for a, n in pairs)
-            lacking = soft.T @ (wanted - ((rows @ points) * ways).sum(axis=1))
-            form = soft.T @ soft
-            np.einsum("iaja->aij", form.reshape(-1, 3, len(form) // 3, 3))[...] += self._own
-            shifts = np.linalg.solve(form, np.column_stack([lacking, hard.T]))
-            moves = shifts[:, 0] + shifts[:, 1:] @ _forces(hard @ shifts[:, 1:], missing - hard @ shifts[:, 0])
-            points[self._free] += moves.reshape(-1, 3)
-            return points
-        shifts = np.linalg.solve(self._own, held.T)
-        forces = _forces((held @ shifts) * (equations.normals @ equations.normals.T), missing)
-        points[self._free] += shifts @ (forces[:, None] * equations.normals)
+        held, normals, missing = equations.matrix(len(points)), equations.normals, -equations.residuals(points)
+        rows, ways, wanted = pulled or (held[:0], normals[:0], missing[:0])
+        lacking, points = wanted - ((rows @ points) * ways).sum(axis=1), points.copy()
+        rows, held, count = rows[:, self._free], held[:, self._free], len(rows)
+        if count > 3 * len(self._free):  # these have fewer coordinates
+            soft, hard = ((a[:, :, None] * n[:, None]).reshape(len(a), -1) for a, n in ((rows, ways), (held, normals)))
+            form = soft.T @ soft + np.kron(self._own, np.eye(3))
+            found = np.linalg.solve(form, np.column_stack([soft.T @ lacking, hard.T]))
+            moves = found[:, 0] + found[:, 1:] @ _forces(hard @ found[:, 1:], missing - hard @ found[:, 0])
+        else:
+            rows, ways = np.concatenate([rows, held]), np.concatenate([ways, normals])
+            shifts = np.linalg.solve(self._own, rows.T)
+            softness = (rows @ shifts) * (ways @ ways.T)
+            mixed, form = softness[:count, count:], softness[:count, :count] + np.eye(count)
+            found = np.linalg.solve(form, np.column_stack([lacking, mixed]))
+            forces = _forces(softness[count:, count:] - mixed.T @ found[:, 1:], missing - mixed.T @ found[:, 0])
+            moves = shifts @ (np.concatenate([found[:, 0] - found[:, 1:] @ forces, forces])[:, None] * ways)
+        points[self._free] += moves.reshape(-1, 3)
         return points
 
 

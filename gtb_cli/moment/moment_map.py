@@ -48,8 +48,7 @@ class MomentMap:
             return self._inverse(p, within, start, numbers)
         arrays = (self.knots, self.log_weights, p, start)
         key = (within, self.knots.shape, *(None if array is None else array.tobytes() for array in arrays))
-        found = _latest.pop(key, None)
-        if found is None:
+        if (found := _latest.pop(key, None)) is None:
             found = self._inverse(p, within, start, None)
             found.flags.writeable = False
         _latest[key] = found

@@ -33,13 +33,15 @@ def test_rounding_of_sides_is_relative_to_their_size():
 
 
 def test_rows_do_not_meet_at_a_corner_that_turns():
-    """Their points are a tenth of the edge's leg away from the middle between both edges, or farther."""
+    """Their points are a tenth of the edge's leg away from the middle, or farther, also where energies turn it."""
     sides = random_sides(4, 0, (3, 3), noise=0.0)
     edges = [edge_rows(side, side_normals(side), 1) for side in sides]
     rows, first = Rows(net(edges), edges), net(edges).corners[0, :5]
     table, least = rows._bounds({0}, 0.9)
-    points = rows._at(np.linalg.lstsq(table, least, rcond=None)[0])[0]
-    legs = points[first[1:]] - points[first[0]]
-    lengths = np.linalg.norm(legs[[0, 3]], axis=1)
-    across = np.cross(legs[0] / lengths[0] + legs[3] / lengths[1], side_normals(sides[0])[0])
-    assert legs[1:3] @ across / np.linalg.norm(across) == pytest.approx([0.1, -0.1] * lengths)
+    bound = rows._at(np.linalg.lstsq(table, least, rcond=None)[0])[0]
+    (back := bound.copy())[first[2:4]] = bound[first[[3, 2]]]
+    for points in (bound, rows.fairest(np.eye(len(back)), 1.0, origin=back)):
+        legs = points[first[1:]] - points[first[0]]
+        lengths = np.linalg.norm(legs[[0, 3]], axis=1)
+        across = np.cross(legs[0] / lengths[0] + legs[3] / lengths[1], side_normals(sides[0])[0])
+        assert legs[1:3] @ across / np.linalg.norm(across) == pytest.approx([0.1, -0.1] * lengths)

@@ -289,16 +289,17 @@ def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
     assert search._calmed(1.0, 0.9, scores[0], 0)[1] == taken
 
 
-def test_pulls_move_free_points_as_energies_do():
+@pytest.mark.parametrize("count", [4, 12])  # fewer than the coordinates of free points, or more
+def test_pulls_move_free_points_as_energies_do(count):
     """Of the points with which an equation holds, they have the least energy with the squares of a pull added."""
-    rng = np.random.default_rng(0)
-    root, points, rows, ways, wanted = (rng.normal(size=shape) for shape in ((6, 6), (6, 3), (4, 6), (4, 3), 4))
+    rng, shapes = np.random.default_rng(0), ((6, 6), (6, 3), (count, 6), (count, 3), count)
+    root, points, rows, ways, wanted = (rng.normal(size=shape) for shape in shapes)
     free, one, far = np.array([1, 2, 4]), rng.normal(size=(1, 3)), np.array([7.0])
     equations = CornerForms(free[None], np.array([0]), one, one / np.linalg.norm(one), far)
     moved = _Form(root @ root.T, free).moved(points, equations, rows, ways, wanted)
     assert equations.residuals(moved) == pytest.approx(0, abs=1e-9)
     square = np.kron((root @ root.T)[np.ix_(free, free)], np.eye(3))
-    table, left = (rows[:, free, None] * ways[:, None]).reshape(4, 9), wanted - ((rows @ moved) * ways).sum(axis=1)
+    table, left = (rows[:, free, None] * ways[:, None]).reshape(-1, 9), wanted - ((rows @ moved) * ways).sum(axis=1)
     force = square @ (moved - points)[free].ravel() - table.T @ left
     held = np.kron(one, equations.normals)[0]
     np.testing.assert_allclose(force, held * (held @ force) / (held @ held), atol=1e-9)
