@@ -165,9 +165,7 @@ def test_the_same_surfaces_make_the_same_bytes(kind: str) -> None:
 
 def test_the_teapot_is_four_shells(tmp_path: Path) -> None:
     shape = read(encoded("teapot", "step"), "step", tmp_path)
-    assert is_valid(shape)
-    assert len(parts(shape, "FACE")) == 32
-    assert len(parts(shape, "SHELL")) == 4
+    assert (is_valid(shape), len(parts(shape, "FACE")), len(parts(shape, "SHELL"))) == (True, 32, 4)
 
 
 @long
@@ -293,8 +291,7 @@ def test_an_exact_patch_of_high_degree_stays_exact_beside_a_fitted_one(tmp_path:
 
 
 def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
-    assert len(exact_surfaces(bicubic())) == 1
-    assert spline_surfaces(bicubic()).bend == 0
+    assert (len(exact_surfaces(bicubic())), spline_surfaces(bicubic()).bend) == (1, 0)
     (surface,) = exact_surfaces(bicubic())
     assert surface.degrees == (3, 3)
     assert len(exact_surfaces(bezier_triangle())) == 3
@@ -305,10 +302,12 @@ def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
 def test_faces_that_turn_back_at_seams_of_a_part_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     part = kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 1, 1).Shape()
     for place in (0, 2):
-        seams = Seams(*np.eye(4)[place] * 90.1)
-        monkeypatch.setattr("gtb_cli.cad.kinds_of_surfaces.encode_cad", lambda *_, s=seams, **__: Body(b"", 0, 1, s))
+        made = [Body(b"", 0, 1, Seams(*np.eye(4)[place] * most)) for most in (90.1, 0.5)]
+        monkeypatch.setattr("gtb_cli.cad.kinds_of_surfaces.encode_cad", lambda *_, left=made, **__: left.pop(0))
         with pytest.raises(ToleranceError, match=r"planes at seams differ by 90.1 degrees, more than 90"):
             encode_surfaces(bicubic(), "step", "mm", None, part=part)
+        (said,) = encode_surfaces(bicubic(), "step", "mm", None, part=part)[2]
+        assert said == "planes at seams differ by 0.5 degrees: --angle bounds it"
 
 
 def test_curves_are_not_surfaces() -> None:
