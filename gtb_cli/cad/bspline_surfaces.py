@@ -112,9 +112,7 @@ def spline_surfaces(
         off = f"{error:.3g} off, more than {allowed:.3g}" if error > allowed else f"{gap:.3g} off along edges"
         raise ToleranceError(f"fitted surfaces of {SPANS[-1]} × {SPANS[-1]} spans are still {off}")
     if angle is not None and (apart := max(reached[1:])) > angle:
-        raise ToleranceError(
-            f"tangent planes of fitted surfaces still differ by {apart:.3g} degrees, more than {angle:.3g}"
-        )
+        raise ToleranceError(f"planes of fitted faces still differ by {apart:.3g} degrees, more than {angle:.3g}")
     return SplineSurfaces(
         tuple(chain.from_iterable(exact[i] if i in exact else best[i].surfaces for i in range(len(patches)))),
         sum(len(one.surfaces) for one in best.values()),

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, angles_between, point_text
-from gtb_cli.importers.cad_files import box_of, face_forms, face_frames, kernel, moved, uses_of_edges
+from gtb_cli.importers.cad_files import box_of, edge_uses, face_forms, face_frames, kernel, moved
 
 CLOSER = (1 - np.cos(np.pi * (np.arange(256) + 0.5) / 256)) / 2  # towards the ends, to 1e-5, where angles are largest
 
@@ -45,7 +45,7 @@ def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams
     near, *new_faces = moved(origin, shape, *fresh)
     new = {hash(face) for face in new_faces}
     found = {False: [(0.0, 0.0)], True: [(0.0, 0.0)]}
-    for pair in uses_of_edges(near).values():
+    for pair in edge_uses(near).values():
         olds = [hash(face) not in new for _, face in pair]
         if len(pair) != 2 or all(olds):
             continue

@@ -45,11 +45,10 @@ def fitted_pieces(
     given = [np.where(kept[..., None], last, np.nan) for kept, last in zip(followed, planes[1::2], strict=True)]
     for k, net in enumerate(nets):
         fit_inside(net, (splines, splines), (fitted[k] - origin) / size, [normals[k] for normals in given], 3.0)
-    bend = angle = 0.0
     normals = [[edge_normals(net, axis, last, splines) for axis, last in EDGES] for net in nets]
-    for k in range(len(nets)):
-        angle = max(angle, largest_angle(normals[k][0], first[k]), largest_angle(normals[k][1], second[k]))
-        bend = max(bend, largest_angle(normals[k][3], normals[(k + 1) % len(nets)][2]))
+    trios = zip(normals, first, second, strict=True)
+    angle = max(largest_angle(*pair) for own, *wanted in trios for pair in zip(own, wanted, strict=False))
+    bend = max(largest_angle(own[3], after[2]) for own, after in zip(normals, normals[1:] + normals[:1], strict=True))
     made = [(piece, net, (splines, splines)) for piece, net in zip(quarters, nets, strict=True)]
     surfaces, away, gap = spline_pieces.measured_surfaces(name, made, between, origin, size)
     error = max(float(np.sqrt((each**2).sum(axis=1)).max()) for each in away)

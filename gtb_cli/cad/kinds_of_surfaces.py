@@ -7,16 +7,17 @@ from typing import Any
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.cad.bspline_surfaces import spline_surfaces
+from gtb_cli.cad.bspline_surfaces import CLOSEST, spline_surfaces
 from gtb_cli.cad.cad_seams import Seams
 from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.cad.sewing import encode_cad
 from gtb_cli.errors import RequirementError, ToleranceError
-from gtb_cli.importers.cad_files import moved
+from gtb_cli.importers.cad_files import kernel_faults, moved
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 
 
+@kernel_faults()
 def encode_surfaces(
     spec: Patch | Model,
     kind: str,
@@ -71,10 +72,12 @@ def encode_surfaces(
         warnings, curvature = [], body.seams.curvature
         faces += f" within {found.error:.2g}" if bend_allowed is None else ""
         outer, gap, inner, inner_gap = (f"{value:.2g}" for value in body.seams[:4])
-        if not (apart := max(body.seams[0:3:2])) <= (angle or 90):  # beyond, faces have turned back
-            raise ToleranceError(
-                f"planes at seams of the file differ by {apart:.3g} degrees, more than {angle or 90:g}"
-            )
+        apart = max(body.seams[0:3:2])
+        off = f"planes at seams differ by {apart:.3g} degrees"
+        if not apart <= (angle or 90):  # beyond, faces have turned back
+            raise ToleranceError(f"{off}, more than {angle or 90:g}")
+        if angle is None and apart > CLOSEST:
+            warnings.append(f"{off}: --angle bounds it")
         if tolerance is not None and not (apart := max(body.seams[1:4:2])) <= tolerance:
             raise ToleranceError(f"seams of the file have gaps of {apart:.3g}, more than {tolerance:g}")
         parts.append(

@@ -11,7 +11,7 @@ from numpy.polynomial import chebyshev
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.cad_seams import along_edge
-from gtb_cli.importers.cad_files import face_forms, kernel, uses_of_edges
+from gtb_cli.importers.cad_files import edge_uses, face_forms, kernel
 from gtb_cli.theory.patch import Patch
 
 # (n, 6) differences of a part's points, 0 at the ends, and unit normals from a patch's, at (n,) fractions of an edge.
@@ -25,7 +25,7 @@ def part_borders(patch: Patch, part: Any, *, curved: bool = False) -> list[Borde
     if part is None:
         return [None] * len(patch.domain.vertices)
     rows = list[FloatArray]()
-    for (edge, face), *others in uses_of_edges(part).values():
+    for (edge, face), *others in edge_uses(part).values():
         if not others and not kernel("BRep").BRep_Tool.Degenerated_s(edge):
             points, normals, _, at = along_edge(edge, face, np.linspace(0, 1, 1001))
             rows.append(np.hstack([points, normals, *([face_forms(face, at).reshape(-1, 9)] if curved else [])]))

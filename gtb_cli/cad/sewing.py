@@ -15,7 +15,7 @@ from gtb_cli.cad.cad_seams import Seams, seams_of
 from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.errors import ExportError
 from gtb_cli.files import begin
-from gtb_cli.importers.cad_files import MISSING, kernel, kernel_scale, parts, scaled, silence
+from gtb_cli.importers.cad_files import MISSING, kernel, kernel_scale, parts, scaled, shape_in, silence
 
 KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # the kernel's names
@@ -46,17 +46,15 @@ def encode_cad(
     The file states the name of the whole and the unit of coordinates (BREP files have none). An `ExportError` says that
     the extra is missing, or that the kernel finds the result invalid or cannot write it.
     """
+    what = kind.upper()
     try:
-        check = kernel("BRepCheck").BRepCheck_Analyzer
         kernel("collections")
+        silence()
     except ModuleNotFoundError:
-        raise ExportError(f"{kind.upper()} {MISSING}") from None
-    silence()
+        raise ExportError(f"{what} {MISSING}") from None
     size = float(np.ptp(np.concatenate([surface.net[..., :3].reshape(-1, 3) for surface in surfaces]), axis=0).max())
     if size < 1e3 * KERNEL_PRECISION:
-        raise ExportError(
-            f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {KERNEL_PRECISION:g}"
-        )
+        raise ExportError(f"{what}: a size of {size:.3g} is too small for a kernel that works to {KERNEL_PRECISION:g}")
     scale = kernel_scale(size)
     nets = [surface._replace(net=surface.net / [scale, scale, scale, 1]) for surface in surfaces]
     body = part if part is None or scale == 1 else scaled(part, 1 / scale).Shape()
@@ -67,11 +65,6 @@ def encode_cad(
     if scale != 1:
         back = scaled(shape, scale)
         shape, faces = back.Shape(), [(back.ModifiedShape(face), face_name) for face, face_name in faces]
-    seams = None if part is None else seams_of(shape, [face for face, _ in faces], curved=curved)
-    if not check(shape).IsValid():
-        raise ExportError(
-            f"{kind.upper()}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?"
-        )
     times = {  # of writing, without which the same surfaces give the same bytes
         "step": (rb"'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d'", b"'1970-01-01T00:00:00'"),
         "iges": (rb"15H\d{8}\.\d{6}", b"15H19700101.000000"),
@@ -81,9 +74,16 @@ def encode_cad(
         begin(folder)
         begin(path)
         if not _WRITERS[kind](shape, faces, path, KERNEL_UNITS[unit], name):
-            raise ExportError(f"{kind.upper()}: the kernel cannot write it")
+            raise ExportError(f"{what}: the kernel cannot write it")
         with open(path, "rb") as file:
             data = file.read()
+        # Readers may find edges elsewhere in faces than the kernel has them
+        found = shape if part is None else shape_in(kind, path)
+    written, read = ([*parts(each, "FACE")] for each in (shape, found))
+    if len(read) != len(written) or not kernel("BRepCheck").BRepCheck_Analyzer(found).IsValid():
+        raise ExportError(f"{what}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?")
+    new = dict(zip(map(hash, written), read, strict=True))
+    seams = None if part is None else seams_of(found, [new[hash(face)] for face, _ in faces], curved=curved)
     return Body(re.sub(*times[kind], data) if kind in times else data, shells, solids, seams)
 
 
@@ -98,26 +98,20 @@ def _sewn(
         sewing.Add(face)
     sewing.Perform()
     named = [(sewing.ModifiedSubShape(face), one.name) for face, one in zip(given, surfaces, strict=True)]
-    compound = topology.TopoDS_Compound()
-    pile = kernel("BRep").BRep_Builder()
+    sewn, compound, pile = sewing.SewedShape(), topology.TopoDS_Compound(), kernel("BRep").BRep_Builder()
+    shells = [(shell, bool(kernel("BRep").BRep_Tool.IsClosed_s(shell))) for shell in parts(sewn, "SHELL")]
+    for face in parts(sewn, "FACE", "SHELL"):  # without neighbours
+        shells.append((topology.TopoDS_Shell(), False))
+        pile.MakeShell(shells[-1][0])
+        pile.Add(shells[-1][0], face)
     pile.MakeCompound(compound)
-    shells = solids = 0
-    for shell in parts(sewing.SewedShape(), "SHELL"):
-        if kernel("BRep").BRep_Tool.IsClosed_s(shell):
-            solid = builder.BRepBuilderAPI_MakeSolid(shell).Solid()
-            kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)  # its faces outwards
-            pile.Add(compound, solid)
-            solids += 1
-        else:
-            pile.Add(compound, shell)
-            shells += 1
-    for face in parts(sewing.SewedShape(), "FACE", "SHELL"):  # without neighbours
-        shell = topology.TopoDS_Shell()
-        pile.MakeShell(shell)
-        pile.Add(shell, face)
-        pile.Add(compound, shell)
-        shells += 1
-    return compound, named, shells, solids
+    for shell, is_closed in shells:
+        body = builder.BRepBuilderAPI_MakeSolid(shell).Solid() if is_closed else shell
+        if is_closed:
+            kernel("BRepLib").BRepLib.OrientClosedSolid_s(body)  # its faces outwards
+        pile.Add(compound, body)
+    solids = sum(is_closed for _, is_closed in shells)
+    return compound, named, len(shells) - solids, solids
 
 
 def _surface(surface: SplineSurface) -> Any:

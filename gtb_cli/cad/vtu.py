@@ -105,11 +105,9 @@ def _raised(nets: Sequence[FloatArray]) -> list[FloatArray]:
 
 def _elevation(degree: int, higher: int) -> FloatArray:
     """(higher + 1, degree + 1) shares of control points in those of the higher degree."""
-    more = higher - degree
-    ways = [
-        [math.comb(degree, i) * math.comb(more, max(k - i, 0)) for i in range(degree + 1)] for k in range(higher + 1)
-    ]
-    return np.tril(np.array(ways) / np.array([[math.comb(higher, k)] for k in range(higher + 1)]))
+    comb, columns = math.comb, range(degree + 1)
+    ways = [[comb(degree, i) * comb(higher - degree, max(k - i, 0)) for i in columns] for k in range(higher + 1)]
+    return np.tril(np.array(ways) / np.array([[comb(higher, k)] for k in range(higher + 1)]))
 
 
 def encode_quadratic(parts: Sequence[QuadraticCells]) -> bytes:

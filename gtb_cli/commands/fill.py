@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 def _kinds(values: tuple[str, ...]) -> dict[str, str]:
     """Read the continuity of all sides, under an empty name, and of sides by their names."""
     kinds = dict(value.rpartition("=")[::2] for value in values)
-    for kind in kinds.values():
-        if kind not in CONTINUITIES:
-            raise ValueError(f"{kind!r} is not one of {', '.join(CONTINUITIES)}")
+    if unknown := [kind for kind in kinds.values() if kind not in CONTINUITIES]:
+        raise ValueError(f"{unknown[0]!r} is not one of {', '.join(CONTINUITIES)}")
     return kinds
 
 
@@ -156,8 +155,9 @@ def fill(
             model, allowed = filling.model or filling.patch, g2_tolerance if bends else None
             made = encode_surfaces(model, kind, "mm", tolerance, angle, part=part, bend_allowed=allowed)
             block, size, warnings, seams = made
-        if part is not None and re.search(rb"STYLED_ITEM|ADVANCED_FACE *\( *'[^']", data):
-            warnings.append("colours of the part, and names of its faces, are not kept")
+        has = {"colours": rb"STYLED_ITEM", "names": rb"ADVANCED_FACE\s*\(\s*'(?!NONE')[^']"}
+        if part is not None and (lost := [what for what, word in has.items() if re.search(word, data)]):
+            warnings.append(f"{' and '.join(lost)} of the part's faces are not kept")
         write_blocks(streams.output, [block])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
         streams.write(dump(filling.model or filling.patch))  # before its certificate: it may be impossible
@@ -167,12 +167,11 @@ def fill(
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
     _report(filling, streams.console, is_long, written=not bends)
     if kind is not None:
-        angles = enumerate(filling.corner_angles.tolist())
-        apart = [(angle, k) for k, angle in angles if CLOSEST < angle <= DISAGREEING]  # beyond, it is a doubt
-        if seams is not None and apart:
-            most, k = max(apart)
-            place = filling.at(filling.sides[k].ends[0])
-            warnings.append(f"the part's own planes differ by {most:.2g} degrees at {place}: no face can meet both")
+        angles = enumerate(filling.corner_angles.tolist())  # those beyond are doubts
+        most, k = max(((angle, k) for k, angle in angles if angle <= DISAGREEING), default=(0.0, 0))
+        if seams is not None and most > CLOSEST:
+            off = f"disagree by {most:.2g} degrees at {filling.at(filling.sides[k].ends[0])}"
+            warnings.append(f"planes and edges of the part {off}: no face can meet all")
         streams.console.report(streams.output, size, warnings)
 
 

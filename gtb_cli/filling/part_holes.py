@@ -10,8 +10,10 @@ from gtb_cli.errors import DomainError
 from gtb_cli.filling.holes import Ring, closed_rings
 from gtb_cli.filling.sides import MAX_GAP, HoleSide, points_and_tangents, stations
 from gtb_cli.filling.spline_sides import nearest_curve
-from gtb_cli.importers.cad_files import SEWN, box_of, edge_pieces, kernel, nearest_normals, parts, uses_of_edges
+from gtb_cli.importers.cad_files import box_of, edge_pieces, edge_uses, kernel, kernel_faults, nearest_normals, parts
 from gtb_cli.values import frozen
+
+SEWN = 1e-6  # of the size: distance within which edges of neighbouring faces are one
 
 
 @frozen
@@ -23,6 +25,7 @@ class Part:
     size: float
     rings: Sequence[Ring]
 
+    @kernel_faults()
     def sides(self, ring: Ring) -> tuple[list[HoleSide], tuple[str, ...]]:
         """Return three sides of a hole or more, across which a patch continues the faces, and remarks on curves."""
         sides, remarks = [], []
@@ -53,7 +56,7 @@ def part_of(shape: Any) -> Part:
     shape = sewing.SewedShape()
     tool, forward = kernel("BRep").BRep_Tool, kernel("TopAbs").TopAbs_Orientation.TopAbs_FORWARD
     edges, rows = list[tuple[str, bool, Any, Any]](), list[FloatArray]()
-    for (edge, face), *others in uses_of_edges(shape).values():
+    for (edge, face), *others in edge_uses(shape).values():
         if not others and not tool.Degenerated_s(edge) and not tool.IsClosed_s(edge, face):
             along = edge.Orientation() != forward
             edges.append((f"face-{numbers[hash(face)]} edge {len(edges)}", along, edge, face))

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.errors import SpecError
+from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.files import begin
 from gtb_cli.importers.classical_nets import curve, rectangle
 from gtb_cli.language.document import kind_of
@@ -30,7 +30,6 @@ from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, printable, suffix_of
 
 MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
 SHAPELESS = 3  # exit status of a process that finds no shape in a file
-SEWN = 1e-6  # of the size: distance within which edges of neighbouring faces are one
 
 
 def kernel(room: str) -> Any:
@@ -47,8 +46,12 @@ def read_shape(data: bytes, kind: str, source: str) -> Any:
         silence()
     except ModuleNotFoundError:
         raise SpecError(f"{source}: {kind.upper()} {MISSING}") from None
-    if kind == "brep" and b"TShapes" in data and not re.search(rb"\*\s+[-+ie]\d+ \d+\s*\Z", data[-99:]):
-        raise SpecError(f"{source}: ends early, among its shapes")  # where the kernel may wait for more without end
+    ends = {"brep": rb"\*\s+[-+ie]\d+ \d+\s*\Z", "iges": rb"T[ 0]*1\s*\Z"}
+    is_begun = b"TShapes" in data or data[72:73] == b"S"  # where the kernel may wait without end, or keep what there is
+    if is_begun and kind in ends and not re.search(ends[kind], data[-99:]):
+        raise SpecError(f"{source}: ends early, before the last line of {kind.upper()}")
+    if kind == "brep" and re.search(rb"(?i)\s[-+]?(nan|inf|\d\.#)", data):  # the kernel reads other numbers instead
+        raise SpecError(f"{source}: has numbers that are not finite")
     with tempfile.TemporaryDirectory(prefix=".gtb-") as folder:
         path = os.path.join(folder, f"x.{kind}")
         begin(folder)
@@ -63,21 +66,22 @@ def read_shape(data: bytes, kind: str, source: str) -> Any:
             said = re.sub(r"\x1b\[[\d;]*m|\*|ERR \w+ : (Undefined )?", "", probed.stdout.decode("utf-8", "replace"))
             words = "".join(f" ({printable(line.strip())})" for line in said.strip().splitlines()[:1])
             raise SpecError(f"{source}: Open CASCADE finds no shape in it{words}: is it {kind.upper()}?")
-        shape = _shape(kind, path)
+        shape = shape_in(kind, path)
     if any(kernel("BRep").BRep_Tool.Surface_s(face) is None for face in parts(shape, "FACE")):
         raise SpecError(f"{source}: has faces that are triangles without a surface: a mesh is STL, OBJ or PLY")
     return shape
 
 
 @contextmanager
-def kernel_faults(source: str) -> Iterator[None]:
-    """Turn exceptions of the kernel into a `SpecError` with its words."""
+def kernel_faults(source: str = "") -> Iterator[None]:
+    """Turn exceptions of the kernel into errors with its words: a `SpecError` of a source, or a `DomainError`."""
     try:
         yield
     except Exception as error:
         if type(error).__module__.partition(".")[0] != "OCP":  # in some versions, they have no class in common
             raise
-        raise SpecError(f"{source}: Open CASCADE: {error}") from None
+        words = f"Open CASCADE: {str(error).strip() or type(error).__name__}"
+        raise SpecError(f"{source}: {words}") if source else DomainError(words) from None
 
 
 def cad_kind(data: bytes, path: str) -> str | None:
@@ -93,12 +97,14 @@ def silence() -> None:
         messenger.RemovePrinter(printer)
 
 
-def _shape(kind: str, path: str) -> Any:
+def shape_in(kind: str, path: str) -> Any:
+    """Return the kernel's shape of a file, or None; lengths of STEP and IGES become millimetres."""
     if kind == "brep":
         shape = kernel("TopoDS").TopoDS_Shape()
         return shape if kernel("BRepTools").BRepTools.Read_s(shape, path, kernel("BRep").BRep_Builder()) else None
-    name = {"step": "STEPControl", "iges": "IGESControl"}[kind]
+    name = f"{kind.upper()}Control"
     reader = getattr(kernel(name), f"{name}_Reader")()
+    kernel("Interface").Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")  # what was written may have had another
     if reader.ReadFile(path) != kernel("IFSelect").IFSelect_ReturnStatus.IFSelect_RetDone:
         return None
     reader.TransferRoots()
@@ -107,7 +113,7 @@ def _shape(kind: str, path: str) -> Any:
 
 def probe(kind: str, path: str) -> int:
     """Read a file as a process of its own, which a broken file may end; the kernel prints what it finds wrong."""
-    shape = _shape(kind, path)
+    shape = shape_in(kind, path)
     if shape is None or shape.IsNull():
         return SHAPELESS
     for face in parts(shape, "FACE"):
@@ -163,7 +169,7 @@ def extent_of(shape: Any, what: str) -> float:
     return float(measured.Mass())
 
 
-def uses_of_edges(shape: Any) -> dict[int, list[tuple[Any, Any]]]:
+def edge_uses(shape: Any) -> dict[int, list[tuple[Any, Any]]]:
     """Return the edges of a shape, by their numbers, each with its faces."""
     uses = defaultdict(list)
     for face in parts(shape, "FACE"):
@@ -224,7 +230,7 @@ def face_forms(face: Any, places: Sequence[Sequence[float]]) -> FloatArray:
     _, along, across, normals = face_frames(face, places)
     for u, v in places:
         vectors = gp.gp_Pnt(), *(gp.gp_Vec(*(math.nan,) * 3) for _ in range(5))
-        with suppress(SpecError), kernel_faults(""):
+        with suppress(DomainError), kernel_faults():
             surface.D2(u, v, *vectors)
         rows.append([(each.X(), each.Y(), each.Z()) for each in vectors[3:]])
     known = np.isfinite(normals).all(axis=1)

@@ -19,7 +19,7 @@ from gtb_cli.cad.sewing import KERNEL_UNITS, Body, encode_cad
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.threemf import UNIT_NAMES
 from gtb_cli.importers import cad_files
-from gtb_cli.importers.cad_files import kernel, uses_of_edges
+from gtb_cli.importers.cad_files import edge_uses, kernel
 from gtb_cli.language.writer import save as write
 from gtb_cli.meshes.measures import measure
 from gtb_cli.models.model import Model
@@ -39,19 +39,9 @@ VOLUME = 1e-4  # relative difference of the kernel's volume and a fine mesh's
 
 
 def read(data: bytes, kind: str, folder: Path) -> Any:
-    """The shape of a file, in its own unit, by the kernel's readers."""
-    path = folder / f"x.{kind}"
-    path.write_bytes(data)
-    if kind == "brep":
-        shape = kernel("TopoDS").TopoDS_Shape()
-        assert kernel("BRepTools").BRepTools.Read_s(shape, str(path), kernel("BRep").BRep_Builder())
-        return shape
-    room = "STEPControl" if kind == "step" else "IGESControl"
-    reader = getattr(kernel(room), f"{room}_Reader")()
-    kernel("Interface").Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
-    assert int(reader.ReadFile(str(path)).value) == 1
-    reader.TransferRoots()
-    return reader.OneShape()
+    """The shape of a file in millimetres."""
+    (folder / f"x.{kind}").write_bytes(data)
+    return cad_files.shape_in(kind, str(folder / f"x.{kind}"))
 
 
 def parts(shape: Any, kind: str) -> list[Any]:
@@ -79,11 +69,9 @@ def volume(shape: Any) -> float:
 
 def distance(shape: Any, points: np.ndarray) -> float:
     """Largest distance of points from a shape."""
-    vertex, extrema = (
-        kernel("BRepBuilderAPI").BRepBuilderAPI_MakeVertex,
-        kernel("BRepExtrema").BRepExtrema_DistShapeShape,
-    )
-    return max(float(extrema(vertex(kernel("gp").gp_Pnt(*p)).Vertex(), shape).Value()) for p in points.tolist())
+    away = kernel("BRepExtrema").BRepExtrema_DistShapeShape
+    vertices = [kernel("BRepBuilderAPI").BRepBuilderAPI_MakeVertex(kernel("gp").gp_Pnt(*p)) for p in points.tolist()]
+    return max(float(away(each.Vertex(), shape).Value()) for each in vertices)
 
 
 def box() -> Model:
@@ -106,18 +94,11 @@ def encoded(name: str, kind: str) -> bytes:
 def test_a_pentagon_is_five_exact_faces_that_share_edges(kind: str, tmp_path: Path) -> None:
     patch = integer_pentagon()
     shape = read(encoded("example-4.1-integer", kind), kind, tmp_path)
-    assert is_valid(shape)
-    assert len(parts(shape, "FACE")) == 5
-    edges = parts(shape, "EDGE")
-    if kind != "iges":
-        assert len(unlike(edges)) == 5 + 10
-    spec = load(INTEGERS)
-    assert isinstance(spec, Patch)
-    v = spec.domain.vertices
-    points = spec.evaluate(np.random.default_rng(1).dirichlet(np.ones(len(v)), 12) @ v)
-    assert distance(shape, points) <= PLACE * np.ptp(patch.control_points, axis=0).max() + (
-        1e-7 if kind == "iges" else 0
-    )
+    assert (is_valid(shape), len(parts(shape, "FACE"))) == (True, 5)
+    assert kind == "iges" or len(unlike(parts(shape, "EDGE"))) == 5 + 10
+    v, size = patch.domain.vertices, np.ptp(patch.control_points, axis=0).max()
+    points = patch.evaluate(np.random.default_rng(1).dirichlet(np.ones(len(v)), 12) @ v)
+    assert distance(shape, points) <= PLACE * size + 1e-7 * (kind == "iges")
 
 
 def test_steep_weights_are_balanced_with_the_same_image(tmp_path: Path) -> None:
@@ -148,8 +129,7 @@ def values(net: np.ndarray, s: np.ndarray, t: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("kind", mostly_long(CAD_FORMATS))
 def test_a_closed_model_is_a_solid_of_the_meshs_volume(kind: str, tmp_path: Path) -> None:
     shape = read(encoded("pillow", kind), kind, tmp_path)
-    assert is_valid(shape)
-    assert len(parts(shape, "SOLID")) == 1
+    assert (is_valid(shape), len(parts(shape, "SOLID"))) == (True, 1)
     expected = measure(tessellate(box(), 96)).volume
     assert expected is not None
     assert volume(shape) == pytest.approx(abs(expected), rel=VOLUME)
@@ -158,13 +138,15 @@ def test_a_closed_model_is_a_solid_of_the_meshs_volume(kind: str, tmp_path: Path
     assert volume(turned) == pytest.approx(volume(shape), rel=VOLUME)  # outwards, however its surfaces lie
 
 
-def test_names_of_patches_and_the_unit_are_in_the_file() -> None:
+def test_names_of_patches_and_the_unit_are_in_the_file(tmp_path: Path) -> None:
     text = encoded("pillow", "step").decode()
     assert "ADVANCED_FACE('top'" in text
     assert "ADVANCED_FACE('bottom'" in text
     assert "PRODUCT('pillow','pillow'" in text
     assert "SI_UNIT(.MILLI.,.METRE.)" in text
     inches = encode_cad(spline_surfaces(box()).surfaces, "step", "in").data.decode()
+    found = read(inches.encode(), "step", tmp_path)
+    assert np.ptp(cad_files.box_of(found), axis=0)[0] == pytest.approx(3 * 25.4)
     assert "'INCH'" in inches
     assert "CARTESIAN_POINT('',(3.,3.," in inches  # numbers as they are in the spec
 
@@ -183,9 +165,7 @@ def test_the_same_surfaces_make_the_same_bytes(kind: str) -> None:
 
 def test_the_teapot_is_four_shells(tmp_path: Path) -> None:
     shape = read(encoded("teapot", "step"), "step", tmp_path)
-    assert is_valid(shape)
-    assert len(parts(shape, "FACE")) == 32
-    assert len(parts(shape, "SHELL")) == 4
+    assert (is_valid(shape), len(parts(shape, "FACE")), len(parts(shape, "SHELL"))) == (True, 32, 4)
 
 
 @long
@@ -244,9 +224,7 @@ def test_exact_patches_stay_exact_beside_fitted_ones(
     found = spline_surfaces(model)
     assert (len(found.surfaces) - found.fitted, [name for name, _ in found.reasons]) == (faces, ["bottom"])
     shape = read(encode_cad(found.surfaces, "step").data, "step", tmp_path)
-    assert is_valid(shape)
-    assert len(parts(shape, "SOLID")) == 1
-    assert len(unlike(parts(shape, "EDGE"))) == edges
+    assert (is_valid(shape), len(parts(shape, "SOLID")), len(unlike(parts(shape, "EDGE")))) == (True, 1, edges)
     v, size = top.domain.vertices, float(np.ptp(top.control_points, axis=0).max())
     points = top.evaluate(np.random.default_rng(1).dirichlet(np.ones(len(v)), 12) @ v)
     assert distance(shape, points) <= PLACE * size
@@ -280,9 +258,7 @@ def bends(shape: Any) -> list[float]:
         at = (kernel("GeomLProp").GeomLProp_SLProps(surface_of(face), p.X(), p.Y(), 1, 1e-12) for p in places)
         return np.array([[n.X(), n.Y(), n.Z()] for n in (each.Normal() for each in at)])
 
-    fitted = [
-        [use for use in uses if isinstance(surface_of(use[1]), splines)] for uses in uses_of_edges(shape).values()
-    ]
+    fitted = [[use for use in uses if isinstance(surface_of(use[1]), splines)] for uses in edge_uses(shape).values()]
     pairs = [[normals(*use) for use in uses] for uses in fitted if len(uses) == 2]
     return [float(np.degrees(2 * np.arcsin(np.linalg.norm(a - b, axis=1).max() / 2))) for a, b in pairs]
 
@@ -290,7 +266,7 @@ def bends(shape: Any) -> list[float]:
 @pytest.mark.usefixtures("probed_here")
 def test_seams_are_measured_to_a_hundred_thousandth_of_an_edge() -> None:
     shape = cad_files.read_shape((SPECS / "box.step").read_bytes(), "step", "box.step")
-    for (edge, face), *_ in uses_of_edges(shape).values():
+    for (edge, face), *_ in edge_uses(shape).values():
         points = along_edge(edge, face)[0]
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         assert max(steps[0], steps[-1]) < 1e-4 * steps.sum()
@@ -315,8 +291,7 @@ def test_an_exact_patch_of_high_degree_stays_exact_beside_a_fitted_one(tmp_path:
 
 
 def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
-    assert len(exact_surfaces(bicubic())) == 1
-    assert spline_surfaces(bicubic()).bend == 0
+    assert (len(exact_surfaces(bicubic())), spline_surfaces(bicubic()).bend) == (1, 0)
     (surface,) = exact_surfaces(bicubic())
     assert surface.degrees == (3, 3)
     assert len(exact_surfaces(bezier_triangle())) == 3
@@ -327,10 +302,12 @@ def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
 def test_faces_that_turn_back_at_seams_of_a_part_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     part = kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 1, 1).Shape()
     for place in (0, 2):
-        seams = Seams(*np.eye(4)[place] * 90.1)
-        monkeypatch.setattr("gtb_cli.cad.kinds_of_surfaces.encode_cad", lambda *_, s=seams, **__: Body(b"", 0, 1, s))
-        with pytest.raises(ToleranceError, match=r"planes at seams of the file differ by 90.1 degrees, more than 90"):
+        made = [Body(b"", 0, 1, Seams(*np.eye(4)[place] * most)) for most in (90.1, 0.5)]
+        monkeypatch.setattr("gtb_cli.cad.kinds_of_surfaces.encode_cad", lambda *_, left=made, **__: left.pop(0))
+        with pytest.raises(ToleranceError, match=r"planes at seams differ by 90.1 degrees, more than 90"):
             encode_surfaces(bicubic(), "step", "mm", None, part=part)
+        (said,) = encode_surfaces(bicubic(), "step", "mm", None, part=part)[2]
+        assert said == "planes at seams differ by 0.5 degrees: --angle bounds it"
 
 
 def test_curves_are_not_surfaces() -> None:
