@@ -120,8 +120,7 @@ def read_moves(table: Table, count: int) -> Moves:
             table = Table(entries, table.path, values.of_copy(k))
         moves.append(_move(table, mirror))
         if values.faults.count > before:  # the others have them, too
-            moves = []
-            break
+            return Moves((), mirror is not None)
     return Moves(tuple(moves), mirror is not None)
 
 

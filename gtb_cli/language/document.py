@@ -13,6 +13,7 @@ MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of t
 # Slips that a parser of TOML or JSON calls something else: its reason, what is before and after, and the fault, which
 # stands after the reason if it is in parentheses. Last come names, expressions and units in the place of a value.
 _QUOTED, _DECIMAL = " (names and expressions go in quotes; numbers have no unit)", " (decimals have a point)"
+_UNCLOSED = "] is missing before this: the list of line {line} is not closed"
 _WORD = r"^[ \t]*(?:[-+*(A-Za-z_]|/(?![/*]))"
 _SLIPS = (
     (r"^(?:Illegal character '\\[rn]|Unterminated string|Expected \"'\")", "", "", "a text in quotes is not closed"),
@@ -23,7 +24,10 @@ _SLIPS = (
     ("", "", "^[ \t]*[\u00a0\u2007\u202f\u3000]", "a blank from a web page or text program: type a plain one"),
     ("", "", "^[ \t]*[\u2212\u2013\u2014]", "a minus sign is -"),
     ("^Invalid value", "", r"^[-+]?\.\d", "a digit stands before the point of a number"),
-    ("^Unclosed array$", "", r"^[\w-]+[ \t]*=", "a list before this is not closed: ] is missing"),
+    ("^Unclosed array$", "", r"^(?:[\w-]+[ \t]*=|\Z)", _UNCLOSED),
+    ("^Invalid value$", r"\n[ \t]*\Z", r"^(?:[\w-]+[ \t]*=|\Z)", _UNCLOSED),
+    ("^Invalid value$", r"\n\[\[?\Z", r"^(?:patches\]\]|let\])[ \t\r]*(?:#.*)?\Z", _UNCLOSED),
+    ("^Unclosed array$", "", r"^[)}]", "a list ends with ]"),
     (
         "^Unclosed",
         r"""[\]\w."'}][ \t\r]*(?:#[^\n]*)?(?:\n[ \t\r]*(?:#[^\n]*)?)*$""",
@@ -74,13 +78,13 @@ class Document:
         return {path: lines[-1] for path, lines in around.items() if lines}
 
 
-_UNKNOWN = re.compile(r"unknown name '\w+'")
+_ALIKE = re.compile(r"unknown name '\w+'|must be a whole number from 1 to \d+, got '.*")
 
 
 class Faults:
     """The faults of a document, collected in any order; `count` is the number of all, of which `SHOWN` are kept.
 
-    An unknown name is one fault, however often it stands there.
+    An unknown name is one fault, however often it stands there, as is an expression that cannot be a count.
     """
 
     SHOWN = 20
@@ -89,14 +93,14 @@ class Faults:
         self.count = 0
         self._document, self.source, self._note = document, source, note
         self._faults: list[tuple[Path, str, int | None]] = []
-        self._more = Counter[str]()  # places of unknown names, but for their first ones
+        self._more = Counter[str]()  # places of faults alike, but for their first ones
         self.doubt: tuple[Path, str] | None = None  # what is probably meant otherwise, and is no fault
         for path, line, message in document.repeated:
             self.add(path, message, line)
 
     def add(self, path: Path, message: str, line: int | None = None) -> None:
         """Note a fault of the value at a path; its line is found later unless given."""
-        if (name := _UNKNOWN.search(message)) and any(name[0] in other for _, other, _ in self._faults):
+        if (name := _ALIKE.search(message)) and any(name[0] in other for _, other, _ in self._faults):
             self._more[name[0]] += 1
             return
         self.count += 1
@@ -115,7 +119,7 @@ class Faults:
         lines = self._document.lines({path for path, _, _ in self._faults})
         more = {name: f" (and at {count} more place{'s' * (count > 1)})" for name, count in self._more.items()}
         faults = [
-            (line or lines.get(path, 0), path, message + more.get((_UNKNOWN.search(message) or [""])[0], ""))
+            (line or lines.get(path, 0), path, message + more.get((_ALIKE.search(message) or [""])[0], ""))
             for path, message, line in self._faults
         ]
         return [
@@ -248,9 +252,8 @@ def _parse(text: str, source: str, format: SpecFormat, repeated: tuple[tuple[Pat
         if repeated and reason.startswith(("Cannot", "Duplicate")):
             path, line, message = repeated[0]
             raise SpecError(Fault(message, source, line, key=place(path))) from None
-        found = re.fullmatch(r"line (\d+), column (\d+)", where)
         end = text.count("\n") + 1, len(text) - text.rfind("\n")
-        line, column = (int(found[1]), int(found[2])) if found else end
+        line, column = map(int, re.findall(r"\d+", where) or end)
         raise _malformed(text, source, "TOML", line, column, reason) from None
 
 
@@ -259,7 +262,9 @@ def _malformed(text: str, source: str, language: str, line: int, column: int, re
     before, rest = lines[-1][: column - 1], lines[-1][column - 1 :]
     texts = reason, "\n".join([*lines[:-1], before])[-1000:], rest
     if slip := next((row[3] for row in _SLIPS if all(map(re.search, row, texts))), ""):
-        reason = f"{reason if slip[0] == ' ' else ''}{slip.replace('{}', before.lstrip('['))}"
+        keys = [k for k, row in enumerate([*lines[:-1], before], 1) if re.match(r"[ \t]*[\"'\w.-]+[ \t]*=", row)]
+        slip = slip.replace("{line}", f"{keys[-1] if keys else line}").replace("{}", before.lstrip("["))
+        reason = f"{reason if slip[0] == ' ' else ''}{slip}"
     elif reason.startswith("Expected") and rest:
         reason += f", got {rest[0]!r}"
     if (text.lstrip()[:1] == "{") != (language == "JSON"):

@@ -151,8 +151,7 @@ class Table:
         if "name" not in self.entries:
             return default
         name = self.entries["name"]
-        fault = name_fault(name) if isinstance(name, str) else f"must be a string, got {shown(name)}"
-        if fault:
+        if fault := name_fault(name) if isinstance(name, str) else f"must be a string, got {shown(name)}":
             self.fault("name", fault)
         return default if fault else str(name)
 
@@ -168,16 +167,13 @@ class Table:
 
     def flag(self, key: str) -> bool:
         """Read true or false, which is what an absent key means."""
-        value = self.entries.get(key, False)
-        if not isinstance(value, bool):
+        if not isinstance(value := self.entries.get(key, False), bool):
             self.fault(key, f"must be true or false, got {shown(value)}")
         return value is True
 
     def number(self, key: str, check: Check) -> float | None:
         """Read a number."""
-        if key not in self.entries:
-            return None
-        return self.values.number(self.entries[key], (*self.path, key), check)
+        return self.values.number(self.entries[key], (*self.path, key), check) if key in self.entries else None
 
     def count(self, key: str, most: int) -> int | None:
         """Read a whole number, 1 if it is absent; None if it is wrong."""
