@@ -97,7 +97,8 @@ def spline_surfaces(
                 break
             error, gap, bend, least, lost = map(max, zip(*(one[1:] for one in found.values()), strict=True))
             history.append((bend, least))
-            wanted = angle if angle is not None else CLOSEST if lost < much else enough
+            # Files are measured at more places
+            wanted = 0.9 * angle if angle is not None else CLOSEST if lost < much else enough
             is_met = max(bend, least) <= wanted and (not curved or error <= missed)
             pairs = zip(history[-1], history[-3], strict=True)
             is_sound = (curved or error <= allowed) and gap <= gap_allowed and (fit is fitted_pieces or least < 90)
@@ -112,7 +113,7 @@ def spline_surfaces(
         off = f"{error:.3g} off, more than {allowed:.3g}" if error > allowed else f"{gap:.3g} off along edges"
         raise ToleranceError(f"fitted surfaces of {SPANS[-1]} × {SPANS[-1]} spans are still {off}")
     if angle is not None and (apart := max(reached[1:])) > angle:
-        raise ToleranceError(f"planes of fitted faces still differ by {apart:.3g} degrees, more than {angle:.3g}")
+        raise ToleranceError(f"planes of fitted faces still differ by {apart:.6g} degrees, more than {angle:g}")
     return SplineSurfaces(
         tuple(chain.from_iterable(exact[i] if i in exact else best[i].surfaces for i in range(len(patches)))),
         sum(len(one.surfaces) for one in best.values()),

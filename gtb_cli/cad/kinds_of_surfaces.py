@@ -72,14 +72,13 @@ def encode_surfaces(
         warnings, curvature = [], body.seams.curvature
         faces += f" within {found.error:.2g}" if bend_allowed is None else ""
         outer, gap, inner, inner_gap = (f"{value:.2g}" for value in body.seams[:4])
-        apart = max(body.seams[0:3:2])
-        off = f"planes at seams differ by {apart:.3g} degrees"
+        apart, off = max(body.seams[0:3:2]), "planes at seams differ by"
         if not apart <= (angle or 90):  # beyond, faces have turned back
-            raise ToleranceError(f"{off}, more than {angle or 90:g}")
+            raise ToleranceError(f"{off} {apart:.6g} degrees, more than {angle or 90:g}")
         if angle is None and apart > CLOSEST:
-            warnings.append(f"{off}: --angle bounds it")
+            warnings.append(f"{off} up to {apart:.2g} degrees: --angle bounds it")
         if tolerance is not None and not (apart := max(body.seams[1:4:2])) <= tolerance:
-            raise ToleranceError(f"seams of the file have gaps of {apart:.3g}, more than {tolerance:g}")
+            raise ToleranceError(f"seams of the file have gaps of {apart:.6g}, more than {tolerance:g}")
         parts.append(
             f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
         )

@@ -92,8 +92,7 @@ def encoded(name: str, kind: str) -> bytes:
 
 @pytest.mark.parametrize("kind", mostly_long(CAD_FORMATS, 0))
 def test_a_pentagon_is_five_exact_faces_that_share_edges(kind: str, tmp_path: Path) -> None:
-    patch = integer_pentagon()
-    shape = read(encoded("example-4.1-integer", kind), kind, tmp_path)
+    patch, shape = integer_pentagon(), read(encoded("example-4.1-integer", kind), kind, tmp_path)
     assert (is_valid(shape), len(parts(shape, "FACE"))) == (True, 5)
     assert kind == "iges" or len(unlike(parts(shape, "EDGE"))) == 5 + 10
     v, size = patch.domain.vertices, np.ptp(patch.control_points, axis=0).max()
@@ -286,8 +285,8 @@ def test_the_angle_at_inner_seams_is_the_one_the_kernel_measures(spec: Patch | M
 def test_an_exact_patch_of_high_degree_stays_exact_beside_a_fitted_one(tmp_path: Path) -> None:
     found = spline_surfaces(pillow(rectangle(17)))
     assert (found.fitted, len(found.surfaces)) == (4, 5)
-    assert is_valid(shape := read(encode_cad(found.surfaces, "brep").data, "brep", tmp_path))
-    assert len(parts(shape, "SOLID")) == 1
+    shape = read(encode_cad(found.surfaces, "brep").data, "brep", tmp_path)
+    assert (is_valid(shape), len(parts(shape, "SOLID"))) == (True, 1)
 
 
 def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
@@ -307,7 +306,7 @@ def test_faces_that_turn_back_at_seams_of_a_part_are_refused(monkeypatch: pytest
         with pytest.raises(ToleranceError, match=r"planes at seams differ by 90.1 degrees, more than 90"):
             encode_surfaces(bicubic(), "step", "mm", None, part=part)
         (said,) = encode_surfaces(bicubic(), "step", "mm", None, part=part)[2]
-        assert said == "planes at seams differ by 0.5 degrees: --angle bounds it"
+        assert said == "planes at seams differ by up to 0.5 degrees: --angle bounds it"
 
 
 def test_curves_are_not_surfaces() -> None:
@@ -364,7 +363,9 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     fit = spline_surfaces(pillow(rectangle(2)))
     assert [float(word) for word in said.groups()] == pytest.approx([fit.angle, fit.bend], rel=0.005)
     assert mixed.err.endswith("mixed.step: 1 exact and 4 fitted faces, 1 solid\n")
-    assert "planes are lost at 25% of edges and seams" in encode_surfaces(pentagon(), "brep", "mm", 2e-3, 180)[2][0]
+    for angle, lost in ((360, 25), (190, 20)):  # more spans where the least have nearly the angle that is asked for
+        said = encode_surfaces(pentagon(), "brep", "mm", 2e-3, angle)[2][0]
+        assert f"planes are lost at {lost}% of edges and seams" in said
     open_shell = gtb("mesh", INTEGERS, "-o", tmp_path / "y.step", "--require", "watertight", status=1)
     assert "not watertight: 1 of 1 shells are open" in open_shell.err
     assert not (tmp_path / "y.step").exists()
