@@ -94,10 +94,11 @@ def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator
     own = _places(a), _places(b)
     if np.array_equal(own[0][1], own[1][1]):
         yield own[0][1], own[1][1], True
-    if are_short:  # 32-bit numbers of one file may coincide, those of the other not
-        with np.errstate(over="ignore", under="ignore"):
+    with np.errstate(over="ignore", under="ignore"):
+        are_short &= any((mesh.vertices.astype(np.float32) != mesh.vertices).any() for mesh in (a, b))
+        if are_short:  # 32-bit numbers of one file may coincide, those of the other not
             (_, cells), (_, others) = (_places(mesh, np.float32) for mesh in (a, b))
-        if np.array_equal(cells, others):
+        if are_short and np.array_equal(cells, others):
             yield cells, others, False
     cells, others, _, are_all = by_nearness(a, b, tolerance, own)
     if are_all:
