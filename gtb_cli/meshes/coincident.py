@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import INDEX_ROWS, BoolArray, IntArray, index_type, taken
+from gtb_cli.arrays import INDEX_ROWS, IntArray, index_type, taken
 
 _FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)  # odd, mixed bits
 
@@ -18,7 +18,8 @@ def numbered_places(points: NDArray[Any]) -> tuple[IntArray, IntArray]:
     count, kind = len(points), index_type(len(points))
     bits = np.uint64(count.bit_length())  # of an index, which takes the lowest ones of a key: sorting is stable
     key, least = np.empty(count, dtype=np.uint64), np.empty(count, dtype=kind)  # the first of equal points
-    for rows in _blocks(count):
+    blocks = [slice(start, start + INDEX_ROWS) for start in range(0, count, INDEX_ROWS)]
+    for rows in blocks:
         held = (points[rows].astype(np.float64) + 0.0).view(np.uint64)
         mixed = np.zeros(len(held), dtype=np.uint64)
         for axis in range(3):
@@ -28,25 +29,15 @@ def numbered_places(points: NDArray[Any]) -> tuple[IntArray, IntArray]:
     key.sort()
     order = (key & ((np.uint64(1) << bits) - np.uint64(1))).astype(kind)
     key >>= bits
-    least[order] = _first_of_runs(order, key[1:] != key[:-1])
-    del key, order
-    apart = [rows.start + np.flatnonzero((points[rows] != points[least[rows]]).any(axis=1)) for rows in _blocks(count)]
-    if len(other := np.concatenate([np.empty(0, dtype=np.intp), *apart])):  # keys coincide by chance
-        held = points[other]
-        order = np.lexsort(held.T)
-        least[other[order]] = _first_of_runs(other[order], (held[order][1:] != held[order][:-1]).any(axis=1))
+    starts = np.flatnonzero(np.append(True, key[1:] != key[:-1])[:count])
+    least[order] = np.repeat(order[starts], np.diff(starts, append=count))
+    apart = [rows.start + np.flatnonzero((points[rows] != points[least[rows]]).any(axis=1)) for rows in blocks]
+    if any(map(len, apart)):  # keys coincide by chance
+        other = np.concatenate(apart)
+        _, first, number = np.unique(points[other] + 0.0, axis=0, return_index=True, return_inverse=True)
+        least[other] = other[first[number.ravel()]]
     is_first = least == np.arange(count, dtype=kind)
     return np.flatnonzero(is_first), taken(np.cumsum(is_first, dtype=kind) - 1, least)
-
-
-def _first_of_runs(values: IntArray, is_new: BoolArray) -> IntArray:
-    """Replace each value by the first one of its run; those behind the first may begin a new one."""
-    starts = np.append(0, np.flatnonzero(is_new) + 1)[: len(values)]
-    return np.repeat(values[starts], np.diff(starts, append=len(values)))
-
-
-def _blocks(count: int) -> list[slice]:
-    return [slice(start, start + INDEX_ROWS) for start in range(0, count, INDEX_ROWS)]
 
 
 def merged(count: int, pairs: IntArray) -> IntArray:

@@ -64,8 +64,9 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
         is_named = has_numbers and cells is a.mesh.cells
         if is_certain and first is None and (is_named or _is_likely(a.mesh, b.mesh, found, tolerance)):
             first = found
-        if is_certain and _are_apart(a.mesh, b.mesh, tolerance, first):
-            break
+        here, there = (np.sort(each.mesh.used, axis=0) for each in (a, b))
+        if is_certain and len(here) == len(there) and np.abs(here - there).max() > tolerance:
+            break  # no vertices can be near all their own ones
     return turned or first
 
 
@@ -74,19 +75,8 @@ def _are_renamed(ways: tuple[IntArray, IntArray], others: tuple[IntArray, IntArr
     names = np.full(int(ways[0].max()) + 1, -1, dtype=others[0].dtype)
     names[ways[0]] = others[0]
     used = np.sort(names[names >= 0])
-    are_one = all(np.array_equal(taken(names, way), other) for way, other in zip(ways, others, strict=True))
-    return are_one and bool((used[1:] != used[:-1]).all())
-
-
-def _are_apart(a: Mesh, b: Mesh, tolerance: float, first: Matching | None) -> bool:
-    """Tell whether no vertices can be near all their own ones: one is near none, or there are other coordinates."""
-    if first is not None:
-        most = int(first.distances.argmax())
-        ends = (b, a.vertices[first.vertices[most]]), (a, b.vertices[first.others[most]])
-        if any((reduce(np.hypot, (mesh.used - end).T) > tolerance).all() for mesh, end in ends):
-            return True
-    here, there = (np.sort(each.used, axis=0) for each in (a, b))
-    return len(here) == len(there) and bool(np.abs(here - there).max() > tolerance)
+    are_one = (np.array_equal(taken(names, way), other) for way, other in zip(ways, others, strict=True))
+    return all(are_one) and bool((used[1:] != used[:-1]).all())
 
 
 def _is_likely(a: Mesh, b: Mesh, found: Matching, tolerance: float) -> bool:

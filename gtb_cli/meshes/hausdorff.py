@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from gtb_cli.meshes.topology import are_used
 RELATIVE_ERROR = 1e-5  # of a distance, at which the search for farther points ends
 DISTANCE_ROUNDING = 1e-14  # fraction of the meshes' size below which a distance is rounding
 MAX_CUTS = 250_000  # pieces cut in each direction; the search then stops with the bound proved so far
-
-
-_Found: TypeAlias = tuple[float, FloatArray, float]  # a distance, its place, and a bound
 
 
 @dataclass(frozen=True)
@@ -82,9 +78,9 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     cells, others = (_distinct(mesh.cells, len(rows)) for mesh, rows in zip((a, b), used, strict=True))
     searches = _directed(first, cells, second[others], allowed), _directed(second, others, first[cells], allowed)
     forward, backward = (
-        Farthest(float(frame.length(found)), tuple(frame.outside(place).tolist())) for found, place, _ in searches
+        Farthest(float(frame.length(found.found)), tuple(frame.outside(found.place).tolist())) for found in searches
     )
-    bound = max(bound for *_, bound in searches)
+    bound = max(found.bound for found in searches)
     return Distance(forward, backward, float(frame.length(bound)), is_proved=True)
 
 
@@ -95,8 +91,8 @@ def _distinct(cells: IntArray, used: int) -> IntArray:
     return cells[np.unique(np.sort(cells, axis=1), axis=0, return_index=True)[1]]
 
 
-def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float) -> _Found:
-    """Search cells for the point farthest from those with the corners `other`: its distance, itself, and a bound."""
+def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float) -> _FarthestPoint:
+    """Search cells for the point farthest from those with the corners `other`."""
     cell_batch, cut_batch = 1 << 16, 20_000  # cells bounded together, and pieces cut together: they bound the memory
     cells_per_cut = 4  # that cost as much as a cut; a large mesh leaves less for cuts …
     least_share = 0.16  # … but this part of the effort
@@ -132,7 +128,9 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         effort -= number
         parts = search.bounded_well(search.bounded(rows_of(pieces, order[:number]).cut(search.tree)))
         pieces = joined([rows_of(pieces, order[number:]), parts])
-    return search.found, search.place, max(search.found, search.bound, float(pieces.bounds.max(initial=0.0)))
+    search.bound = max(search.found, search.bound, float(pieces.bounds.max(initial=0.0)))
+    del search.tree  # which takes more memory than both meshes
+    return search
 
 
 class _FarthestPoint:

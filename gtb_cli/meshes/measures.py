@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import INDEX_ROWS, bounds_of, cross, dot
+from gtb_cli.arrays import bounds_of, cross, dot
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh, vertices_to_measure
@@ -90,15 +90,12 @@ def measure(mesh: Mesh) -> Measures:
         number = np.bincount(edges.ravel(), minlength=1)
         length = float(frame.length(lengths.sum()))
     else:
-        normal = np.empty((len(cells), 3))
-        for start in range(0, len(cells), INDEX_ROWS):  # which stay in the processor's cache
-            rows = slice(start, start + INDEX_ROWS)
-            a, b, c = (vertices[corner] for corner in cells[rows].T)
-            normal[rows] = cross(b - a, c - a)
+        a = vertices[cells[:, 0]]
+        normal = cross(vertices[cells[:, 1]] - a, vertices[cells[:, 2]] - a)
         area = float(frame.length(np.sqrt(dot(normal, normal)).sum() / 2, 2))
         boundary = float(frame.length(lengths[number == 1].sum()))
         if len(cells) and not len(topology.open):
-            volume = float(frame.length((cones := dot(vertices[cells[:, 0]], normal)).sum() / 6, 3))
+            volume = float(frame.length((cones := dot(a, normal)).sum() / 6, 3))
             inward = int((np.bincount(parts, cones) < -1e-9 * np.bincount(parts, np.abs(cones))).sum())
     return Measures(
         vertices=len(mesh.vertices),

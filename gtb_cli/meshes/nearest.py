@@ -36,10 +36,9 @@ class NearestCells:
         number = min(candidate_cells, len(self.corners))
         for begin, end in _ranges(len(points), PAIR_BATCH):
             candidates = np.asarray(self._centres.query(points[begin:end], k=[*range(1, number + 1)])[1])
-            rows = np.arange(end - begin)
             each = self.distances(np.repeat(points[begin:end], number, axis=0), candidates.ravel())
-            best = each.reshape(-1, number).argmin(axis=1)
-            distance = each.reshape(-1, number)[rows, best]
+            each = each.reshape(-1, number)
+            best, distance = each.argmin(axis=1), each.min(axis=1)
             better = np.flatnonzero(distance < bounds[begin:end])
             bounds[begin + better], cells[begin + better] = distance[better], candidates[better, best[better]]
         return bounds, cells
