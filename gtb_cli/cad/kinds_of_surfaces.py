@@ -76,7 +76,7 @@ def encode_surfaces(
         if not apart <= (angle or 90):  # beyond, faces have turned back
             raise ToleranceError(f"{off} {apart:.6g} degrees, more than {angle or 90:g}")
         if angle is None and apart > CLOSEST:
-            warnings.append(f"{off} up to {apart:.2g} degrees: --angle bounds it")
+            warnings.append(f"{off} up to {apart:.2g} degrees: `angle` bounds it")
         if tolerance is not None and not (apart := max(body.seams[1:4:2])) <= tolerance:
             raise ToleranceError(f"seams of the file have gaps of {apart:.6g}, more than {tolerance:g}")
         parts.append(

@@ -306,7 +306,7 @@ def test_faces_that_turn_back_at_seams_of_a_part_are_refused(monkeypatch: pytest
         with pytest.raises(ToleranceError, match=r"planes at seams differ by 90.1 degrees, more than 90"):
             encode_surfaces(bicubic(), "step", "mm", None, part=part)
         (said,) = encode_surfaces(bicubic(), "step", "mm", None, part=part)[2]
-        assert said == "planes at seams differ by up to 0.5 degrees: --angle bounds it"
+        assert said == "planes at seams differ by up to 0.5 degrees: `angle` bounds it"
 
 
 def test_curves_are_not_surfaces() -> None:
