@@ -106,7 +106,7 @@ def measured(
     """
     region, bends = domain(polygon(len(found)), "unit"), []
     for cut in (VISIBLE, NEARER):
-        places, sizes = energy_samples(region, 40, cut)
+        places, sizes, _ = energy_samples(region, 40, cut)
         bent = bending(jets(places), sizes * areas(places))
         bends += [bent.energy, bent.variation]
     t = stations()
