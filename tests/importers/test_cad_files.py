@@ -156,6 +156,8 @@ def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_p
     assert (len(differences), 0 < max(differences) <= float(said[1]) <= 2.5e-3) == (6, True)
     out.unlink()
     assert "seams of the file have gaps of" in gtb(*fill, "--tolerance", 1e-14, status=2).err
+    closer = *fill[:4], "--angle", 1e-9, "-o", out
+    assert "planes of fitted faces still differ by" in gtb(*closer, status=2).err
     monkeypatch.setattr("gtb_cli.cad.curved_pieces.ROUNDS", 0)
     result = gtb(*fill, status=2)
     assert re.search(r"continuity g2: curvatures differ by \S+ \(\S+% of 0.5\) near \(.*: --g2-tolerance", result.err)
