@@ -174,8 +174,8 @@ def read(data: bytes | str, source: str, format: SpecFormat | None = None) -> Do
         if data.startswith(LFS_POINTER):
             raise SpecError(Fault(LFS_FAULT, source))
         if (kind := kind_of(data)) is not None:
-            way_out = {"file": ": gtb import makes one", "mesh": "; gtb view shows meshes"}.get(kind[-4:], "")
-            raise SpecError(Fault(f"is {kind}, and a spec is expected{way_out}", source))
+            ways_out = {"file": ": gtb import (extra gtb-cli[cad]) makes one", "mesh": "; gtb view shows meshes"}
+            raise SpecError(Fault(f"is {kind}, and a spec is expected{ways_out.get(kind[-4:], '')}", source))
     text = _decode(data, source)
     if format is None:
         format = "json" if text.lstrip()[:1] == "{" else "toml"
