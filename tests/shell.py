@@ -74,7 +74,8 @@ def example_of(name: str) -> str:
 def environment(**variables: str) -> dict[str, str]:
     """This process's environment, without what would hide how streams are buffered or order files otherwise."""
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    return inherited | {"PYTHONPATH": str(REPOSITORY), "LC_ALL": "C.UTF-8", **variables}
+    path = f"{Path(sys.executable).parent}:{inherited['PATH']}"  # where python3 is this Python
+    return inherited | {"PATH": path, "PYTHONPATH": str(REPOSITORY), "LC_ALL": "C.UTF-8", **variables}
 
 
 def command(*arguments: object) -> list[str]:
