@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, dot, joined as rows_joined, shifted, unit
-from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.errors import DomainError, GtbError, ToleranceError
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, sides_of
@@ -32,6 +32,7 @@ NO_POINTS = np.empty((0, 3))
 MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
 PAGE_TOLERANCE = 4e-4  # of the size: less than half a pixel where a model fills a screen
 PAGE_FACES = 60_000  # of an even mesh, if nothing else is asked for
+COARSE = 8  # segments of each edge of a solid while a slider moves
 EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
 
 
@@ -71,6 +72,7 @@ class Content:
     remarks: tuple[str, ...] = ()  # what is unusual about the shape
     thickness: float | None = None  # for which a solid was made
     unit: str | None = None  # of its lengths
+    quick: str = ""  # what is shown in place of what is asked for
 
     @property
     def is_curve(self) -> bool:
@@ -83,13 +85,14 @@ def content_of(
 ) -> Content:
     """Return the contents for a spec: its mesh with exact normals, control net, knots, and curvature or wall.
 
-    Without a recipe, the mesh is fine enough for a screen. A quick one, in a twentieth of the time, is coarse, the
-    surface itself instead of a solid, and has neither exact normals nor curvature and wall.
+    Without a recipe, the mesh is fine enough for a screen. A quick one, in a tenth of the time, is coarse, the surface
+    itself where there is no solid as coarse, and has neither curvature nor wall, and no remarks on a solid.
     """
     patches = shape.patches
     quick = quick and shape.dimension == 2
-    mesh, remarks, tolerance = _made(shape, recipe, quick)
     solid = recipe is not None and (recipe.radius is not None or recipe.thickness is not None)
+    coarse = _coarse(shape, recipe) if quick and solid and recipe is not None else None
+    mesh, remarks, tolerance = (coarse, [], 0.0) if coarse else _made(shape, recipe, quick)
     surface = shape.dimension == 2 and not solid and not quick
     if surface:
         mesh = with_attributes(shape, mesh, ["mean_curvature", "gaussian_curvature"], "linear")[0]
@@ -124,7 +127,15 @@ def content_of(
         normals="means of the triangles'" if quick else _word(mesh),
         remarks=tuple(remarks),
         thickness=None if recipe is None or quick else recipe.thickness,
+        quick="" if not quick else f"a quick solid, {COARSE} segments an edge" if coarse else "the surface alone, quickly",
     )
+
+
+def _coarse(shape: Patch | Model, recipe: Recipe) -> Mesh | None:
+    """Return a coarse solid, None if there is none."""
+    with suppress(GtbError):
+        return replace(recipe, resolution=COARSE, tolerance=None, normals=True).mesh(shape)[0]
+    return None
 
 
 def _made(shape: Patch | Model, recipe: Recipe | None, quick: bool) -> tuple[Mesh, list[str], float]:
@@ -235,6 +246,7 @@ def _beside(one: Content, other: Content) -> Content:
         normals=_together(one.normals, other.normals),
         remarks=tuple(dict.fromkeys(one.remarks + other.remarks)),
         thickness=one.thickness,
+        quick=one.quick or other.quick,
     )
 
 
