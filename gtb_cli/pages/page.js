@@ -304,8 +304,8 @@ function present(data) {
   made.clear();
   $("title").textContent = scene.name;
   $("working").hidden = !scene.quick;
-  $("working").textContent = `${scene.quick}: what is asked for follows …`;
-  $("facts").textContent = scene.quick ? `${scene.quick}, no hole filled` : scene.facts;
+  $("working").textContent = `${scene.quick}: what was asked for follows …`;
+  $("facts").textContent = scene.quick ? `shown ${scene.quick}, without fills` : scene.facts;
   $("measures").replaceChildren(...scene.measures.flatMap(([name, text]) => [["dt", name], ["dd", text]].map(([tag, own]) => Object.assign(document.createElement(tag), { textContent: own }))));
   $("remarks").replaceChildren(...scene.remarks.map(text => Object.assign(document.createElement("li"), { textContent: text })));
   const others = Object.keys(scene.absent).filter(name => !modes().includes(name));

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, dot, joined as rows_joined, shifted, unit
-from gtb_cli.errors import DomainError, GtbError, ToleranceError
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, sides_of
@@ -32,7 +32,6 @@ NO_POINTS = np.empty((0, 3))
 MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
 PAGE_TOLERANCE = 4e-4  # of the size: less than half a pixel where a model fills a screen
 PAGE_FACES = 60_000  # of an even mesh, if nothing else is asked for
-COARSE = 8  # segments of each edge of a solid while a slider moves
 EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
 
 
@@ -85,14 +84,15 @@ def content_of(
 ) -> Content:
     """Return the contents for a spec: its mesh with exact normals, control net, knots, and curvature or wall.
 
-    Without a recipe, the mesh is fine enough for a screen. A quick one, in a tenth of the time, is coarse, the surface
-    itself where there is no solid as coarse, and has neither curvature nor wall, and no remarks on a solid.
+    Without a recipe, the mesh is fine enough for a screen. A quick one, in a tenth of the time, is coarse, and has
+    neither curvature nor wall, nor remarks on a solid.
     """
     patches = shape.patches
     quick = quick and shape.dimension == 2
     solid = recipe is not None and (recipe.radius is not None or recipe.thickness is not None)
-    coarse = _coarse(shape, recipe) if quick and solid and recipe is not None else None
-    mesh, remarks, tolerance = (coarse, [], 0.0) if coarse else _made(shape, recipe, quick)
+    if quick:
+        recipe = replace(recipe or Recipe(), resolution=8 if solid else 16, tolerance=None)
+    mesh, remarks, tolerance = _made(shape, recipe)
     surface = shape.dimension == 2 and not solid and not quick
     if surface:
         mesh = with_attributes(shape, mesh, ["mean_curvature", "gaussian_curvature"], "linear")[0]
@@ -124,28 +124,18 @@ def content_of(
         edge_names=tuple(name for name, *_ in free),
         scalars=scalars if quick else scalars | _wall(shown),
         vertices=len(mesh.vertices),
-        normals="means of the triangles'" if quick else _word(mesh),
-        remarks=tuple(remarks),
-        thickness=None if recipe is None or quick else recipe.thickness,
-        quick="" if not quick else f"a quick solid, {COARSE} segments an edge" if coarse else "the surface alone, quickly",
+        normals=_word(mesh),
+        remarks=() if quick and solid else tuple(remarks),
+        thickness=None if recipe is None else recipe.thickness,
+        quick=f"quickly, {recipe.resolution} segments an edge" if quick and recipe else "",
     )
 
 
-def _coarse(shape: Patch | Model, recipe: Recipe) -> Mesh | None:
-    """Return a coarse solid, None if there is none."""
-    with suppress(GtbError):
-        return replace(recipe, resolution=COARSE, tolerance=None, normals=True).mesh(shape)[0]
-    return None
-
-
-def _made(shape: Patch | Model, recipe: Recipe | None, quick: bool) -> tuple[Mesh, list[str], float]:
+def _made(shape: Patch | Model, recipe: Recipe | None) -> tuple[Mesh, list[str], float]:
     """Return a mesh, what is unusual about it, and its tolerance, if it has one: without a recipe, that of a screen."""
-    if quick:
-        mesh, remarks = Recipe(16, weld=None if recipe is None else recipe.weld).mesh(shape)
-        return with_normals(mesh), remarks, 0.0
     if recipe is None:
         with suppress(ToleranceError):
-            return _made(shape, _fine(shape), quick)
+            return _made(shape, _fine(shape))
         recipe = Recipe(14)
     return *replace(recipe, normals=True).mesh(shape), recipe.tolerance_for(shape) or 0.0
 

@@ -93,8 +93,7 @@ class Pages:
             for path in self._paths:
                 if is_device(path):  # reading a pipe would wait for its writer
                     raise GtbError(f"{path}: is not a file")
-            content = self._see(numbers, quick)
-            data = page_data(content) | {"quick": content.quick}
+            data = page_data(content := self._see(numbers, quick)) | {"quick": content.quick}
             format = self._reading.spec_format or spec_format_of(path)
             if len(self._paths) == 1 and format is not None:
                 data["numbers"] = [each._asdict() for each in sliders(read_bytes(path), path, format)]
@@ -104,8 +103,7 @@ class Pages:
 
     def page(self) -> str:
         """Return the page for the numbers of the command line: at once, with what there is to see."""
-        let = self._reading.let
-        seen = self._known((let, False)) or self._known((let, True)) or Seen(0, "", None)
+        seen = self._known((self._reading.let, False)) or self._known((self._reading.let, True)) or Seen(0, "", None)
         from gtb_cli.language.sliders import plain_value
         from gtb_cli.pages.page import page_with
 
@@ -123,6 +121,8 @@ class Pages:
         if not quick and not self._known((numbers, False)):  # a quick picture, and one that is there, wait for none
             quick = self._turns[False].locked() or not self._known((numbers, True))
         seen = self.state(numbers, quick)
+        if quick and seen.error:  # which the whole one need not have
+            seen = self.state(numbers)
         news: dict[str, Any] = {"version": seen.version, "error": seen.error}
         return news if seen.data is None or query.get("have") == [str(seen.version)] else news | {"data": seen.data}
 
@@ -179,14 +179,11 @@ def serve(pages: Pages, paths: Sequence[str], port: int, console: Console, *, op
         address = f"http://{HOST}:{number}/"
         console.note(f"{address} follows {', '.join(paths)}; Ctrl-C ends it")
         Thread(target=server.serve_forever, args=(0.1,), daemon=True).start()
-        try:
-            if opens:
-                import webbrowser
+        if opens:
+            import webbrowser
 
-                webbrowser.open(address)
-            if error := pages.first().error:
-                console.warn(error)
-            while True:
-                time.sleep(60)
-        finally:
-            server.shutdown()
+            webbrowser.open(address)
+        if fault := pages.first().error:
+            console.warn(fault)
+        while True:
+            time.sleep(60)

@@ -467,7 +467,7 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
             assert within_a_second(browser, f"return version > {old}"), name
             assert changed(before, before := browser.picture()) > 0.001, name
             assert browser.run("return firsts[0]"), name  # a quick picture, before the hole is filled
-        assert browser.run("return $('working').textContent").endswith(": what is asked for follows …")
+        assert browser.run("return $('working').textContent").endswith(": what was asked for follows …")
         assert within_a_second(browser, "return !scene.quick && scene.box.texts[2][1] === '70'")
         browser.run("$('options').click()")
         options = browser.run("return $('said').textContent")
@@ -476,7 +476,7 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
         lines = browser.run("return $('said').textContent").splitlines()
         assert lines[:2] == [
             "12: sides = 7  # 3 … 24",
-            "13: width = 100  # of the rim, from the middle of the bowl to a corner and back",
+            "13: width = 100  # 20 … 300: of the rim, from the middle of the bowl to a corner and back",
         ]
         assert spec.read_text(encoding="utf-8") == text
         mesh = [tmp_path / "one.obj", tmp_path / "two.obj"]
