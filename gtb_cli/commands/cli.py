@@ -16,7 +16,7 @@ from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.messages import FORMS, STANDARD, abandon, begin, finish, say, tell
 from gtb_cli.shell.options import reads
 from gtb_cli.version import __version__
-from gtb_cli.vocabulary import COMPLETION_VARIABLE, printable
+from gtb_cli.vocabulary import COMPLETION_VARIABLE, TEMPLATES, printable
 
 # Exit statuses; a comparison that says no raises `click.exceptions.Exit`, a requirement raises its own error.
 DONE, REFUSED, FAILED = 0, 1, 2
@@ -98,8 +98,8 @@ class LazyGroup(click.Group):
             others = {"plot": "render draw", "view": "show open", "mesh": "export build"}
             likely = [command for command, words in others.items() if name in words.split()]
             likely = likely or get_close_matches(name, COMMANDS, n=1)
-            if name.endswith((".toml", ".json")):
-                likely = [f"mesh {name}"]
+            if name.endswith((".toml", ".json")) or name in TEMPLATES:
+                likely = [f"{'new' if name in TEMPLATES else 'mesh'} {name}"]
             suggestion = f" Did you mean {likely[0]}?" if likely else ""
             raise click.UsageError(f"No such command: {name or repr(name)}.{suggestion}", ctx)
         return super().resolve_command(ctx, args)

@@ -182,9 +182,11 @@ def _is_for_folder(given: Sequence[str], paths: Sequence[str], output: str) -> b
     is_file = output == STANDARD or suffix_of(output) in FORMATS
     if is_folder(output) or (not is_file and any(map(os.path.isdir, given))):
         return True
-    mesh = next((path for path in given if suffix_of(path) in FORMATS and not os.path.exists(path)), None)
+    mesh = next((path for path in given if suffix_of(path) in FORMATS), None)
     if len(paths) > 1 and mesh:
         raise click.UsageError(f"{mesh} is named like a mesh, and specs are expected: -o {mesh} writes it")
+    if len(paths) > 1 and is_file and (missing := [path for path in paths if not os.path.lexists(path)]):
+        raise click.UsageError(f"{missing[0]}: no such spec; names with blanks stand in quotes, such as 'wall edge 1'")
     if len(paths) > 1 and is_file:
         raise click.UsageError(f"{len(paths)} specs need a folder for their meshes: -o FOLDER")
     return len(paths) > 1

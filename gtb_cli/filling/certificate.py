@@ -137,7 +137,8 @@ class Filling:
     @property
     def doubts(self) -> list[str]:
         """What is to be seen: a hole in parts, the corner where planes differ most, and what is `sharp`."""
-        angles, said = np.nan_to_num(self.corner_angles), [f"filled in {len(self.parts)} parts"] * bool(self.parts)
+        angles, why = np.nan_to_num(self.corner_angles), "as it has to be where corners point into the hole"
+        said = [f"filled in {len(self.parts)} parts, {why}"] * bool(self.parts)
         if (most := float(angles.max())) > DISAGREEING:
             at = self.at(self.sides[int(angles.argmax())].ends[0])
             said.append(f"neighbours' planes differ by up to {most:.3g} degrees at their corner {at}")

@@ -1,6 +1,7 @@
 """``copy`` and ``include``: patches made from others, mirrored, scaled, rotated and moved, once or several times."""
 
 import math
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.language.document import shown
-from gtb_cli.language.expression import is_in_radians
+from gtb_cli.language.expression import COUNTER, is_in_radians
 from gtb_cli.language.keys_and_values import COORDINATE, MAX_SIZE, SCALE, Table, Values, name_fault, suggestion
 from gtb_cli.language.patch_reader import AT_THE_TOP, COPY_KEYS, PATCH_KEYS
 from gtb_cli.language.scanner import Path
@@ -121,6 +122,9 @@ def read_moves(table: Table, count: int) -> Moves:
         moves.append(_move(table, mirror))
         if values.faults.count > before:  # the others have them, too
             return Moves((), mirror is not None)
+    turns = str([entries.get(key) for key in ("scale", "rotate", "translate")])
+    if count > 1 and not re.search(rf"\b{COUNTER}\b", turns) and not values.faults.doubt:
+        values.faults.doubt = (*table.path, "repeat"), f'{count} copies at one place: the move lacks k, as in "72*k"'
     return Moves(tuple(moves), mirror is not None)
 
 

@@ -27,7 +27,9 @@ _SLIPS = (
     ("^Unclosed array$", "", r"^(?:[\w-]+[ \t]*=|\Z)", _UNCLOSED),
     ("^Invalid value$", r"\n[ \t]*\Z", r"^(?:[\w-]+[ \t]*=|\Z)", _UNCLOSED),
     ("^Invalid value$", r"\n\[\[?\Z", r"^(?:patches\]\]|let\])[ \t\r]*(?:#.*)?\Z", _UNCLOSED),
+    ("^Unclosed array$", r"\n\Z", r"^\[\[[\w-]+\]\]", _UNCLOSED),
     ("^Unclosed array$", "", r"^[)}]", "a list ends with ]"),
+    ("^Invalid value$", r"[\[,=\n][ \t]*\Z", r"^\(", "a list stands in [square brackets], an expression in quotes"),
     (
         "^Unclosed",
         r"""[\]\w."'}][ \t\r]*(?:#[^\n]*)?(?:\n[ \t\r]*(?:#[^\n]*)?)*$""",
@@ -46,6 +48,7 @@ _OTHER_FILES = {
     "a BREP file": re.compile(rb"[^\0]{0,90}DBRep_DrawableShape"),
     "a PLY mesh": re.compile(rb"ply\r?\n"),
     "a GLB mesh": re.compile(rb"glTF"),
+    "G-code for a printer": re.compile(rb"(?:;[^\n]*+\n|\s++)*+[GM]\d+[ ;\r\n]"),
     "a gzip archive (gunzip opens it)": re.compile(rb"\x1f\x8b"),
     "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*(?:facet|endsolid)\b"),
     "HTML, SVG or XML": re.compile(rb"\s*+<[!?a-zA-Z]"),

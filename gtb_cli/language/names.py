@@ -22,7 +22,9 @@ def named_numbers(table: dict[str, Any], values: Values, given: Let) -> dict[str
     """Read ``let``, if present, with the `given` numbers in place of those of the same names."""
     names: dict[str, float] = {}
     values.names = names
-    let = table.get("let", names)
+    # Without one, a table with another name is probably meant
+    others = [entry for key, entry in table.items() if isinstance(entry, dict) and key not in PATCH_KEYS | MODEL_KEYS]
+    let = table.get("let", others[0] if others else names)
     if not isinstance(let, dict):
         values.faults.add(("let",), f"must be a table of numbers, got {shown(let)}")
         return names

@@ -57,7 +57,7 @@ def check_ranges(document: Document, faults: Faults, numbers: Mapping[str, float
     That is a fault of a count, as ``gtb new`` refuses it, and a doubt about any other number.
     """
     spec: Any = document.data
-    counts = _counts(spec, spec["let"])
+    counts = _counts(spec, spec["let"]) if numbers else ()
     for name, label, _, _ in _commented(document, numbers):
         if name in given and (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
             words = f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"

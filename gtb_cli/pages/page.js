@@ -304,7 +304,8 @@ function present(data) {
   made.clear();
   $("title").textContent = scene.name;
   $("working").hidden = !scene.quick;
-  $("facts").textContent = scene.quick ? "a quick picture, without thickness and fills: more follows" : scene.facts;
+  $("working").textContent = `${scene.quick}: what was asked for follows …`;
+  $("facts").textContent = scene.quick ? `shown ${scene.quick}, without fills` : scene.facts;
   $("measures").replaceChildren(...scene.measures.flatMap(([name, text]) => [["dt", name], ["dd", text]].map(([tag, own]) => Object.assign(document.createElement(tag), { textContent: own }))));
   $("remarks").replaceChildren(...scene.remarks.map(text => Object.assign(document.createElement("li"), { textContent: text })));
   const others = Object.keys(scene.absent).filter(name => !modes().includes(name));
@@ -360,6 +361,7 @@ function start() {
   const data = JSON.parse($("data").textContent);
   if (data.given) Object.assign(chosen, data.given);
   if (data.frames) present(data);
+  else $("working").hidden = false;
   complain(data.error);
   if (data.watch !== undefined) watch(data.watch);
 }

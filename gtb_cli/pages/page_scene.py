@@ -71,6 +71,7 @@ class Content:
     remarks: tuple[str, ...] = ()  # what is unusual about the shape
     thickness: float | None = None  # for which a solid was made
     unit: str | None = None  # of its lengths
+    quick: str = ""  # what is shown in place of what is asked for
 
     @property
     def is_curve(self) -> bool:
@@ -83,13 +84,15 @@ def content_of(
 ) -> Content:
     """Return the contents for a spec: its mesh with exact normals, control net, knots, and curvature or wall.
 
-    Without a recipe, the mesh is fine enough for a screen. A quick one, in a twentieth of the time, is coarse, the
-    surface itself instead of a solid, and has neither exact normals nor curvature and wall.
+    Without a recipe, the mesh is fine enough for a screen. A quick one, in a tenth of the time, is coarse, and has
+    neither curvature nor wall, nor remarks on a solid.
     """
     patches = shape.patches
     quick = quick and shape.dimension == 2
-    mesh, remarks, tolerance = _made(shape, recipe, quick)
     solid = recipe is not None and (recipe.radius is not None or recipe.thickness is not None)
+    if quick:
+        recipe = replace(recipe or Recipe(), resolution=8 if solid else 16, tolerance=None)
+    mesh, remarks, tolerance = _made(shape, recipe)
     surface = shape.dimension == 2 and not solid and not quick
     if surface:
         mesh = with_attributes(shape, mesh, ["mean_curvature", "gaussian_curvature"], "linear")[0]
@@ -121,20 +124,18 @@ def content_of(
         edge_names=tuple(name for name, *_ in free),
         scalars=scalars if quick else scalars | _wall(shown),
         vertices=len(mesh.vertices),
-        normals="means of the triangles'" if quick else _word(mesh),
-        remarks=tuple(remarks),
-        thickness=None if recipe is None or quick else recipe.thickness,
+        normals=_word(mesh),
+        remarks=() if quick and solid else tuple(remarks),
+        thickness=None if recipe is None else recipe.thickness,
+        quick=f"quickly, {recipe.resolution} segments an edge" if quick and recipe else "",
     )
 
 
-def _made(shape: Patch | Model, recipe: Recipe | None, quick: bool) -> tuple[Mesh, list[str], float]:
+def _made(shape: Patch | Model, recipe: Recipe | None) -> tuple[Mesh, list[str], float]:
     """Return a mesh, what is unusual about it, and its tolerance, if it has one: without a recipe, that of a screen."""
-    if quick:
-        mesh, remarks = Recipe(16, weld=None if recipe is None else recipe.weld).mesh(shape)
-        return with_normals(mesh), remarks, 0.0
     if recipe is None:
         with suppress(ToleranceError):
-            return _made(shape, _fine(shape), quick)
+            return _made(shape, _fine(shape))
         recipe = Recipe(14)
     return *replace(recipe, normals=True).mesh(shape), recipe.tolerance_for(shape) or 0.0
 
@@ -235,6 +236,7 @@ def _beside(one: Content, other: Content) -> Content:
         normals=_together(one.normals, other.normals),
         remarks=tuple(dict.fromkeys(one.remarks + other.remarks)),
         thickness=one.thickness,
+        quick=one.quick or other.quick,
     )
 
 

@@ -69,6 +69,8 @@ def numbers_of(text: str, words: Sequence[str] = ()) -> tuple[float, ...]:
 
 def length_of(text: str) -> float:
     """Read a number other than zero, or a number expression as in a spec."""
+    if text.startswith("--") or text in ("-o", "-n", "-q") or text.rstrip().endswith("%"):
+        raise ValueError(f"expected a length, such as 2, in the units of the spec, got {text!r}")
     (number,) = numbers_of(text, [text])
     if number == 0:
         raise ValueError(f"{text!r} is zero: leave the option out")

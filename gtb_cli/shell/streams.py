@@ -97,8 +97,18 @@ def opened(path: str) -> Iterator[IO[bytes]]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        other = f"; {path}.toml is there" if os.path.exists(f"{path}.toml") else ""
-        raise SpecError(Fault(f"{error.strerror or error}{other}", shown_input(path))) from None
+        near = _file_like(path) if isinstance(error, FileNotFoundError) else ""
+        raise SpecError(Fault(f"{error.strerror or error}{near and f'; {near} is there'}", shown_input(path))) from None
+
+
+def _file_like(path: str) -> str:
+    """Return a file beside a missing one, much like it but for its suffix; or nothing."""
+    from difflib import get_close_matches
+
+    folder = os.path.dirname(path)
+    files = sorted(os.listdir(folder or ".")) if os.path.isdir(folder or ".") else []
+    there = {os.path.splitext(os.path.join(folder, each).lower())[0]: os.path.join(folder, each) for each in files}
+    return "".join(there[each] for each in get_close_matches(os.path.splitext(path.lower())[0], there, 1, 0.8))
 
 
 def numbered_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:
@@ -257,9 +267,10 @@ def output_format(output: str, given: str | None, formats: Collection[str], more
     if given is not None or suffix in formats:
         return given or suffix
     if output not in (STANDARD, "/dev/stdout") and not is_folder(output) and not is_device(output):
-        known = ", ".join(f".{name}" for name in (*formats, *more))
-        name = output or repr(output)
-        raise ExportError(f"cannot tell the format of {name}: it does not end in {known}; give -f FORMAT")
+        known = [f".{name}" for name in (*formats, *more)]
+        meant = [f", did you mean {each}?" for each in known if sorted(each) == sorted(f".{suffix}")]
+        ends = f"it does not end in {', '.join(known)}{meant[0] if meant else '; give -f FORMAT'}"
+        raise ExportError(f"cannot tell the format of {output or repr(output)}: {ends}")
     return next(iter(formats))
 
 

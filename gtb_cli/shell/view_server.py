@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import Lock
+from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import parse_qs
 
@@ -34,8 +35,8 @@ class Seen(NamedTuple):
 class Pages:
     """The pages of files as they are now, for numbers that their sliders ask for.
 
-    ``see(numbers, quick)`` reads the files at `paths`, quickly for a slider that still moves. The numbers of a single
-    spec have sliders.
+    ``see(numbers, quick)`` reads the files at `paths`, quickly for a slider that still moves, and for what is not seen
+    yet. The numbers of a single spec have sliders.
     """
 
     MOST = 12  # states that are kept, as several pages may show different states
@@ -46,7 +47,11 @@ class Pages:
         self._seen: dict[tuple[Numbers, bool], Seen] = {}
         self._edits = self._versions = 0
         self._last: dict[str, Any] = {}
-        self.first = self.state(reading.let)
+
+    def first(self) -> Seen:
+        """Return the state for the numbers of the command line; the quick one is there before it."""
+        self.state(self._reading.let, True)
+        return self.state(self._reading.let)
 
     def state(self, numbers: Numbers, quick: bool = False) -> Seen:
         """Return what there is now; a quick state is made even while another one is."""
@@ -64,6 +69,8 @@ class Pages:
                 self._last = data or self._last
                 if edits == self._edits:  # otherwise the files have changed meanwhile
                     self._seen[key] = found
+                    if data and not data["quick"] and not self._reading.fills:  # as of a mesh, which is what it is
+                        self._seen[numbers, False] = found
                     while len(self._seen) > self.MOST:
                         del self._seen[next(iter(self._seen))]
             return found
@@ -86,7 +93,7 @@ class Pages:
             for path in self._paths:
                 if is_device(path):  # reading a pipe would wait for its writer
                     raise GtbError(f"{path}: is not a file")
-            data = page_data(self._see(numbers, quick)) | {"quick": quick}
+            data = page_data(content := self._see(numbers, quick)) | {"quick": content.quick}
             format = self._reading.spec_format or spec_format_of(path)
             if len(self._paths) == 1 and format is not None:
                 data["numbers"] = [each._asdict() for each in sliders(read_bytes(path), path, format)]
@@ -95,8 +102,8 @@ class Pages:
             return None, "\n".join(map(str, faults_about(error)))
 
     def page(self) -> str:
-        """Return the page as it is now, with the numbers of the command line."""
-        seen = self.state(self._reading.let)
+        """Return the page for the numbers of the command line: at once, with what there is to see."""
+        seen = self._known((self._reading.let, False)) or self._known((self._reading.let, True)) or Seen(0, "", None)
         from gtb_cli.language.sliders import plain_value
         from gtb_cli.pages.page import page_with
 
@@ -107,9 +114,15 @@ class Pages:
     def news(self, query: dict[str, list[str]]) -> dict[str, Any]:
         """Return what a page needs that has the version `have` and asks for the numbers `set`."""
         try:
-            seen = self.state(tuple(map(assignment, query.get("set", ()))), "quick" in query)
+            numbers = tuple(map(assignment, query.get("set", ())))
         except ValueError as error:
             return {"version": 0, "error": str(error)}
+        quick = "quick" in query
+        if not quick and not self._known((numbers, False)):  # a quick picture, and one that is there, wait for none
+            quick = self._turns[False].locked() or not self._known((numbers, True))
+        seen = self.state(numbers, quick)
+        if quick and seen.error:  # which the whole one need not have
+            seen = self.state(numbers)
         news: dict[str, Any] = {"version": seen.version, "error": seen.error}
         return news if seen.data is None or query.get("have") == [str(seen.version)] else news | {"data": seen.data}
 
@@ -165,10 +178,12 @@ def serve(pages: Pages, paths: Sequence[str], port: int, console: Console, *, op
         server.RequestHandlerClass = handler(pages, int(number))
         address = f"http://{HOST}:{number}/"
         console.note(f"{address} follows {', '.join(paths)}; Ctrl-C ends it")
-        if pages.first.error:
-            console.warn(pages.first.error)
+        Thread(target=server.serve_forever, args=(0.1,), daemon=True).start()
         if opens:
             import webbrowser
 
             webbrowser.open(address)
-        server.serve_forever(poll_interval=0.1)
+        if fault := pages.first().error:
+            console.warn(fault)
+        while True:
+            time.sleep(60)

@@ -6,15 +6,19 @@ from itertools import combinations
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, planar_cross
+from gtb_cli.errors import one_of_alike
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
+
+CROSSED = "the lines between its corners cross"
 
 
 def doubtful_corners(spec: Patch | Model) -> list[str]:
     """Say where corners of surfaces are at one place, or in an order in which the lines between them cross."""
     if spec.dimension == 1:
         return []
-    return [f"{patch.name or 'the patch'}: {fault}" for patch in spec.patches for fault in _faults(patch)]
+    found = [(patch.name or "the patch", fault) for patch in spec.patches for fault in _faults(patch)]
+    return one_of_alike((fault, f"{name}: {fault}") for name, fault in found)
 
 
 def _faults(patch: Patch) -> Iterator[str]:
@@ -32,7 +36,7 @@ def _faults(patch: Patch) -> Iterator[str]:
         start, end = indices[k], np.roll(indices, -1)[k]
         yield f"control points {start} and {end} are the same, so that the edge between them is a point"
     if _crosses(corners):
-        yield f"the lines between its corners cross, as if {_exchanged(corners, indices)}"
+        yield f"{CROSSED}, as if {_exchanged(corners, indices)}"
 
 
 def _exchanged(corners: FloatArray, indices: IntArray) -> str:

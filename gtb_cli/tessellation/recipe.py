@@ -114,9 +114,11 @@ class Recipe:
         if maker is not None and folds and not faults:
             folds[-1] += f"; {maker.smaller(surface, size, held)}"
         if self.require:
+            from gtb_cli.tessellation.doubtful_corners import CROSSED
             from gtb_cli.tessellation.requirements import require
 
-            require(self.require, spec, mesh, surface, faults + folds, (stored, coarse))
+            causes = [remark for remark in remarks if (faults or folds) and CROSSED in remark]
+            require(self.require, spec, mesh, surface, [*causes, *faults, *folds], (stored, coarse))
         return mesh, remarks + faults + folds + thin
 
     def _surface(self, spec: Patch | Model, rounding: float) -> tuple[Mesh, float | None]:

@@ -37,6 +37,9 @@ def require(
             causes = [*_leaks(spec, mesh, held, word == "solid"), *faults]
             if causes and isinstance(spec, Model):
                 causes = unjoined_seams(spec) or [*(_loose_parts(spec) if faults else []), *causes]
+            leaks = len(causes) - len(faults)  # from which folds and crossings may follow; the last says what helps
+            if len(causes) > max(3, leaks):
+                causes = [*causes[: max(2, leaks)], causes[-1]]
             lines += [f"not {word}: {line}" for line in causes]
     if "one-piece" in asked and (pieces := _pieces(mesh)):
         seams = unjoined_seams(spec) if isinstance(spec, Model) and "solid" not in asked else []

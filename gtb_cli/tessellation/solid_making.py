@@ -74,7 +74,8 @@ class WallMaker:
         """Make the wall of a thickness."""
         for refs in self.spec.joints.crowded if isinstance(self.spec, Model) else ():
             names = ", ".join(edge_name(self.spec.patches, ref) for ref in refs)
-            raise DomainError(f"thickness: {names} are one curve, where at most two may meet: is a patch there twice?")
+            why = "is a patch there twice, or turned about a wrong axis?"
+            raise DomainError(f"thickness: {names} are one curve, where at most two may meet: {why}")
         folds = offset_folds(self.spec, surface, thickness)
         wall = thicken(surface, thickness)
         thin = thin_wall(wall, thickness)

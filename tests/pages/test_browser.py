@@ -422,6 +422,7 @@ def test_watch_follows_an_edit_and_shows_an_error(browser, tmp_path):
     try:
         address = re.search(r"http://127\.0\.0\.1:\d+/", server.stderr.readline())[0]
         browser.open(address)
+        assert within_a_second(browser, "return scene && !scene.quick")
         first = browser.picture()
         spec.write_text(text.format("oops"), encoding="utf-8")
         assert within_a_second(browser, "return !document.getElementById('error').hidden")
@@ -451,9 +452,8 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
     )
     try:
         browser.open(re.search(r"http://127\.0\.0\.1:\d+/", server.stderr.readline())[0])
-        browser.run(
-            "window.firsts = []; const own = present; present = data => { firsts.push(data.quick); own(data); }"
-        )
+        browser.run("window.firsts = []; const own = present; present = d => { firsts.push(d.quick); own(d); }")
+        assert within_a_second(browser, "return scene && !scene.quick && $('working').hidden")
         rows = "[...$('sliders').children]"
         names = browser.run(f"return {rows}.map(row => row.dataset.name)")
         assert names == ["sides", "width", "height", "foot", "belly", "roundness"]
@@ -467,6 +467,7 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
             assert within_a_second(browser, f"return version > {old}"), name
             assert changed(before, before := browser.picture()) > 0.001, name
             assert browser.run("return firsts[0]"), name  # a quick picture, before the hole is filled
+        assert browser.run("return $('working').textContent").endswith(": what was asked for follows …")
         assert within_a_second(browser, "return !scene.quick && scene.box.texts[2][1] === '70'")
         browser.run("$('options').click()")
         options = browser.run("return $('said').textContent")
@@ -475,7 +476,7 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
         lines = browser.run("return $('said').textContent").splitlines()
         assert lines[:2] == [
             "12: sides = 7  # 3 … 24",
-            "13: width = 100  # of the rim, from the middle of the bowl to a corner and back",
+            "13: width = 100  # 20 … 300: of the rim, from the middle of the bowl to a corner and back",
         ]
         assert spec.read_text(encoding="utf-8") == text
         mesh = [tmp_path / "one.obj", tmp_path / "two.obj"]
