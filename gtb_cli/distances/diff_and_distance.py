@@ -4,14 +4,13 @@ import hashlib
 import os
 import re
 from bisect import bisect_left
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import IO, TypeAlias, get_args
 
 import numpy as np
 
-from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.between_shapes import shape_distance
 from gtb_cli.distances.patch_equality import Partners, partners
 from gtb_cli.errors import DomainError, ExportError, GtbError
@@ -99,8 +98,8 @@ class Operand:
         digest = cache(_digest)  # a file may be named in many ways
 
         def hold(lines: Iterable[str], place: str = "") -> None:
-            """Hold what lines name, each several files, or one with blanks after options."""
-            for line in (line.replace("\\", "/") for line in dict.fromkeys(lines)):  # as Windows separates folders
+            """Hold what lines name, perhaps in quotes, each several files, or one with blanks after options."""
+            for line in (each.replace("\\", "/").replace('"', "") for each in dict.fromkeys(lines)):
                 ends = (end for k in range(20) for end in line.split(None, k)[-1:] if " " in end)
                 names = next(([end] for end in ends if os.path.isfile(beside(place, end))), line.split())
                 for name in (os.path.join(place, name) for name in names):
@@ -184,8 +183,9 @@ def compared(
             raise DomainError(f"{name}: expected {' or '.join(get_args(known))}, got {word!r}")
     if kind == "vertices" or a.spec is None or b.spec is None:
         return _meshes_compared(a, b, tolerance, kind, aspects)
-    specs = a.spec, b.spec
-    bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in specs]
+    once = [_once(spec) for spec in (a.spec, b.spec)]
+    meshes = [Recipe(8).mesh(each)[0] for each in once]
+    bounds = [mesh.bounds for mesh in meshes]
     resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
@@ -195,9 +195,9 @@ def compared(
     found = Distance(at, at, most, is_proved=True)
     if any(partly.lone) or most > allowed_for(None, diagonal, resolution)[1]:
         found = shape_distance(a.spec, b.spec)
-    dimensions = {spec.patches[0].dimension for spec in specs}
+    dimensions = {each.dimension for each in once}
     is_same = found.distance <= allowed and len(dimensions) == 1
-    turned, values, left_out = _sides_and_names(a.spec, b.spec, partly) if is_same else (0, (), ())
+    turned, values, left_out = _sides_and_names(a.spec, b.spec, once, meshes, partly) if is_same else (0, (), ())
     return Difference(
         method="patches",
         distance=found.distance,
@@ -211,7 +211,7 @@ def compared(
         same_kind=len(dimensions) == 1,
         is_curve=dimensions == {1},
         turned=turned,
-        remarks=(*_repeated(partly), *_open_edges(a.spec, b.spec, allowed)) if is_same else (),
+        remarks=(*_repeated(partly), *_open_edges(once, allowed)) if is_same else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
         uncompared=left_out,
@@ -233,10 +233,10 @@ def _meshes_compared(
     return replace(found, values=(*values, *[f"{LIBRARIES}: not the same"] * are_other))
 
 
-def _sides_and_names(a: Spec, b: Spec, found: Partners) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
+def _sides_and_names(
+    a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], found: Partners
+) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
     """Compare two specs of one surface: how many patches are turned over, remarks on names, and what is left out."""
-    once = [_once(each) for each in (a, b)]
-    meshes = [Recipe(8).mesh(each)[0] for each in once]
     rows = [
         [each.patches.index(p.replace(name=None)) for p in of.patches] for each, of in zip(once, (a, b), strict=True)
     ]
@@ -257,8 +257,10 @@ def _sides_and_names(a: Spec, b: Spec, found: Partners) -> tuple[int, tuple[str,
     names = [(a.patches[first].name, b.patches[second].name) for first, second in sorted(pairs)]
     others = [pair for pair in names if pair[0] != pair[1] and len(names) > 1]
     old, new = (" ".join(str(pair[way]) for pair in others) for way in (0, 1))
-    left_out = "names of patches are not compared where they are cut otherwise"
-    return int(turned), (f"groups: {old} against {new}",) * bool(others), (left_out,) * is_cut
+    left_out = ("names of patches are not compared where they are cut otherwise",) * is_cut
+    if all(each.joints.one_sided for each in once):
+        turned, left_out = 0, (*left_out, "sides of patches are not compared, as each surface has only one")
+    return int(turned), (f"groups: {old} against {new}",) * bool(others), left_out
 
 
 def _repeated(found: Partners) -> tuple[str, ...]:
@@ -273,15 +275,15 @@ def _once(spec: Spec) -> Model:
     return Model(patches, weld=getattr(spec, "weld", None))
 
 
-def _open_edges(a: Spec, b: Spec, allowed: float) -> tuple[str, ...]:
+def _open_edges(models: Sequence[Model], allowed: float) -> tuple[str, ...]:
     """Remark on open edges of patches, or ends of curves, in other places, and not on edges cut otherwise."""
     one, other = (
         [Patch([0, 1], edge_curve(m[k], e).ends) if m.dimension == 1 else m[k].boundary(e) for k, e in m.joints.open]
-        for m in map(_once, (a, b))
+        for m in models
     )
     both = bool(one and other)
     are_other = shape_distance(Model(one), Model(other)).distance > allowed if both else bool(one or other)
-    what = "edges of patches" if a.dimension == 2 else "ends of curves"
+    what = "edges of patches" if models[0].dimension == 2 else "ends of curves"
     return (f"{len(one)} open {what} against {len(other)}" + ", in other places" * both,) * are_other
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, dot
+from gtb_cli.arrays import EPS, FloatArray, dot
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponentials
 from gtb_cli.theory.corner_powers import summed
@@ -115,26 +115,17 @@ def edge_curve(patch: Patch, edge: int) -> Curve:
 
 def edge_curves(patches: Sequence[Patch], refs: Iterable[EdgeRef]) -> list[Curve]:
     """Return the curves of edges."""
-    return [_curve(patches[p], *patches[p].domain.edge_fractions[edge]) for p, edge in refs]
-
-
-def whole_curve(patch: Patch) -> Curve:
-    """Return a patch that is a curve."""
-    (low,), (high,) = patch.domain.vertices
-    members = np.argsort(patch.knots[:, 0], kind="stable")
-    fractions = (patch.knots[members, 0] - low) / (high - low)
-    first = np.flatnonzero(np.diff(fractions, prepend=-1.0) > patch.domain.tolerance / (high - low))
-    return _curve(patch, members, fractions, first)
-
-
-def _curve(patch: Patch, members: IntArray, knots: FloatArray, first: IntArray) -> Curve:
-    """Return the curve of some knots at these fractions, `first` of them each at a place of its own."""
-    weights, points = patch.log_products[members], patch.control_points[members]
-    if len(first) < len(knots):  # copies of a knot act as one (Thm 4.1)
-        copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
-        tops, sums = summed(copies, weights, np.column_stack([np.ones(len(knots)), points]))
-        knots, weights, points = knots[first], tops + np.log(sums[:, 0]), sums[:, 1:] / sums[:, :1]
-    return Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points)
+    curves = []
+    for index, edge in refs:
+        basis = patches[index].rational_basis
+        members, knots, first = basis.domain.edge_fractions[edge]
+        weights, points = basis.log_weights[members], patches[index].control_points[members]
+        if len(first) < len(knots):  # copies of a knot act as one (Thm 4.1)
+            copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
+            tops, sums = summed(copies, weights, np.column_stack([np.ones(len(knots)), points]))
+            knots, weights, points = knots[first], tops + np.log(sums[:, 0]), sums[:, 1:] / sums[:, :1]
+        curves.append(Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points))
+    return curves
 
 
 def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:
