@@ -170,6 +170,7 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
 
 
 def _are_whole(rows: FloatArray) -> bool:
-    """Tell whether numbers are whole, and small enough for floats of 32 bits to hold their neighbours, too."""
+    """Tell whether numbers are whole, and so small that floats of their size hold the next whole ones, too."""
     numbers = np.nan_to_num(rows)
-    return bool((np.abs(numbers) < 1 << 24).all() and (numbers == np.rint(numbers)).all())
+    most = 1 << (24 if (numbers.astype(np.float32) == numbers).all() else 53)
+    return bool((np.abs(numbers) < most).all() and (numbers == np.rint(numbers)).all())
