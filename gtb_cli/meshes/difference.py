@@ -37,7 +37,7 @@ class Difference:
     """
 
     method: Method
-    distance: float  # the largest found
+    distance: float  # the largest found, or what is proved of patches: at most this
     bound: float  # of the true one, from above; for vertices, the distance
     tolerance: float  # the largest distance allowed
     asked: float | None  # the tolerance asked for; None for the default
