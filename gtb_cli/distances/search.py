@@ -20,7 +20,6 @@ RELATIVE_ERROR = 5e-4  # relative error of a distance between surfaces: three di
 CLOSE_SHARE = 0.9  # fraction of the largest distance from which on a point of the start may lead to a farther one
 # Nearest points from which the nearest one is searched for: usually, where it matters, and for the farthest of all.
 FEW_STARTS, MANY_STARTS, MOST_STARTS = 4, 24, 400
-NEAR_REGIONS = 2  # nearest regions, with a start in each
 
 
 class Candidates(NamedTuple):
@@ -60,7 +59,6 @@ class FarthestSearch:
             np.concatenate([s.places.stratum + column for s, column in zip(surfaces, columns, strict=False)]),
             np.concatenate([surface.places.s for surface in surfaces]),
         )
-        self.regions = [_regions(surface.region) for surface in surfaces]
         cells = [surface.cells + first for surface, first in zip(surfaces, self.first, strict=False)]
         beside = [part[:, pair] for part in cells for pair in map(list, permutations(range(part.shape[1]), 2))]
         self.neighbours = _table(np.concatenate(beside), np.arange(len(self.points)))
@@ -228,23 +226,18 @@ class FarthestSearch:
             search(np.arange(len(points)), guess.stratum[:, None], guess.s[:, None])
         far = np.flatnonzero(found > enough)
         starts = min(starts, *(len(surface.points) for surface in self.surfaces))
-        near = np.empty((len(far), starts + NEAR_REGIONS), dtype=np.int64)
+        near = np.empty((len(far), starts), dtype=np.int64)
         for index, rows in groups(self.target[way[far]]):
             near[rows] = self.first[index] + self.starts(points[far[rows]], index, starts)
         search(far, *rows_of(self.places, near))
         return found, nearest
 
     def starts(self, points: FloatArray, index: int, number: int) -> IntArray:
-        """Return points of a surface, (m, w): the nearest to (m, 3) points, and the nearest in the nearest regions."""
-        regions = self.regions[index]
+        """Return the points of a surface that are nearest to (m, 3) points, (m, w), the nearest first."""
         result = []
         for block in np.array_split(points, 1 + len(points) * len(self.surfaces[index].points) // 2_000_000):
             squares = _squares_between(block, self.surfaces[index].points)
-            inner = squares[:, regions]
-            chosen = np.argpartition(inner.min(axis=2), NEAR_REGIONS - 1, axis=1)[:, :NEAR_REGIONS]
-            inside = regions[chosen, np.take_along_axis(inner.argmin(axis=2), chosen, axis=1)]
-            nearest = np.argpartition(squares, [0, number - 1], axis=1)[:, :number]
-            result.append(np.column_stack([nearest[:, :1], inside, nearest[:, 1:]]))
+            result.append(np.argpartition(squares, [0, number - 1], axis=1)[:, :number])
         return np.concatenate(result)
 
 
@@ -262,13 +255,6 @@ def _highest(way: IntArray, heights: FloatArray, number: int) -> IntArray:
     order = np.lexsort((-heights, way))
     ways = way[order]
     return order[np.arange(len(way)) - np.searchsorted(ways, ways) < number]
-
-
-def _regions(region: IntArray) -> IntArray:
-    """Return the points in each region that has some, (g, w); the first of them fills up the row."""
-    inside = np.flatnonzero(region >= 0)
-    _, first, number = np.unique(region[inside], return_index=True, return_inverse=True)
-    return _table(np.column_stack([number, inside]), inside[first])
 
 
 def _table(pairs: IntArray, filling: IntArray) -> IntArray:

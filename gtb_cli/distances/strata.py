@@ -81,7 +81,6 @@ class Surface:
     places: StratumPlaces  # of the points
     points: FloatArray  # (v, 3)
     relative: FloatArray  # (v, 3) where in the domains, in units of all domains' extent, and 0.01 × the patch's number
-    region: IntArray  # (v,) parts of the domain, by number, for points inside it; -1 on edges and at corners
     cells: IntArray  # (k, c) points that are near each other
 
     def seen_from(self, frame: Frame) -> Surface:
@@ -104,21 +103,8 @@ def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
     relative = np.zeros((len(parameters), 3))
     relative[:, : parameters.shape[1]] = (parameters - low) / (high - low).max()
     relative[:, 2] = 0.01 * patch
-    region = _regions(patches, patch, parameters, face)
     middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
-    return Surface(strata, places, points, relative, region, np.column_stack([mosaic.cells, middles]))
-
-
-def _regions(patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray) -> IntArray:
-    """Return the numbers of the blocks of domains that hold points inside, -1 for others, (m,)."""
-    blocks = 4  # along each axis of a domain; nearest points are searched for in the nearest blocks
-    region = np.full(len(patch), -1)
-    for index, rows in groups(patch):
-        rows = rows[face[rows] == INTERIOR]
-        low, high = patches[index].domain.vertices.min(axis=0), patches[index].domain.vertices.max(axis=0)
-        block = (blocks * (parameters[rows] - low) / (high - low)).astype(np.int64).clip(0, blocks - 1)
-        region[rows] = blocks * blocks * index + block @ [blocks, 1][: block.shape[1]]
-    return region
+    return Surface(strata, places, points, relative, np.column_stack([mosaic.cells, middles]))
 
 
 def _located(

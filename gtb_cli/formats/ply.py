@@ -89,7 +89,7 @@ Columns: TypeAlias = dict[str, tuple[NDArray[Any], IntArray]]
 def read_ply(data: bytes) -> FileArrays:
     """Read a PLY file: the elements `vertex` (x, y, z), `face` (a list of corners) and `edge` (vertex1, vertex2)."""
     elements, order, start = _header(data)
-    pictures = tuple(map(os.fsdecode, re.findall(rb"(?m)^comment TextureFile (.*?)\s*$", data[:start])))
+    pictures = tuple(map(os.fsdecode, re.findall(rb"(?im)^comment[ \t]+TextureFile[ \t]+(.*?)\s*$", data[:start])))
     if "vertex" not in elements:
         raise GtbError("has no element vertex")
     tables: dict[str, Columns] = {}
@@ -150,7 +150,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     for label, (numbers, counts) in [each for each in rest.items() if each[1][1].any()]:  # rows, in any order
         longest, exact, suffix = int(counts.max()), _exact(numbers), ""
         if longest >= 64 and longest * len(counts) > 2 * len(numbers):  # marks take less memory
-            parts = np.split(exact.astype(np.float32) if exact.dtype.kind == "f" else exact, np.cumsum(counts)[:-1])
+            parts = np.split(_single(exact), np.cumsum(counts)[:-1])
             exact, longest = np.array([[int(mark_of(part.tobytes()))] for part in parts]), 1
             counts, suffix = np.ones_like(counts), MARKED
         found = np.full((len(counts), longest), np.nan if exact.dtype.kind == "f" else ABSENT, exact.dtype)
@@ -159,11 +159,16 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         del rest[label]
     for name in tables.keys() - {"vertex", table}:
         for column, (numbers, counts) in tables[name].items() if elements[name].rows else ():
-            rest[f"{column} of {name}"] = numbers.astype(elements[name].properties[column].kind), counts
+            rest[f"{column} of {name}"] = numbers, counts
     for label, (numbers, counts) in rest.items():
-        mark = mark_of(numbers.tobytes(), counts.tobytes())
+        mark = mark_of(_single(_exact(numbers)).tobytes(), counts.tobytes())
         values[f"{OTHER}{label}"] = np.array([[mark]]), np.zeros(cells.shape, dtype=np.int64)
     return values
+
+
+def _single(numbers: NDArray[Any]) -> NDArray[Any]:
+    """Return numbers, those that are not whole to the digits of 32 bits."""
+    return numbers.astype(np.float32) if numbers.dtype.kind == "f" else numbers
 
 
 def _exact(numbers: NDArray[Any]) -> NDArray[Any]:

@@ -157,7 +157,8 @@ class _Reader:
         self.kinds = set[str]()  # of objects that are built; no solids but for ""
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
-        others = ((each.filename, each.CRC) for each in archive.infolist() if each.filename != name)
+        others = [(each.filename, each.CRC) for each in archive.infolist() if each.filename != name]
+        self.parts = {f"/{other}".lower(): crc for other, crc in others}  # by what elements call them
         about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$|.*\.model$")  # pictures, settings, further models
         self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
         parser = expat.ParserCreate()
@@ -239,7 +240,8 @@ class _Reader:
     def note(self, name: str, given: dict[str, str], *known: str) -> None:
         """Take attributes into account that no place here knows, whatever the prefixes and numbers of this file."""
         plain = {key.rpartition(":")[2]: value for key, value in given.items() if key[:5] != "xmlns"}
-        told = {key: self.order.get(value, value) if key.endswith("id") else value for key, value in plain.items()}
+        parts, order = self.parts, self.order  # what is named counts by what it holds, or by its place in the file
+        told = {k: order.get(v, v) if k.endswith("id") else f"{v}{parts.get(v.lower(), '')}" for k, v in plain.items()}
         told = {key: told[key] for key in sorted(told.keys() - {"id", "identifier", "UUID", *known})}
         if told or not known:
             self.extensions.update(f"{name} {told}".encode())
