@@ -168,7 +168,9 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
 
 def _single(numbers: NDArray[Any]) -> NDArray[Any]:
     """Return numbers, those that are not whole to the digits of 32 bits."""
-    return numbers.astype(np.float32) if numbers.dtype.kind == "f" else numbers
+    with np.errstate(over="ignore"):
+        single = numbers.astype(np.float32) if numbers.dtype.kind == "f" else numbers
+    return numbers if np.isinf(single).any() else single
 
 
 def _exact(numbers: NDArray[Any]) -> NDArray[Any]:

@@ -171,6 +171,7 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
 
 def _are_whole(rows: FloatArray) -> bool:
     """Tell whether numbers are whole, and so small that floats of their size hold the next whole ones, too."""
-    numbers = np.nan_to_num(rows)
-    most = 1 << (24 if (numbers.astype(np.float32) == numbers).all() else 53)
+    numbers = rows[np.isfinite(rows)]
+    with np.errstate(over="ignore"):
+        most = 1 << (24 if (numbers.astype(np.float32) == numbers).all() else 53)
     return bool((np.abs(numbers) < most).all() and (numbers == np.rint(numbers)).all())
