@@ -119,8 +119,7 @@ def encode_mesh(
 
     mesh = standing(mesh, kind, up)
     if kind == "obj":
-        own = mesh.normal_of if mesh.normals is not None and len(mesh.normals) > len(mesh.vertices) else None
-        return obj_blocks(mesh.vertices, mesh.cells, mesh.normals, coordinates, groups, own)
+        return obj_blocks(mesh, coordinates, groups)
     if kind == "ply":
         from gtb_cli.formats.ply import ply_blocks
 
@@ -176,8 +175,6 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
     """
     kind = _known(format)
     holds, shown = FORMATS[kind], kind.upper()
-    if not len(mesh.vertices):
-        return []  # an error, not a warning
     messages = _single_precision_warnings(mesh, kind) if holds.is_single(ascii) else []
     messages += ["PLY: meshio and assimp read no file with edges, as a curve has"] * (kind == "ply" and mesh.is_curve)
     if kind == "stl" and not mesh.is_curve and len(mesh.cells) < 4:
@@ -190,7 +187,7 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
     if kind == "obj" and normals and mesh.normals is not None and len(mesh.normals) > len(mesh.vertices):
         readers = "viewers and renderers show them, and meshio does not read such a file"
         messages.append(f"OBJ: a vertex where patches meet at an angle has several normals: {readers}")
-    if kind == "obj" and uv and mesh.parameters is not None and len(mesh.parameters):
+    if kind == "obj" and uv and mesh.parameters is not None:
         extent, size = (float(np.ptp(rows, axis=0).max()) for rows in (mesh.parameters, mesh.bounds))
         if 0.0 < extent < 1e-3 * min(1.0, size):
             few = f"too few for parameters that span {extent:.3g}; PLY keeps their digits"

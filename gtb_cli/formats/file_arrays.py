@@ -45,10 +45,8 @@ def unreserved(name: str, taken: Container[str]) -> str:
 
 def mark_of(*contents: str | bytes) -> float:
     """A whole number that differs where texts, or bytes, do, which stands for them among numbers."""
-    found = hashlib.sha256()
-    for each in contents:
-        found.update(each.encode("utf-8", "surrogatepass") if isinstance(each, str) else each)
-    return float(int.from_bytes(found.digest()[:6]))
+    parts = [each.encode("utf-8", "surrogatepass") if isinstance(each, str) else each for each in contents]
+    return float(int.from_bytes(hashlib.sha256(b"".join(parts)).digest()[:6]))
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:

@@ -143,17 +143,14 @@ def by_nearness(
 class _Faces:
     """Faces of two meshes in common numbers."""
 
-    face: IntArray  # (k,) numbers
-    other: IntArray
-    side: IntArray  # (k,) to which they look, 1 or −1; 0 if nowhere
-    other_side: IntArray
+    numbers: Slots  # (k,)
+    sides: Slots  # (k,) to which they look, 1 or −1; 0 if nowhere
     here: IntArray  # (f,) how often each occurs
     there: IntArray
 
     def turned(self, usual: int = 1) -> int:
         """How many of the faces that both have equally often are turned over; −1 says that the usual ones are."""
-        one = np.bincount(self.face, self.side, len(self.here))
-        other = np.bincount(self.other, self.other_side, len(self.here))
+        one, other = (np.bincount(*each, len(self.here)) for each in zip(self.numbers, self.sides, strict=True))
         return int(np.abs(one - usual * other)[self.here == self.there].sum()) // 2
 
 
@@ -165,8 +162,9 @@ def _faces(cells: IntArray, others: IntArray) -> _Faces:
     if rows.shape[1] == 3:
         a, b, c = rows.T
         side = np.where((a < b) ^ (b < c) ^ (c < a), np.int8(-1), np.int8(1)) * are_proper(rows)
-    here, there = (np.bincount(part, minlength=int(labels.max()) + 1) for part in (labels[:count], labels[count:]))
-    return _Faces(labels[:count], labels[count:], side[:count], side[count:], here, there)
+    numbers = labels[:count], labels[count:]
+    here, there = (np.bincount(part, minlength=int(labels.max()) + 1) for part in numbers)
+    return _Faces(numbers, (side[:count], side[count:]), here, there)
 
 
 def _may_be_equal(cells: IntArray, others: IntArray) -> bool:
@@ -188,18 +186,14 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
         if not np.array_equal(faces.here, faces.there):
             return None
         turned = faces.turned()
-        starts, width = np.arange(0, cells.size, cells.shape[1])[:, None], cells.shape[1]
+        starts = np.arange(0, cells.size, cells.shape[1])[:, None]
+        both = zip((a.mesh, b.mesh), (cells, others), faces.numbers, faces.sides, strict=True)
         one, other = (
-            (np.argsort(places, axis=1, kind="stable") + starts)[_order(mesh, face, side < 0)].ravel()
-            for mesh, places, face, side in (
-                (a.mesh, cells, faces.face, faces.side),
-                (b.mesh, others, faces.other, faces.other_side),
-            )
+            (np.argsort(places, axis=1, kind="stable") + starts)[_order(mesh, face, side < 0)]
+            for mesh, places, face, side in both
         )
-        slots = one, other
-        corners, other_corners = (
-            each.ravel()[slot].reshape(-1, width) for each, slot in ((corners, one), (other_corners, other))
-        )
+        corners, other_corners = corners.ravel()[one], other_corners.ravel()[other]
+        slots = one.ravel(), other.ravel()
     used, others_used = (len(each.mesh.used) for each in (a, b))
     if np.array_equal(corners, other_corners):
         vertices = there = np.flatnonzero(are_used(corners, len(a.mesh.vertices)))
@@ -259,7 +253,8 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
     if (faces.there < faces.here).any() and (faces.here < faces.there).any():
         return None
     is_first = len(cells) > len(others)
-    absent = rows[faces.there[faces.face] == 0] if is_first else other_rows[faces.here[faces.other] == 0]
+    number, other = faces.numbers
+    absent = rows[faces.there[number] == 0] if is_first else other_rows[faces.here[other] == 0]
     extra = np.abs(faces.here - faces.there)
     doubled = int(((np.minimum(faces.here, faces.there) == 1) & (extra == 1)).sum())
     repeated = int(extra.sum()) - len(absent) - doubled
@@ -319,7 +314,7 @@ def unlike(
         told.append(f"{extent:.9g} against {others_extent:.9g} in {'length' if first.is_curve else 'area'}")
     cells, others, *_ = by_nearness(a.mesh, b.mesh, close)
     faces = _faces(cells, others)
-    only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0
+    only, others_only = faces.there[faces.numbers[0]] == 0, faces.here[faces.numbers[1]] == 0
     if only.any() != others_only.any():
         told.append(f"{int(only.sum())} against {int(others_only.sum())} {cell}s that the other has not")
     sides = sides_of(np.concatenate([cells, others])).edge

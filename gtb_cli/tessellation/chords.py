@@ -106,11 +106,8 @@ class ChordProofs:
         start, end = intervals.start, intervals.end
         with np.errstate(invalid="ignore"):  # infinities of opposite signs
             places = (start + end) / 2
-        for sign, near, far, reach, step in (
-            (1.0, start, end, self.reach[0], self.steps[0]),
-            (-1.0, end, start, self.reach[1], self.steps[1]),
-        ):
-            shorter = np.where(sign * far > sign * reach, reach, far - sign * step)
+        for side, sign, near, far in ((0, 1, start, end), (1, -1, end, start)):
+            shorter = np.where(sign * far > sign * self.reach[side], self.reach[side], far - sign * self.steps[side])
             places = np.where(np.isinf(near), shorter, places)
         return np.asarray(np.where(np.isinf(start) & np.isinf(end), self.reach[0], places))
 

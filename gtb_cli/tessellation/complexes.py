@@ -137,10 +137,9 @@ def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
     tips = []
     for joint in joints.shared:
         (index, edge), (other, following) = joint.first, joint.second
-        count = len(patches[index].domain.vertices)
-        for a, b in ((edge, following), (following, edge)):
-            if index == other and joint.opposite and b == (a + 1) % count and patches[index].dimension == 2:
-                tips.append((index, b))
+        if index == other and joint.opposite and patches[index].dimension == 2:
+            count = len(patches[index].domain.vertices)
+            tips += [(index, b) for a, b in ((edge, following), (following, edge)) if b == (a + 1) % count]
     return tips
 
 

@@ -110,10 +110,9 @@ class Subdivision:
         chord = end - start
         return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
 
-    def has_mark(self, marked: BoolArray, rows: IntArray | None = None) -> BoolArray:
+    def has_mark(self, marked: BoolArray, rows: IntArray | slice = slice(None)) -> BoolArray:
         """Mark cells, all or the (k,) given, that have a marked side."""
-        sides = self.cells.sides if rows is None else self.cells.sides.take(rows, axis=0)
-        return reduce(np.logical_or, [marked.take(side) for side in sides.T])
+        return reduce(np.logical_or, [marked.take(side) for side in self.cells.sides[rows].T])
 
     def mark_thin(self, marked: BoolArray) -> None:
         """Mark the longest edge of triangles that are thin, in space or in Δ, and have a marked edge.
