@@ -51,8 +51,6 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
     has_numbers = a.has_indices and b.has_indices
     are_short = not {a.format, b.format} <= {"obj", "spec"}  # numbers of 32 bits
     for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short):
-        if turned is not None and _are_renamed(turned.cells, (cells, other_cells)):
-            continue
         found = _matched(a, b, cells, other_cells)
         if found is None:
             continue
@@ -68,15 +66,6 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
         if is_certain and len(here) == len(there) and np.abs(here - there).max() > tolerance:
             break  # no vertices can be near all their own ones
     return turned or first
-
-
-def _are_renamed(ways: tuple[IntArray, IntArray], others: tuple[IntArray, IntArray]) -> bool:
-    """Tell whether the same places of two meshes with the same faces have one number in both ways of counting."""
-    names = np.full(int(ways[0].max()) + 1, -1, dtype=others[0].dtype)
-    names[ways[0]] = others[0]
-    used = np.sort(names[names >= 0])
-    are_one = (np.array_equal(taken(names, way), other) for way, other in zip(ways, others, strict=True))
-    return all(are_one) and bool((used[1:] != used[:-1]).all())
 
 
 def _is_likely(a: Mesh, b: Mesh, found: Matching, tolerance: float) -> bool:
@@ -167,21 +156,12 @@ def _faces(cells: IntArray, others: IntArray) -> _Faces:
     return _Faces(numbers, (side[:count], side[count:]), here, there)
 
 
-def _may_be_equal(cells: IntArray, others: IntArray) -> bool:
-    """Tell whether sums of random marks are equal, as they are for equal cells in any order, from any corner on."""
-    marks = np.random.default_rng(0).integers(1 << 62, size=1 + int(max(cells.max(), others.max())))
-    one, other = (reduce(np.add, marks[each.T]) for each in (cells, others))
-    return int((one ^ one >> 29).sum()) == int((other ^ other >> 29).sum())
-
-
 def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> Matching | None:
     """Match the vertices of the same faces, if there are no others."""
     corners, other_corners = a.mesh.cells, b.mesh.cells
     turned = 0
     slots = np.arange(cells.size), np.arange(cells.size)
     if not np.array_equal(cells, others):
-        if not _may_be_equal(cells, others):
-            return None
         faces = _faces(cells, others)
         if not np.array_equal(faces.here, faces.there):
             return None
@@ -248,13 +228,12 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
     cells, others, points = a.cells, b.cells, a.vertices
     if a.vertices.shape != b.vertices.shape or np.abs(a.vertices - b.vertices).max() > tolerance:
         cells, others, points, _ = by_nearness(a, b, tolerance)
-    rows, other_rows = _unequal(cells, others, len(points))
-    faces = _faces(cells[rows], others[other_rows])
+    faces = _faces(cells, others)
     if (faces.there < faces.here).any() and (faces.here < faces.there).any():
         return None
     is_first = len(cells) > len(others)
     number, other = faces.numbers
-    absent = rows[faces.there[number] == 0] if is_first else other_rows[faces.here[other] == 0]
+    absent = np.flatnonzero(faces.there[number] == 0 if is_first else faces.here[other] == 0)
     extra = np.abs(faces.here - faces.there)
     doubled = int(((np.minimum(faces.here, faces.there) == 1) & (extra == 1)).sum())
     repeated = int(extra.sum()) - len(absent) - doubled
@@ -267,18 +246,6 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
         one, other = (np.flatnonzero(reduce(np.bitwise_and, beyond[each.T]) == 0) for each in (cells, others))
         near = one, other
     return Lone(is_first, absent, faces.turned(), doubled, repeated, near)
-
-
-def _unequal(cells: IntArray, others: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """The cells but equal ones at both ends of the lists, and those which may be there twice, by their corners."""
-    least = min(len(cells), len(others))
-    ends = []
-    for one, other in ((cells, others), (cells[::-1], others[::-1])):
-        unequal = (one[:least] != other[:least]).any(axis=1)
-        ends.append(int(unequal.argmax()) if unequal.any() else least)
-    start, end = ends[0], min(ends[1], least - ends[0])
-    is_in = are_used(np.concatenate([each[start : len(each) - end] for each in (cells, others)]), count)
-    return np.flatnonzero(is_in[cells].all(axis=1)), np.flatnonzero(is_in[others].all(axis=1))
 
 
 def unlike(
