@@ -83,11 +83,8 @@ def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     starts = ends - counts
     inner = np.ones(len(corners), dtype=bool)
     inner[starts] = inner[ends - 1] = False
-    result = np.empty((len(corners) - 2 * len(counts), 3), dtype=np.int64)
-    result[:, 0] = np.repeat(corners[starts], (counts - 2).astype(np.intp))
-    result[:, 1] = corners[inner]
-    result[:, 2] = corners[1:][inner[:-1]]
-    return as_indices(result, np.int32)
+    first = np.repeat(corners[starts], (counts - 2).astype(np.intp))
+    return as_indices(np.stack([first, corners[inner], corners[1:][inner[:-1]]], axis=1), np.int32)
 
 
 def segments(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
