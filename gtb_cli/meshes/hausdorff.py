@@ -164,8 +164,9 @@ class _FarthestPoint:
     def bounded_well(self, pieces: CellParts) -> CellParts:
         """Like `bounded`, with the cells nearest to the middles."""
         for find in (self.tree.nearby, self.tree.search):
-            samples, likely = find(middles(pieces.corners), pieces.samples, pieces.likely)
-            pieces = self.needed(pieces.bounded(self.tree, likely, samples))
+            if len(pieces.bounds):  # else a search, which arranges all cells, is not needed
+                samples, likely = find(middles(pieces.corners), pieces.samples, pieces.likely)
+                pieces = self.needed(pieces.bounded(self.tree, likely, samples))
         return pieces
 
     def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:

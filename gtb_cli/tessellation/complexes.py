@@ -46,9 +46,8 @@ class Complex:
     @property
     def is_simplicial(self) -> bool:
         """Tell whether all cells of a uniform complex, and all of their sides, differ in their vertices."""
-        if not are_proper(self.cells).all() or _repeated(self.cells).any():
-            return False
-        return self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides
+        differ = are_proper(self.cells).all() and not _repeated(self.cells).any()
+        return bool(differ and (self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides))
 
     @property
     def without_collapsed(self) -> tuple[IntArray, BoolArray | slice]:

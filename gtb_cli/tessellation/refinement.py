@@ -198,7 +198,7 @@ class _Refinement:
         extents = (reduce(np.maximum, columns[axis::2]) - reduce(np.minimum, columns[axis::2]) for axis in (0, 1))
         width = np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows])
         few = np.clip(np.sqrt(2 * self.points_in_all / len(rows)) / SIDE_STEPS, 1, most)
-        parts = np.exp2(np.ceil(np.log2(np.maximum(most * width, 1.0)) - 1e-9))
+        parts: FloatArray = np.exp2(np.ceil(np.log2(np.maximum(most * width, 1.0)) - 1e-9))
         return SIDE_STEPS * np.maximum(int(few), parts.astype(np.int64))
 
     def sample_on_lattices(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:

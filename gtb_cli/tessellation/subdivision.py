@@ -141,8 +141,7 @@ class Subdivision:
         vertex[chosen] = len(self.points) + np.arange(len(chosen))
         child = np.full((count, 2), -1)  # its halves at its first and at its second end
         child[chosen] = count + np.arange(2 * len(chosen)).reshape(2, -1).T
-        if len(self.collapsed):
-            self._collapse(old, vertex[chosen])
+        self._collapse(old, vertex[chosen])
         self.vertices = joined([self.vertices, Vertices(old.patch, old.middles, old.face, old.middle, old.guess)])
         self.points = self.vertices.points
         ends = [np.stack([end, vertex[chosen]], axis=1) for end in old.ends.T]
