@@ -81,9 +81,8 @@ def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
     for mesh in (a, b):
         spans = np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1)
         directions.append(unit(spans[0] if mesh.is_curve else cross(*spans)).round(4))
-    number = numbered_places(np.concatenate(directions))[1].astype(np.int64)[:, None] * (
-        int(places[1].max()) + len(a.vertices) + 1
-    )
+    direction, most = numbered_places(np.concatenate(directions))[1], int(places[1].max()) + len(a.vertices) + 1
+    number = direction.astype(np.int64)[:, None] * most
     both = [place + each for place, each in zip(places, np.split(number, [len(a.cells)]), strict=True)]
     return [[each.ravel() for each in both], [each.ravel() for each in places]]
 
