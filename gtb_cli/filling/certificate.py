@@ -242,9 +242,9 @@ def curvature_near(patch: Patch, corner: int) -> float:
     best = np.argsort(np.where(found == around, found, 0).ravel())[-peaks:]
     at, shares = np.stack([u, depth]).reshape(2, -1)[:, best], np.stack(np.meshgrid(fine, fine)).reshape(2, -1, 1)
     steps = np.stack([np.full(peaks, ways[1] - ways[0]), np.gradient(depth[:, 0])[best // len(ways)]])
-    for step in (steps, steps / 3, steps / 9):  # up the highest peaks over a fan of ways, and distances
-        found = curvatures(*(tried := at[:, None] + shares * step[:, None]))
-        at = tried[:, found.argmax(axis=0), np.arange(peaks)]
+    heights = np.zeros(peaks)  # of the highest, over a fan of ways and distances: they are climbed to the top
+    while ((found := curvatures(*(tried := at[:, None] + shares * steps[:, None]))) > 1.005 * heights).any():
+        at, heights, steps = tried[:, found.argmax(axis=0), np.arange(peaks)], found.max(axis=0), steps / 3
     return float(found.max()) or math.nan
 
 
