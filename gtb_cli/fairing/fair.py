@@ -164,7 +164,7 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     Descent begins at the given ones, then at a thin plate if that is fairer than what is found, or if the quadratures
     do not agree on what is given: it is as good as folded somewhere.
     """
-    quadratures = refined(patch.domain, patch.log_products, (32, 48))
+    quadratures = refined(patch.domain, patch.log_products, (24, 48))
     search, judge = ([(list(blocks(*each[:3])), each.areas) for each in zones] for zones in quadratures)
     plate = _least(energy_matrix(patch, "thin-plate"), given, free)
     coarse, before = (figures(measured(zones, [given])[0]) for zones in (search, judge))
