@@ -150,7 +150,8 @@ class Filling:
         others = "other ribbons, or " * planes + "curves that cut the hole into smaller ones"
         if self.angle > 45:  # where fields follow the planes at all, it is below a degree
             far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
-            what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
+            side = self.sides[int(np.nanargmax([each.angle for each in self.contacts]))].name
+            what, way_out = f"{far} along {side}", 'let its ribbon point into the hole, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
             way_out = f"{'try a fullness of 0.8 or 0.5,' if planes else 'raise degrees more, or try'} {others}"
