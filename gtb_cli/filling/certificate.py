@@ -12,7 +12,7 @@ from gtb_cli.fairing.folds import most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.hole_corners import at_corners, concave_corners
 from gtb_cli.filling.osculation import Rim, patch_bend
-from gtb_cli.filling.sides import HoleSide, edge_normals, points_and_tangents, stations
+from gtb_cli.filling.sides import HoleSide, edge_normals, edge_of, points_and_tangents, stations
 from gtb_cli.models.model import Model
 from gtb_cli.theory.corners import CornerLayer, CornerLimits, corner_layer
 from gtb_cli.theory.patch import Patch
@@ -170,11 +170,6 @@ class Filling:
 
     def __repr__(self) -> str:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
-
-
-def edge_of(patch: Patch, side: int) -> int:
-    """Return the edge of a filling that is a side: each begins at the knot of its number."""
-    return int(np.abs(patch.domain.vertices - patch.knots[side]).sum(axis=1).argmin())
 
 
 def contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None) -> Contact:
