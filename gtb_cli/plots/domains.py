@@ -13,6 +13,7 @@ from gtb_cli.plots import scene
 from gtb_cli.plots.look import Axes, Figure, Look, subscript
 from gtb_cli.plots.palette import FAINT, INK, LINE_COLOURS, patch_colour, rgb
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import grouped
 
 
 def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
@@ -79,9 +80,7 @@ def _inward(place: FloatArray, shape: Domain) -> FloatArray:
 
 def _gathered(knots: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float, ...], str]]:
     """Return the place of each knot, and the texts of all that are there."""
-    lines: dict[tuple[float, ...], list[str]] = {}
-    for knot, text in zip(knots.tolist(), texts, strict=False):
-        lines.setdefault(tuple(knot), []).append(text)
+    lines = grouped(zip(map(tuple, knots.tolist()), texts, strict=False))
     return [(place, "\n".join(several)) for place, several in lines.items()]
 
 
