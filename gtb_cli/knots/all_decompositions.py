@@ -17,7 +17,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.polyhedral_cones import Bits, Vector, extreme_rays, maximal, members, product_of, without_divisor
 from gtb_cli.knots.upper_faces import Simplex, lifted_knots
-from gtb_cli.values import by_value
+from gtb_cli.values import by_value, grouped
 
 TOO_NEAR = "knots are too near to each other, beside their distances from others"
 
@@ -159,13 +159,12 @@ class _Chamber:
 
     def __init__(self, walk: _Walk, cells: Cells) -> None:
         self._walk, self._cells = walk, cells
-        joints: dict[frozenset[int], list[tuple[int, int]]] = {}  # a simplex, and a knot that may join its cell
-        circuits: dict[frozenset[int], _Circuit] = {}
         self._simplex_at: dict[tuple[int, int], int] = {}
-        for number, knot, circuit in self._conditions():
-            circuits.setdefault(circuit.knots, circuit)
-            joints.setdefault(circuit.knots, []).append((number, knot))
-        self._joints, self._circuits = list(joints.values()), list(circuits.values())
+        conditions = grouped((condition[2].knots, condition) for condition in self._conditions()).values()
+        self._joints = [
+            [joint for *joint, _ in each] for each in conditions
+        ]  # a simplex, and a knot that may join its cell
+        self._circuits = [each[0][2] for each in conditions]
         rows = [circuit.row for circuit in self._circuits]
         self._rays = extreme_rays(rows, len(walk.free), walk.rounding)
         self._drops = [[product_of(row, ray, walk.rounding) for row in rows] for ray in self._rays]
@@ -201,20 +200,15 @@ class _Chamber:
     def _joined(self, face: Bits) -> Cells:
         """Return the cells of liftings inside a face."""
         group = list(range(len(self._cells)))
-        more: list[tuple[int, int]] = []
-        for row, joints in enumerate(self._joints):
-            if any(self._drops[ray][row] for ray in members(face)):
-                continue
-            for number, knot in joints:
-                if (number, knot) in self._simplex_at:
-                    a, b = group[number], group[self._simplex_at[number, knot]]
-                    group = [a if x == b else x for x in group]
-                else:
-                    more.append((number, knot))
+        flat = [row for row in range(len(self._joints)) if not any(self._drops[ray][row] for ray in members(face))]
+        joints = [joint for row in flat for joint in self._joints[row]]
+        for number, knot in joints:
+            a, b = group[number], group[self._simplex_at.get((number, knot), number)]
+            group = [a if x == b else x for x in group]
         cells: dict[int, set[int]] = {}
-        for number, cell in enumerate(self._cells):
-            cells.setdefault(group[number], set()).update(cell)
-        for number, knot in more:
+        for first, cell in zip(group, self._cells, strict=True):
+            cells.setdefault(first, set()).update(cell)
+        for number, knot in joints:
             cells[group[number]].add(knot)
         return tuple(sorted(tuple(sorted(cell)) for cell in cells.values()))
 
@@ -227,11 +221,9 @@ class _Chamber:
         scale = math.lcm(*(drop.numerator for drop in largest if isinstance(drop, Fraction)))
         lengths = [int(scale / drop) if walk.is_exact else float(1 / drop) for drop in largest]
         parts = [(length, self._rays[ray]) for length, ray in zip(lengths, rays, strict=True)]
-        inner = [sum(length * ray[k] for length, ray in parts) for k in range(len(walk.free))]
+        inner = without_divisor([sum(length * ray[k] for length, ray in parts) for k in range(len(walk.free))])
         lifting = np.zeros(walk.n)
-        if any(inner):
-            inner = [*without_divisor(inner)]
-            lifting[walk.free] = inner
+        lifting[walk.free] = inner
         cells = self._joined(face)
         is_certain = walk.is_exact and lifting[walk.free].tolist() == inner
         if not is_certain and regular_decomposition(walk.points, lifting).cells != cells:
