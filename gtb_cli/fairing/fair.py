@@ -102,15 +102,19 @@ def fair(
     found = loaded(spec, Patch, Model)
     if found.dimension == 1:
         raise DomainError("fair: expected a surface, this is a curve")
-    if energy not in ENERGIES:
-        raise DomainError(f"energy: expected {', '.join(ENERGIES[:-1])} or {ENERGIES[-1]}, got {energy!r}")
-    if keep not in KEEPS:
-        raise DomainError(f"keep: expected {', '.join(KEEPS[:-1])} or {KEEPS[-1]}, got {keep!r}")
+    for name, value, known in (("energy", energy, ENERGIES), ("keep", keep, KEEPS)):
+        if value not in known:
+            raise DomainError(f"{name}: expected {', '.join(known[:-1])} or {known[-1]}, got {value!r}")
     if isinstance(found, Patch):
         return _faired(found, energy, [keep] * len(found.domain.vertices))
     made: list[Fairing] = []
     alike: dict[object, int] = {}
-    for patch, keeps in zip(found, _kept_edges(found, keep), strict=True):
+    # No less than tangents stays at points and at smooth seams.
+    kept = [[keep] * len(patch.domain.vertices) for patch in found]
+    smooth = [ref for seam in found.seams if not seam.is_crease for ref in (seam.first, seam.second)]
+    for index, edge in (*smooth, *found.joints.collapsed):
+        kept[index][edge] = max("tangents", keep, key=KEEPS.index)
+    for patch, keeps in zip(found, kept, strict=True):
         size = np.linalg.norm(patch.control_points - patch.control_points.mean(axis=0))
         k = alike.setdefault((patch.knots.tobytes(), tuple(keeps), f"{size:.6g}"), len(made))
         made.append((k < len(made) and _copied(found[k], made[k], patch)) or _faired(patch, energy, keeps))
@@ -128,15 +132,6 @@ def _copied(patch: Patch, made: Fairing, other: Patch) -> Fairing | None:
         return None
     shifts = (made.patch.control_points - patch.control_points) @ turn
     return replace(made, patch=other.replace(control_points=other.control_points + shifts) if shifts.any() else other)
-
-
-def _kept_edges(model: Model, keep: Keep) -> list[list[Keep]]:
-    """Return what stays along each edge of each patch: no less than tangents at points and smooth seams."""
-    kept = [[keep] * len(patch.domain.vertices) for patch in model]
-    smooth = [ref for seam in model.seams if not seam.is_crease for ref in (seam.first, seam.second)]
-    for index, edge in (*smooth, *model.joints.collapsed):
-        kept[index][edge] = max("tangents", keep, key=KEEPS.index)
-    return kept
 
 
 def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
