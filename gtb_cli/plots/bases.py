@@ -37,15 +37,13 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
     basis_points = 480  # number of points at which a basis is evaluated; knots and their neighbours are among them
     indices = chosen(look, curves[0])
     symbol = "β" if look.unnormalised else "T"
-    number = 0
     for variant, curve in enumerate(curves):
         low, high = (float(x) for x in curve.domain.vertices[:, 0])
         even = (1 - np.cos(np.linspace(0, np.pi, basis_points + 1))) / 2
         t = np.union1d(low + (high - low) * even, curve.knots[:, 0]).clip(low, high)
         values = basis_values(curve, t, look.unnormalised)
-        for index in indices:
+        for number, index in enumerate(indices, variant * len(indices)):
             colour, dashes = line_style(number)
-            number += 1
             ax.plot(t, values[:, index], dashes, color=colour, lw=1.6, zorder=3, clip_on=False)
             top = int(np.argmax(values[:, index]))
             text = names[variant] if names else subscript(symbol, index)
