@@ -75,16 +75,11 @@ class VertexLattices:
         if self.is_worth_it:
             start = _between(self.lines(solve))[..., : self.last + 1].reshape(2, -1).take(place, axis=1)
         values = np.zeros((2, math.prod(shape)))
-        values[:, place] = solve(self._points(place), start)
-        return values.reshape(2, *shape)
-
-    def _points(self, place: IntArray) -> FloatArray:
-        """Return the points at places numbered by lattice, y and x: (m,) → (m, 2)."""
-        rest, x = np.divmod(place, self.last + 1)
-        sheet, y = np.divmod(rest, self.last + 1)
-        x, y = x[:, None], y[:, None]
+        sheet, *steps = np.unravel_index(place, shape)
+        y, x = (step[:, None] for step in steps)
         o, a, b, t = (each.take(sheet, axis=0) for each in (self.origin, self.along, self.across, self.twist))
-        return np.asarray(o + x * a + y * (b + x * t))
+        values[:, place] = solve(o + x * a + y * (b + x * t), start)
+        return values.reshape(2, *shape)
 
     def lines(self, solve: Solver) -> FloatArray:
         """Return values at every `STRIDE`-th place of all rows, from a coarser lattice: (2, c, y, nodes)."""
