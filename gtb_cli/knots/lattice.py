@@ -58,7 +58,15 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
     """
     directions = _directions(domain)
     if not directions:
-        return _edge_binomials(domain)
+        coefficients = np.ones(len(domain.knots))
+        for edge, (members, fractions, _) in enumerate(domain.edge_fractions):
+            degree = _representable(len(members) - 1)
+            if np.abs(degree * fractions - np.arange(degree + 1)).max() > LATTICE_TOLERANCE:
+                places = " ".join(f"{fraction:.4g}" for fraction in fractions[:8])
+                found = f"those of edge {edge} are at {places}{' ...' * (len(members) > 8)} of it"
+                raise DomainError(f"coefficients: binomial needs equally spaced knots along each edge, {found}")
+            coefficients[members] = [math.comb(degree, k) for k in range(degree + 1)]
+        return read_only(coefficients)
     if fault := lattice_fault(domain):
         raise DomainError(f"coefficients: binomial needs {fault}")
     degree = _representable(max(direction.degree for direction in directions))
@@ -70,18 +78,6 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
         return read_only([float(value) for value in values])
     except OverflowError:
         raise DomainError(f"coefficients: binomial of degree {degree} is beyond the range of floats") from None
-
-
-def _edge_binomials(domain: Domain) -> FloatArray:
-    coefficients = np.ones(len(domain.knots))
-    for edge, (members, fractions, _) in enumerate(domain.edge_fractions):
-        degree = _representable(len(members) - 1)
-        if np.abs(degree * fractions - np.arange(degree + 1)).max() > LATTICE_TOLERANCE:
-            places = " ".join(f"{fraction:.4g}" for fraction in fractions[:8])
-            found = f"those of edge {edge} are at {places}{' ...' * (len(members) > 8)} of it"
-            raise DomainError(f"coefficients: binomial needs equally spaced knots along each edge, {found}")
-        coefficients[members] = [math.comb(degree, k) for k in range(degree + 1)]
-    return read_only(coefficients)
 
 
 def _representable(degree: int) -> int:
