@@ -98,12 +98,11 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
         ax.fill_between(t[[a, b]], heights[[a, b]], floor, color=patch_colour(cell), alpha=0.35, lw=0, zorder=1)
         ax.plot(t[[a, b]], heights[[a, b]], "-", color=INK, lw=1.5, zorder=3)
         ax.plot(t[[a, b]], [floor, floor], "-", color=patch_colour(cell), lw=5, zorder=2, solid_capstyle="butt")
-    for x, height in zip(t.tolist(), heights.tolist(), strict=True):
-        ax.plot([x, x], [floor, height], ":", color=FAINT, lw=0.9, zorder=2)
     for level in (heights, np.full(len(t), floor)):
         _draw_knots(scene.View(ax), np.column_stack([t, level]), found.absent)
-    if numbered:
-        for i, (x, height) in enumerate(zip(t.tolist(), heights.tolist(), strict=True)):
+    for i, (x, height) in enumerate(zip(t.tolist(), heights.tolist(), strict=True)):
+        ax.plot([x, x], [floor, height], ":", color=FAINT, lw=0.9, zorder=2)
+        if numbered:
             climbs = any(t[a] <= x < t[b] and heights[b] > heights[a] for a, b in found.polygons)
             rising = climbs and i not in found.absent
             scene.note(ax, f"{height:.4g}", (x, height), (-5 if rising else 5, 4), ha="right" if rising else "left")

@@ -15,7 +15,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.plots.bases import draw_bases, draw_basis
 from gtb_cli.plots.domains import draw_all_decompositions, draw_decomposition, draw_domain, draw_lifted
-from gtb_cli.plots.look import Axes, Figure, Look, empty_figure, look_of, panels, settings, subscript, with_numbers
+from gtb_cli.plots.look import Axes, Figure, Look, empty_figure, panels, settings, subscript, with_numbers
 from gtb_cli.plots.net_lines import is_flat
 from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_frames
 from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
@@ -99,7 +99,9 @@ def picture_of(thing: Patch | Model | Mesh, what: str | None, options: Mapping[s
         raise DomainError(f"options: expected some of {', '.join(known)}, got {unknown[0]!r}")
     variation = vary if vary is None or isinstance(vary, Variation) else _variation_of(vary)
     what = what or ("sequence" if len(approach.x) or approach.merge else default_picture(thing))
-    picture = Picture(what, look_of(rest), approach, variation)
+    look = Look(**{name: value for name, value in rest.items() if name != "stretch"})
+    camera = replace(look.camera, stretch=rest.get("stretch", look.camera.stretch))
+    picture = Picture(what, replace(look, camera=camera), approach, variation)
     _check(thing, picture)
     return picture
 
