@@ -102,13 +102,9 @@ class VertexLattices:
         chosen = lines[:, :, self.last + 1 - end : self.last + 1 - first][:, :, ::-1] if rings else lines[:, :, rows]
         nodes = -(-int(self.counts[rows].max()) // (STRIDE * len(self.origin)))
         between = _between(chosen[..., : nodes + ORDER])
-        result = np.empty((2, int(self.counts[rows].sum())))
-        begin = 0
-        for row, count in enumerate(self.counts[rows].tolist()):
-            part = result[:, begin : begin + count].reshape(2, -1, max(count // len(self.origin), 1))
-            part[...] = between[:, : part.shape[1], row, : part.shape[2]]
-            begin += count
-        return result
+        shapes = [(count, max(count // len(self.origin), 1)) for count in self.counts[rows].tolist()]
+        parts = [between[:, : m // width, k, :width].reshape(2, m) for k, (m, width) in enumerate(shapes)]
+        return np.concatenate(parts, axis=1)
 
 
 def vertex_lattices(domain: Domain, resolution: int) -> VertexLattices:
@@ -128,9 +124,7 @@ def _extended(values: FloatArray, last: IntArray) -> FloatArray:
     weights_before = _lagrange(0, np.arange(-NODES_BEFORE, 0))
     # Weights that extend a line beyond its ends, by the polynomials of its first and of its last nodes
     weights_after = _lagrange(0, np.arange(ORDER, ORDER + NODES_AFTER))
-    nodes = values.shape[-1]
-    lines = np.zeros((*values.shape[:-1], nodes + ORDER))
-    lines[..., NODES_BEFORE : NODES_BEFORE + nodes] = values
+    lines = np.pad(values, [(0, 0)] * 3 + [(NODES_BEFORE, NODES_AFTER)])
     lines[..., :NODES_BEFORE] = lines[..., NODES_BEFORE : NODES_BEFORE + ORDER] @ weights_before
     long = np.flatnonzero(last >= ORDER - 1)
     end = NODES_BEFORE + 1 + last[long, None]
