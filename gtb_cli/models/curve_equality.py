@@ -108,14 +108,9 @@ def _difference(one: Curve, other: Curve, scale: float, shift: float) -> tuple[f
     means_of_rates = np.add.reduceat(shares[:, 0] * rates, starts)[group, None]
     slopes = np.add.reduceat(shares * (rates[:, None] - means_of_rates) * values[:, :3], starts)
     step = float((slopes * means[:, :3]).sum() / max((slopes**2).sum(), np.finfo(float).tiny))
-    return *_longest(values, means, knots, logs, knots - knots[starts][group]), step
-
-
-def _longest(
-    values: FloatArray, means: FloatArray, knots: FloatArray, logs: FloatArray, gaps: FloatArray
-) -> tuple[float, float]:
-    """Return the longest control points of differences of points and of fractions, with knots merged over gaps."""
-    # A share grows by e^{|s| gap} at most, which does not count where all shares but an end's are below a rounding.
+    # The longest control points. Knots are merged over gaps: a share grows by e^{|s| gap} at most, which does not count
+    # where all shares but an end's are below a rounding.
+    gaps = knots - knots[starts][group]
     bounds = [float(np.linalg.norm(means[:, :3], axis=1).max()), float(np.abs(means[:, 3]).max())]
     if gaps.any():
         least, tiny = -np.log(EPS), np.finfo(float).tiny
@@ -126,10 +121,10 @@ def _longest(
         reach = float(np.max(reaches))
         growth = np.expm1(min(float(gaps.max()) * reach, 1.0))
         if growth > 1:
-            return np.inf, np.inf
+            return np.inf, np.inf, step
         parts = np.linalg.norm(values[:, :3], axis=1), values[:, 3]
         bounds = [bound + growth * float(np.abs(part).max()) for bound, part in zip(bounds, parts, strict=True)]
-    return bounds[0], bounds[1]
+    return bounds[0], bounds[1], step
 
 
 def _unevenness(curve: Curve, ends: FloatArray, tolerance: float) -> float:
