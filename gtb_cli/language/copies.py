@@ -218,9 +218,7 @@ def carried_out(
     made: dict[int, list[Patch]] = {}
     for number in order:
         copy, original = copies[number], found.get(copies[number].original)
-        if original is None or not copy.moves.moves:
-            continue
-        made[number] = copy.moves.made(original, copy.names, values, copy.path)
-        if made[number]:
-            found |= zip(copy.names, made[number], strict=True)
+        if original is not None and copy.moves.moves:
+            made[number] = copy.moves.made(original, copy.names, values, copy.path)
+            found |= zip(copy.names, made[number], strict=False)  # of all copies, or of none
     return made

@@ -6,7 +6,7 @@ from typing import Any
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import shown
 from gtb_cli.language.keys_and_values import POSITIVE, Table, Values
-from gtb_cli.language.names import named_numbers
+from gtb_cli.language.names import read_numbers
 from gtb_cli.language.patch_reader import INCLUDE_KEYS, MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.reading import NO_LET, Let
 from gtb_cli.language.scanner import Path
@@ -27,7 +27,7 @@ def read_spec(
     if not isinstance(data, dict):
         values.faults.add((), f"must be a table with the keys of a patch, got {shown(data)}")
         return None
-    values.names = named_numbers(data, values, given)
+    read_numbers(data, values, given)
     reader = Reader(values, row)
     if "patches" not in data and "include" not in data:
         return reader.patch(data, (), name)
