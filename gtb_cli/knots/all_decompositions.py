@@ -228,6 +228,5 @@ class _Chamber:
         is_certain = walk.is_exact and lifting[walk.free].tolist() == inner
         if not is_certain and regular_decomposition(walk.points, lifting).cells != cells:
             raise ToleranceError(f"knots: the lifting for {cells} does not induce them, as {TOO_NEAR}")
-        present = {i for cell in cells for i in cell}
-        absent = tuple(i for i in range(walk.n) if i not in present)
+        absent = tuple(sorted(set(range(walk.n)).difference(*cells)))
         return LiftingCone(cells, absent, read_only(lifting), dimension, self.flips if face == self.whole else ())
