@@ -73,12 +73,15 @@ def draw_bases(
     fine = look.resolution or (64 if len(indices) * len(variants) <= 4 else 48)
     # A pixel is enough for a segment.
     fine = min(fine, math.ceil(max(look.size) * look.dpi / math.sqrt(len(indices) * len(variants))))
+    share = (1 - np.cos(np.linspace(0, np.pi, 65)[:-1, None])) / 2  # of an edge, at places denser towards its ends
     surfaces, titles, rims = [], [], []
     for patch, name in zip(variants, names, strict=True):
         flat = Patch(patch.knots, patch.knots, patch.weights, patch.coefficients, log_weights=patch.log_weights)
         mesh = tessellate(flat, fine, parametrization="toric", normals=False)
         assert mesh.parameters is not None
-        around = _rim(patch)
+        corners = patch.domain.vertices
+        ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+        around = np.concatenate([*(a + (b - a) * share for a, b in ends), corners[:1]])
         for index in indices:
             values, rim = (basis_values(patch, u, look.unnormalised)[:, index] for u in (mesh.parameters, around))
             highest = values.max()
@@ -101,11 +104,3 @@ def draw_bases(
         spots = np.column_stack([knots, np.zeros(len(knots))])
         view.points(np.delete(spots, index, axis=0), edge=FAINT, size=2.6)
         view.points(spots[[index]], colour=INK, edge="white", size=4.2)
-
-
-def _rim(patch: Patch) -> FloatArray:
-    """Return parameters around Δ, (m, 2), denser towards its corners."""
-    corners = patch.domain.vertices
-    share = (1 - np.cos(np.linspace(0, np.pi, 65)[:-1, None])) / 2
-    ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    return np.concatenate([*(a + (b - a) * share for a, b in ends), corners[:1]])

@@ -1,7 +1,7 @@
 """Pictures of domains, of one decomposition or all, and of lifted knots with their upper hull."""
 
 from collections.abc import Sequence
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -121,10 +121,9 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     domain_gap = 0.4  # distance of Δ below the lowest lifted knot, relative to the width of Δ
     heights = domain_gap + scene.GRAPH_HEIGHT * (found.lifting - found.lifting.min()) / rise
     lifted, ground = np.column_stack([flat, heights]), np.column_stack([flat, np.zeros(len(flat))])
-    fans = [[(p[0], p[k], p[k + 1]) for k in range(1, len(p) - 1)] for p in found.polygons]
-    upper = np.array([face for fan in fans for face in fan])
-    cell = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
-    colours = np.array([rgb(patch_colour(k)) for k in cell.tolist()])
+    fans = [(k, (p[0], *pair)) for k, p in enumerate(found.polygons) for pair in pairwise(p[1:])]
+    upper = np.array([face for _, face in fans])
+    colours = np.array([rgb(patch_colour(cell)) for cell, _ in fans])
     vertices = np.concatenate([lifted, ground])
     faces = np.concatenate([upper, upper + len(lifted)])
     surface = scene.ShadedTriangles(vertices, faces, None, np.concatenate([colours, colours]))

@@ -215,11 +215,8 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
         raise DomainError(f"{option}: a knot of a surface is a point, and `merge` moves it")
     if vary.knot >= len(patch.knots):
         raise DomainError(f"{option}: expected an index below {len(patch.knots)}")
-    variants = []
-    for value in vary.values:
-        numbers = getattr(patch, vary.key).copy()
-        numbers[vary.knot] = value
-        variants.append(patch.replace(**{vary.key: numbers}))
+    numbers, varies = getattr(patch, vary.key).ravel(), np.arange(len(patch.knots)) == vary.knot
+    variants = [patch.replace(**{vary.key: np.where(varies, value, numbers)}) for value in vary.values]
     symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
     pretty = [re.sub(r"sqrt\((\d+)\)", r"√\1", text) for text in vary.texts]
     return variants, [f"{symbol} = {text}" for text in pretty]
