@@ -159,12 +159,9 @@ class _Chamber:
 
     def __init__(self, walk: _Walk, cells: Cells) -> None:
         self._walk, self._cells = walk, cells
-        self._simplex_at: dict[tuple[int, int], int] = {}
-        conditions = grouped((condition[2].knots, condition) for condition in self._conditions()).values()
-        self._joints = [
-            [joint for *joint, _ in each] for each in conditions
-        ]  # a simplex, and a knot that may join its cell
-        self._circuits = [each[0][2] for each in conditions]
+        conditions = grouped((condition[1].knots, condition) for condition in self._conditions()).values()
+        self._joints = [[joint for joint, _ in each] for each in conditions]
+        self._circuits = [each[0][1] for each in conditions]
         rows = [circuit.row for circuit in self._circuits]
         self._rays = extreme_rays(rows, len(walk.free), walk.rounding)
         self._drops = [[product_of(row, ray, walk.rounding) for row in rows] for ray in self._rays]
@@ -174,8 +171,11 @@ class _Chamber:
         self.flips = tuple(sorted(self._flipped(self._circuits[on.index(facet)]) for facet in self.facets))
         self.names = [walk.numbers.setdefault(self._joined(1 << k), len(walk.numbers)) for k in range(len(self._rays))]
 
-    def _conditions(self) -> Iterator[tuple[int, int, _Circuit]]:
-        """Yield what bounds the chamber: a simplex, by number, and a knot that stays below its plane."""
+    def _conditions(self) -> Iterator[tuple[tuple[int, int, int], _Circuit]]:
+        """Yield what bounds the chamber: a simplex, by number, and a knot that stays below its plane.
+
+        A third number is the simplex of that knot, beside the first, or the first itself for a knot that is in none.
+        """
         circuit, used = self._walk.circuit, {i for cell in self._cells for i in cell}
         beside: dict[Simplex, tuple[int, int]] = {}  # the first simplex at a side, and its opposite knot
         for number, simplex in enumerate(self._cells):
@@ -183,12 +183,11 @@ class _Chamber:
                 side = tuple(j for j in simplex if j != i)
                 if side in beside:
                     other, knot = beside[side]
-                    yield number, knot, circuit(simplex, knot)
-                    self._simplex_at[number, knot] = other
+                    yield (number, knot, other), circuit(simplex, knot)
                 beside[side] = number, i
             for knot in range(self._walk.n):
                 if knot not in used and (found := circuit(simplex, knot)).below == {knot}:
-                    yield number, knot, found
+                    yield (number, knot, number), found
 
     def _flipped(self, circuit: _Circuit) -> Cells:
         old = [circuit.knots - {i} for i in circuit.below]
@@ -202,13 +201,13 @@ class _Chamber:
         group = list(range(len(self._cells)))
         flat = [row for row in range(len(self._joints)) if not any(self._drops[ray][row] for ray in members(face))]
         joints = [joint for row in flat for joint in self._joints[row]]
-        for number, knot in joints:
-            a, b = group[number], group[self._simplex_at.get((number, knot), number)]
+        for number, _, other in joints:
+            a, b = group[number], group[other]
             group = [a if x == b else x for x in group]
         cells: dict[int, set[int]] = {}
         for first, cell in zip(group, self._cells, strict=True):
             cells.setdefault(first, set()).update(cell)
-        for number, knot in joints:
+        for number, knot, _ in joints:
             cells[group[number]].add(knot)
         return tuple(sorted(tuple(sorted(cell)) for cell in cells.values()))
 
