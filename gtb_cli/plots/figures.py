@@ -17,7 +17,7 @@ from gtb_cli.plots.bases import draw_bases, draw_basis
 from gtb_cli.plots.domains import draw_all_decompositions, draw_decomposition, draw_domain, draw_lifted
 from gtb_cli.plots.look import Axes, Figure, Look, empty_figure, panels, settings, subscript, with_numbers
 from gtb_cli.plots.net_lines import is_flat
-from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_frames
+from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_distances, figure_of_members
 from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import PLOT_KINDS, SHAPE_PICTURES
@@ -155,7 +155,9 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
     """Draw a spec or a mesh."""
     what, look, _, vary = picture
     if what in ("sequence", "distance"):
-        return figure_of_frames(frames_of_picture(thing, picture), what, look)
+        frames = frames_of_picture(thing, picture)
+        members = range(len(frames.meshes))
+        return figure_of_distances(frames, look) if what == "distance" else figure_of_members(frames, members, look)
     with settings():
         figure = empty_figure(look)
         if what == "decompositions" and isinstance(thing, Patch):

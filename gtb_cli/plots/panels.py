@@ -46,18 +46,11 @@ class Frames:
         return [*(f"{self.key} = {value:.6g}" for value in self.values[:-1]), "limit"]
 
 
-def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
-    """Draw the meshes of a "sequence" side by side, all with one camera and one scale; or their "distance"."""
-    if what == "distance":
-        return _figure_of_distances(frames, look)
-    max_panels = 24  # panels of one figure
-    if len(frames.meshes) > max_panels:
-        raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
-    return figure_of_members(frames, range(len(frames.meshes)), look)
-
-
 def figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
-    """Draw some meshes of a sequence side by side, with a scale that suits all of them."""
+    """Draw some meshes of a sequence side by side, all with one camera, and a scale that suits the whole sequence."""
+    max_panels = 24  # panels of one figure
+    if len(members) > max_panels:
+        raise DomainError(f"a sequence of {len(members)} meshes: a figure has room for {max_panels} panels")
     clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points, *frames.own_net]
     limit, film = frames.meshes[-1], frames.film
     flat = limit.is_curve and is_flat(clouds)
@@ -186,7 +179,7 @@ class Approach:
         return Frames(*known, points, lines, found.film, own)
 
 
-def _figure_of_distances(frames: Frames, look: Look) -> Figure:
+def figure_of_distances(frames: Frames, look: Look) -> Figure:
     """Draw the distances from the limit, both axes logarithmic: against x, or against what is left of the way."""
     if not frames.distances:
         raise DomainError("its distances were not measured: make it again without `distances=False`")
