@@ -102,17 +102,17 @@ def fair(
     found = loaded(spec, Patch, Model)
     if found.dimension == 1:
         raise DomainError("fair: expected a surface, this is a curve")
-    if energy not in ENERGIES:
-        raise DomainError(f"energy: expected {', '.join(ENERGIES[:-1])} or {ENERGIES[-1]}, got {energy!r}")
-    if keep not in KEEPS:
-        raise DomainError(f"keep: expected {', '.join(KEEPS[:-1])} or {KEEPS[-1]}, got {keep!r}")
+    for name, value, known in (("energy", energy, ENERGIES), ("keep", keep, KEEPS)):
+        if value not in known:
+            raise DomainError(f"{name}: expected {', '.join(known[:-1])} or {known[-1]}, got {value!r}")
     if isinstance(found, Patch):
         return _faired(found, energy, [keep] * len(found.domain.vertices))
     made: list[Fairing] = []
     alike: dict[object, int] = {}
+    # No less than tangents stays at points and at smooth seams.
     kept = [[keep] * len(patch.domain.vertices) for patch in found]
     smooth = [ref for seam in found.seams if not seam.is_crease for ref in (seam.first, seam.second)]
-    for index, edge in (*smooth, *found.joints.collapsed):  # no less than tangents stays there
+    for index, edge in (*smooth, *found.joints.collapsed):
         kept[index][edge] = max("tangents", keep, key=KEEPS.index)
     for patch, keeps in zip(found, kept, strict=True):
         size = np.linalg.norm(patch.control_points - patch.control_points.mean(axis=0))
