@@ -6,7 +6,7 @@ from typing import Any
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import shown
 from gtb_cli.language.keys_and_values import POSITIVE, Table, Values
-from gtb_cli.language.names import named_numbers
+from gtb_cli.language.names import named_numbers, numbers_in_no_let
 from gtb_cli.language.patch_reader import INCLUDE_KEYS, MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.reading import NO_LET, Let
 from gtb_cli.language.scanner import Path
@@ -31,6 +31,10 @@ class ModelReader:
         if not isinstance(data, dict):
             self.faults.add((), f"must be a table with the keys of a patch, got {shown(data)}")
             return None
+        if "let" not in data and (loose := numbers_in_no_let(data)):
+            line = "the line [let] is missing before this: expressions use it"
+            self.faults.add((next(iter(loose)),), line)
+            data = {key: entry for key, entry in data.items() if key not in loose} | {"let": loose}
         self.values.names = named_numbers(data, self.values, self._given)
         if "patches" not in data and "include" not in data:
             return self._reader.patch(data, (), name)

@@ -45,6 +45,13 @@ def named_numbers(table: dict[str, Any], values: Values, given: Let) -> dict[str
     return names
 
 
+def numbers_in_no_let(table: dict[str, Any]) -> dict[str, Any]:
+    """Return the numbers, and expressions, at the top of a spec if one of its expressions uses them."""
+    others = {key: entry for key, entry in table.items() if key not in PATCH_KEYS | MODEL_KEYS}
+    found = {key: entry for key, entry in others.items() if isinstance(entry, int | float | str)}
+    return found if found and found.keys() & re.findall(NAME_PATTERN, str([*table.values()])) else {}
+
+
 def _late(value: object, let: Mapping[str, object], names: Mapping[str, float]) -> str | None:
     """Say which name an expression uses before it has a number."""
     needed = names_in(value) if isinstance(value, str) else []

@@ -62,7 +62,7 @@ def check_ranges(document: Document, faults: Faults, numbers: Mapping[str, float
         if name in given and (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
             words = f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"
             if name in counts:
-                faults.add(("let", name), words)
+                return faults.replace(("let", name), words)
             faults.doubt = faults.doubt or (("let", name), words)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import point_text
+from gtb_cli.arrays import cross, dot, point_text
 from gtb_cli.errors import RequirementError, one_of_alike
 from gtb_cli.fairing.folds import folds as folds_of
 from gtb_cli.meshes.coincident import numbered_places
@@ -36,7 +36,8 @@ def require(
         if word in asked:
             causes = [*_leaks(spec, mesh, held, word == "solid"), *faults]
             if causes and isinstance(spec, Model):
-                causes = unjoined_seams(spec) or [*(_loose_parts(spec) if faults else []), *causes]
+                loose = _loose_parts(spec) if faults else []
+                causes = unjoined_seams(spec) or [*loose, *(causes[-1:] if loose else causes)]
             leaks = len(causes) - len(faults)  # from which folds and crossings may follow; the last says what helps
             if len(causes) > max(3, leaks):
                 causes = [*causes[: max(2, leaks)], causes[-1]]
@@ -76,10 +77,14 @@ def _folded_patches(spec: Patch | Model) -> list[str]:
 
 
 def _pieces(mesh: Mesh) -> list[str]:
-    """Say in how many pieces a mesh is, if it is not one, and where the smallest is; places count as one vertex."""
+    """Say in how many pieces a mesh is, if it is not one, and where the smallest is; cavities are no pieces."""
     vertex = numbered_places(mesh.vertices)[1]
     piece = components_of(vertex[mesh.cells], len(mesh.vertices))
-    names, sizes = np.unique(piece[vertex[mesh.cells[:, 0]]], return_counts=True)
+    names, owner, sizes = np.unique(piece[vertex[mesh.cells[:, 0]]], return_inverse=True, return_counts=True)
+    if not mesh.is_curve and not len(mesh.open_sides):
+        a, b, c = (mesh.vertices - mesh.vertices.mean(axis=0))[mesh.faces].transpose(1, 0, 2)
+        is_piece = np.bincount(owner, dot(a, cross(b, c))) >= 0
+        names, sizes = names[is_piece], sizes[is_piece]
     if len(names) < 2:
         return []
     smallest = point_text(mesh.vertices[names[sizes.argmin()]], mesh.bounds)
