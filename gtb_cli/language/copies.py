@@ -79,7 +79,7 @@ def read_copy(entries: dict[str, Any], path: Path, values: Values, allowed: int)
     table.unknown_keys(COPY_KEYS, dict.fromkeys(PATCH_KEYS, "is that of the patch that is copied") | AT_THE_TOP)
     original = entries["copy"]
     if not isinstance(original, str):
-        table.fault("copy", f"must be the name of a patch, got {shown(original)}")
+        table.fault("copy", f"must be the name of a patch, or a list of names, got {shown(original)}")
         return None
     count = table.count("repeat", max(allowed, 1))
     if count is None:  # others may copy a copy that is not among these
@@ -168,8 +168,9 @@ def _rotation(outer: Table) -> tuple[FloatArray | None, FloatArray]:
     if is_in_radians(entries.get("degrees")) and outer.values.faults.doubt is None:
         outer.values.faults.doubt = (*table.path, "degrees"), "takes degrees: leave deg out"
     if isinstance(entries.get("axis"), list):
-        direction = _vector(table, "axis")
-        if not direction.any():
+        given = table.coordinates("axis", (2, 3), COORDINATE)
+        direction = np.zeros(3) if given is None else np.append(given, 0.0)[:3]
+        if given is not None and not given.any():
             table.fault("axis", "must not be 0")
     else:
         letter = table.choice("axis", AXES, "a direction of 3 coordinates, ")
@@ -211,7 +212,8 @@ def carried_out(
         if copy.original in several:
             faults.add((*copy.path, "copy"), f"there are several patches {shown(copy.original)}")
         elif copy.original not in named and copy.original not in source:
-            others = [name for name in (*named, *source) if not name.startswith(f"{copy.original}-")][:1000]
+            beside = [name for name in (*named, *source) if name not in copy.names]
+            others = [name for name in beside if not name.startswith(f"{copy.original}-")][:1000]
             hint = suggestion(copy.original, others) if faults.count < faults.SHOWN else ""
             hint = hint or "".join([", there are ", ", ".join(map(shown, others[:10]))] * bool(others))
             faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{hint}")

@@ -1,6 +1,7 @@
 """Reads the plain data of a whole spec as a `Patch` or `Model`: named numbers, included files, patches, copies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import islice
 from typing import Any
 
 from gtb_cli.errors import DomainError, SpecError
@@ -50,12 +51,13 @@ class ModelReader:
             length = length.rstrip()[:-1]
         distance = self.values.number(length, ("weld",), POSITIVE) if "weld" in data else None
         included, owners = self._included(data)
-        tables = data.get("patches", [])
-        if not isinstance(tables, list) or ("patches" in data and not tables):
-            self.faults.add(("patches",), f"must be a list of at least one table ([[patches]]), got {shown(tables)}")
+        given = data.get("patches", [])
+        if not isinstance(given, list) or ("patches" in data and not given):
+            self.faults.add(("patches",), f"must be a list of at least one table ([[patches]]), got {shown(given)}")
             return None
-        if len(included) + len(tables) > MAX_PATCHES:
-            self.faults.add(("patches",), f"must be at most {MAX_PATCHES}, got {len(included) + len(tables)}")
+        tables = [*islice(_of_one_each(given), MAX_PATCHES + 1)]
+        if (count := len(included) + max(len(given), len(tables))) > MAX_PATCHES:
+            self.faults.add(("patches",), f"must be at most {MAX_PATCHES}, got {count}")
             return None
         patches = [*included, *self._own(tables, included, owners)]
         if self.faults.count or not patches:
@@ -105,7 +107,7 @@ class ModelReader:
             patches += found
         return patches, owners
 
-    def _own(self, tables: list[object], included: list[Patch], owners: dict[str, str]) -> list[Patch]:
+    def _own(self, tables: list[tuple[Path, object]], included: list[Patch], owners: dict[str, str]) -> list[Patch]:
         """Read the patches of this file, in order; `owners` has the names of the included ones before them."""
         from gtb_cli.language.copies import Copy, carried_out, read_copy  # one patch has none
 
@@ -115,8 +117,7 @@ class ModelReader:
         several: set[str] = set()
         hidden: set[int] = set()  # patches that are only copied
         count = len(included) + len(tables)
-        for i, table in enumerate(tables):
-            path: Path = ("patches", i)
+        for i, (path, table) in enumerate(tables):
             if isinstance(table, dict) and Table(table, path, self.values).flag("hidden"):
                 hidden.add(i)
             if isinstance(table, dict) and "copy" in table:
@@ -139,3 +140,15 @@ class ModelReader:
         if hidden and len(hidden) == len(tables) and not included:
             self.faults.add(("patches",), "are all hidden: there is nothing to show")
         return [patch for i in sorted(patches.keys() - hidden) for patch in patches[i]]
+
+
+def _of_one_each(tables: list[object]) -> Iterator[tuple[Path, object]]:
+    """Yield tables of patches with their paths; one that copies several patches as one for each."""
+    for i, table in enumerate(tables):
+        names = table.get("copy") if isinstance(table, dict) else None
+        if isinstance(table, dict) and isinstance(names, list) and names and all(isinstance(x, str) for x in names):
+            prefix = f"{title}-" if isinstance(title := table.get("name"), str) else None
+            for name in names:
+                yield ("patches", i), table | {"copy": name} | ({} if prefix is None else {"name": prefix + name})
+        else:
+            yield ("patches", i), table

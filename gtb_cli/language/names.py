@@ -34,6 +34,7 @@ def named_numbers(table: dict[str, Any], values: Values, given: Let) -> dict[str
     for name in given:
         if name not in let:
             likely = suggestion(name, let) or f"; there are {', '.join(list(let)[:30]) or 'none'}"
+            likely += ", and each included file has its own" * ("include" in table)
             values.faults.add((), f"`let` {name}: the spec has no number of this name in its let{likely}")
     for name, value in let.items():
         number = _given(name, given[name], let, values) if name in given else None

@@ -127,7 +127,7 @@ def content_of(
         normals=_word(mesh),
         remarks=() if quick and solid else tuple(remarks),
         thickness=None if recipe is None else recipe.thickness,
-        quick=f"quickly, {recipe.resolution} segments an edge" if quick and recipe else "",
+        quick=f"a quick picture, {recipe.resolution} segments an edge" if quick and recipe else "",
     )
 
 

@@ -48,7 +48,7 @@ def test_an_edit_is_news_and_nothing_else(spec):
     watch = watch_of(spec)
     assert news(watch, 2) == {"version": 2, "error": ""}
     spec.write_text(GOOD.format(25), encoding="utf-8")
-    assert watch.news({})["data"]["quick"] == "quickly, 16 segments an edge"
+    assert watch.news({})["data"]["quick"] == "a quick picture, 16 segments an edge"
     made = news(watch, 1)
     assert (made["version"], made["data"]["quick"]) == (4, "")
     assert made["data"]["box"]["texts"][2] == ("0", "25")
