@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -165,8 +165,12 @@ def _rotation(outer: Table) -> tuple[FloatArray | None, FloatArray]:
         if key not in entries and key not in table.meant:
             table.fault(key, "is missing")
     about, degrees = _vector(table, "about"), table.number("degrees", COORDINATE)
-    if is_in_radians(entries.get("degrees")) and outer.values.faults.doubt is None:
-        outer.values.faults.doubt = (*table.path, "degrees"), "takes degrees: leave deg out"
+    turn = math.degrees(degrees or 0.0)
+    radians = 0 < abs(turn) < 400 and abs(math.remainder(turn, 0.5)) < 1e-9 * abs(turn)
+    doubt = f"{degrees:g} is {turn:g} degrees in radians" if radians else ""
+    doubt = "leave deg out" if is_in_radians(entries.get("degrees")) else doubt
+    if doubt and outer.values.faults.doubt is None:
+        outer.values.faults.doubt = (*table.path, "degrees"), f"takes degrees: {doubt}"
     if isinstance(entries.get("axis"), list):
         given = table.coordinates("axis", (2, 3), COORDINATE)
         direction = np.zeros(3) if given is None else np.append(given, 0.0)[:3]
@@ -194,7 +198,7 @@ def rotation_matrix(axis: FloatArray, degrees: float) -> FloatArray:
 
 
 def carried_out(
-    copies: Mapping[int, Copy], named: Mapping[str, Patch | None], several: Collection[str], values: Values
+    copies: Mapping[int, Copy], named: Mapping[str, Patch | None], several: Mapping[str, Path], values: Values
 ) -> dict[int, list[Patch]]:
     """Make all copies, each after the one that it copies, and note those that cannot be made.
 
@@ -210,7 +214,7 @@ def carried_out(
         source |= dict.fromkeys(copy.names, number)
     for copy in copies.values():
         if copy.original in several:
-            faults.add((*copy.path, "copy"), f"there are several patches {shown(copy.original)}")
+            faults.add(several[copy.original], f"{shown(copy.original)} is copied, and the name of two patches")
         elif copy.original not in named and copy.original not in source:
             beside = [name for name in (*named, *source) if name not in copy.names]
             others = [name for name in beside if not name.startswith(f"{copy.original}-")][:1000]

@@ -114,7 +114,7 @@ class ModelReader:
         patches: dict[int, list[Patch]] = {}
         copies: dict[int, Copy] = {}
         named: dict[str, Patch | None] = {patch.name: patch for patch in included if patch.name is not None}
-        several: set[str] = set()
+        several: dict[str, Path] = {}
         hidden: set[int] = set()  # patches that are only copied
         count = len(included) + len(tables)
         for i, (path, table) in enumerate(tables):
@@ -133,7 +133,7 @@ class ModelReader:
             if name in owners:
                 self.faults.add((*path, "name"), f"{shown(name)} is the name of a patch of {owners[name]}, too")
             elif name in named:
-                several.add(name)
+                several[name] = (*path, "name")
             named[name] = patch
         if len(copies) + len(patches) == len(tables):  # otherwise a copy that others may need is missing
             patches |= carried_out(copies, named, several, self.values)
