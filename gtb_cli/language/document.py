@@ -112,12 +112,6 @@ class Faults:
         if self.count <= self.SHOWN:
             self._faults.append((path, message, line))
 
-    def replace(self, path: Path, message: str) -> None:
-        """Note a fault from which all that were noted before may follow."""
-        self._faults.clear()
-        self.count = 0
-        self.add(path, message)
-
     def doubted(self) -> Fault | None:
         """Return what is probably meant otherwise, if anything is."""
         if self.doubt is None:

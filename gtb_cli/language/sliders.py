@@ -61,7 +61,8 @@ def check_ranges(document: Document, faults: Faults, numbers: Mapping[str, float
         if (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
             words = f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"
             if name in given and name in _counts(spec, spec["let"]):
-                return faults.replace(("let", name), words)
+                faults.doubt = (("let", name), words)
+                raise SpecError(faults.doubted())  # alone: the rest follows
             faults.doubt = faults.doubt or (("let", name), words)
 
 

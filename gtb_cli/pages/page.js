@@ -306,8 +306,7 @@ function present(data) {
   $("title").textContent = scene.name;
   $("working").hidden = !scene.quick;
   $("working").textContent = `${scene.quick}: what was asked for follows …`;
-  $("facts").textContent = scene.quick || scene.facts.replace(/; normals [^;]*/, "");
-  $("facts").title = scene.facts;
+  $("facts").textContent = scene.quick || scene.facts;
   $("measures").replaceChildren(...scene.measures.flatMap(([name, text]) => [["dt", name], ["dd", text]].map(([tag, own]) => Object.assign(document.createElement(tag), { textContent: own }))));
   $("remarks").replaceChildren(...scene.remarks.map(text => Object.assign(document.createElement("li"), { textContent: text })));
   const others = Object.keys(scene.absent).filter(name => !modes().includes(name));

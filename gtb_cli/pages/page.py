@@ -92,7 +92,7 @@ def page_data(content: Content) -> dict[str, Any]:
             scalars[name] = {"values": encoded(shown, "<f4"), "low": ends[0], "high": ends[1]}
     measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 else None
     open_sides = f", {count} open sides" if (count := len(content.lines["open"])) else ""
-    cells = "segments" if content.is_curve else f"triangles{open_sides}; normals {content.normals}"
+    cells = "segments" if content.is_curve else f"triangles{open_sides}"
     is_wide = len(vertices[0]) >= 1 << 16
     return {
         "name": content.name,

@@ -32,7 +32,6 @@ NO_POINTS = np.empty((0, 3))
 MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
 PAGE_TOLERANCE = 4e-4  # of the size: less than half a pixel where a model fills a screen
 PAGE_FACES = 60_000  # of an even mesh, if nothing else is asked for
-EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
 
 
 class Keyframe(NamedTuple):
@@ -67,7 +66,6 @@ class Content:
     edge_names: tuple[str, ...] = ()
     scalars: Mapping[str, FloatArray | None] = field(default_factory=dict)
     vertices: int = 0
-    normals: str = ""  # a word about them
     remarks: tuple[str, ...] = ()  # what is unusual about the shape
     thickness: float | None = None  # for which a solid was made
     unit: str | None = None  # of its lengths
@@ -124,7 +122,6 @@ def content_of(
         edge_names=tuple(name for name, *_ in free),
         scalars=scalars if quick else scalars | _wall(shown),
         vertices=len(mesh.vertices),
-        normals=_word(mesh),
         remarks=() if quick and solid else tuple(remarks),
         thickness=None if recipe is None else recipe.thickness,
         quick=f"a quick picture, {recipe.resolution} segments an edge" if quick and recipe else "",
@@ -168,13 +165,13 @@ def content_of_mesh(mesh: Mesh, name: str) -> Content:
     Vertices at the same place, as in files that hold each patch or triangle by itself, then count as one.
     """
     groups = mesh.groups or ((name, 0, len(mesh.cells)),)
-    word, count = _word(mesh), len(mesh.vertices)
+    count = len(mesh.vertices)
     if mesh.normals is None and not mesh.is_curve:
         first, labels = numbered_places(mesh.vertices)
         mesh = with_normals(Mesh(mesh.vertices[first], labels[mesh.cells]))
     shown = mesh.split
     lines, wall = sides(mesh, groups), _wall(shown)
-    return Content(name, (_keyframe(shown),), shown.cells, groups, lines, scalars=wall, vertices=count, normals=word)
+    return Content(name, (_keyframe(shown),), shown.cells, groups, lines, scalars=wall, vertices=count)
 
 
 def content_of_frames(frames: Frames, name: str) -> Content:
@@ -193,7 +190,6 @@ def content_of_frames(frames: Frames, name: str) -> Content:
         labels=tuple(frames.titles),
         net_names=tuple(subscript("b", i) for i in range(len(frames.net_points))),
         vertices=len(first.vertices),
-        normals="means of the triangles'" if first.normals is None else _word(first),
     )
 
 
@@ -233,7 +229,6 @@ def _beside(one: Content, other: Content) -> Content:
             for mine, theirs in [(one.scalars[name], other.scalars[name])]
         },
         vertices=one.vertices + other.vertices,
-        normals=_together(one.normals, other.normals),
         remarks=tuple(dict.fromkeys(one.remarks + other.remarks)),
         thickness=one.thickness,
         quick=one.quick or other.quick,
@@ -282,19 +277,6 @@ def _wall(mesh: Mesh) -> dict[str, FloatArray | None]:
     if not mesh.is_curve and len(mesh.cells) > MAX_WALL_FACES:
         return {"wall": None}
     return {} if mesh.is_curve or (wall := wall_of_vertices(mesh)) is None else {"wall": wall}
-
-
-def _word(mesh: Mesh) -> str:
-    """Say whose the normals at the vertices of a mesh are."""
-    if mesh.normals is None:
-        return "means of the triangles', which part at edges sharper than 35°"
-    return EXACT if mesh.exact_normals else NOT_ALL_EXACT
-
-
-def _together(one: str, other: str) -> str:
-    """Say whose the normals of two contents are."""
-    both = one if other in one else f"{one} and {other}"
-    return NOT_ALL_EXACT if {one, other} == {EXACT, NOT_ALL_EXACT} else both
 
 
 def _keyframe(mesh: Mesh, points: FloatArray = NO_POINTS) -> Keyframe:

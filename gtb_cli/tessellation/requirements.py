@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import cross, dot, point_text
+from gtb_cli.arrays import point_text
 from gtb_cli.errors import RequirementError, one_of_alike
 from gtb_cli.fairing.folds import folds as folds_of
 from gtb_cli.meshes.coincident import numbered_places
+from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, components_of, sides_of
 from gtb_cli.models.joined_edges import find_joints
@@ -42,9 +43,9 @@ def require(
             if len(causes) > max(3, leaks):
                 causes = [*causes[: max(2, leaks)], causes[-1]]
             lines += [f"not {word}: {line}" for line in causes]
-    if "one-piece" in asked and (pieces := _pieces(mesh)):
+    if "one-piece" in asked and (pieces := _pieces(spec, mesh)):
         seams = unjoined_seams(spec) if isinstance(spec, Model) and "solid" not in asked else []
-        lines += [*(f"not one-piece: {line}" for line in seams), *pieces]
+        lines += [f"not one-piece: {line}" for line in (*seams, *pieces)]
     if "unfolded" in asked:
         turns = folded_places(surface) or _folded_patches(spec)
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*turns, *folds))]
@@ -76,19 +77,12 @@ def _folded_patches(spec: Patch | Model) -> list[str]:
     return lines
 
 
-def _pieces(mesh: Mesh) -> list[str]:
-    """Say in how many pieces a mesh is, if it is not one, and where the smallest is; cavities are no pieces."""
-    vertex = numbered_places(mesh.vertices)[1]
-    piece = components_of(vertex[mesh.cells], len(mesh.vertices))
-    names, owner, sizes = np.unique(piece[vertex[mesh.cells[:, 0]]], return_inverse=True, return_counts=True)
-    if not mesh.is_curve and not len(mesh.open_sides):
-        a, b, c = (mesh.vertices - mesh.vertices.mean(axis=0))[mesh.faces].transpose(1, 0, 2)
-        is_piece = np.bincount(owner, dot(a, cross(b, c))) >= 0
-        names, sizes = names[is_piece], sizes[is_piece]
-    if len(names) < 2:
+def _pieces(spec: Patch | Model, mesh: Mesh) -> list[str]:
+    """Say in how many pieces a mesh is, if it is not one, and which parts of a model are loose; cavities are none."""
+    measures = measure(mesh)
+    if (count := measures.components - (measures.inward_parts or 0)) < 2:
         return []
-    smallest = point_text(mesh.vertices[names[sizes.argmin()]], mesh.bounds)
-    return [f"not one-piece: {len(names)} pieces, the smallest, of {sizes.min()} faces, near {smallest}"]
+    return [f"{count} pieces", *(_loose_parts(spec) if isinstance(spec, Model) else [])]
 
 
 def _loose_parts(model: Model) -> list[str]:
