@@ -96,7 +96,7 @@ def page_data(content: Content) -> dict[str, Any]:
     is_wide = len(vertices[0]) >= 1 << 16
     return {
         "name": content.name,
-        "facts": f"{content.vertices} vertices, {len(content.cells)} {cells}",
+        "facts": f"{len(content.cells)} {cells}",
         "curve": content.is_curve,
         "plane": bool(content.is_curve and low[2] == high[2]),
         "box": {

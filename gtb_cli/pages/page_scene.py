@@ -50,7 +50,7 @@ class Content:
     the groups on both sides, and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface
     at the knots, `edges` the middles of open edges, or of all of a single patch, and `scalars` its "mean" and
     "gaussian" curvature, or the "wall" of a solid, None if there are too many triangles. A vertex with several normals
-    is several rows of a keyframe: `vertices` is how many there are.
+    is several rows of a keyframe.
     """
 
     name: str
@@ -65,7 +65,6 @@ class Content:
     edges: FloatArray = field(default_factory=lambda: NO_POINTS)
     edge_names: tuple[str, ...] = ()
     scalars: Mapping[str, FloatArray | None] = field(default_factory=dict)
-    vertices: int = 0
     remarks: tuple[str, ...] = ()  # what is unusual about the shape
     thickness: float | None = None  # for which a solid was made
     unit: str | None = None  # of its lengths
@@ -121,7 +120,6 @@ def content_of(
         edges=np.concatenate([NO_POINTS, *(edge_points_at(patch, edge, np.array([0.5])) for _, patch, edge in free)]),
         edge_names=tuple(name for name, *_ in free),
         scalars=scalars if quick else scalars | _wall(shown),
-        vertices=len(mesh.vertices),
         remarks=() if quick and solid else tuple(remarks),
         thickness=None if recipe is None else recipe.thickness,
         quick=f"a quick picture, {recipe.resolution} segments an edge" if quick and recipe else "",
@@ -165,13 +163,12 @@ def content_of_mesh(mesh: Mesh, name: str) -> Content:
     Vertices at the same place, as in files that hold each patch or triangle by itself, then count as one.
     """
     groups = mesh.groups or ((name, 0, len(mesh.cells)),)
-    count = len(mesh.vertices)
     if mesh.normals is None and not mesh.is_curve:
         first, labels = numbered_places(mesh.vertices)
         mesh = with_normals(Mesh(mesh.vertices[first], labels[mesh.cells]))
     shown = mesh.split
     lines, wall = sides(mesh, groups), _wall(shown)
-    return Content(name, (_keyframe(shown),), shown.cells, groups, lines, scalars=wall, vertices=count)
+    return Content(name, (_keyframe(shown),), shown.cells, groups, lines, scalars=wall)
 
 
 def content_of_frames(frames: Frames, name: str) -> Content:
@@ -189,7 +186,6 @@ def content_of_frames(frames: Frames, name: str) -> Content:
         {"border": lines["open"], "open": none, "folds": none, "net": np.array(frames.net, dtype=int).reshape(-1, 2)},
         labels=tuple(frames.titles),
         net_names=tuple(subscript("b", i) for i in range(len(frames.net_points))),
-        vertices=len(first.vertices),
     )
 
 
@@ -228,7 +224,6 @@ def _beside(one: Content, other: Content) -> Content:
             for name in sorted(one.scalars.keys() & other.scalars.keys())
             for mine, theirs in [(one.scalars[name], other.scalars[name])]
         },
-        vertices=one.vertices + other.vertices,
         remarks=tuple(dict.fromkeys(one.remarks + other.remarks)),
         thickness=one.thickness,
         quick=one.quick or other.quick,
