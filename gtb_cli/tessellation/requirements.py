@@ -38,7 +38,7 @@ def require(
             causes = [*_leaks(spec, mesh, held, word == "solid"), *faults]
             if causes and isinstance(spec, Model):
                 loose = _loose_parts(spec) if faults else []
-                causes = unjoined_seams(spec) or [*loose, *(causes[-1:] if loose else causes)]
+                causes = unjoined_seams(spec) or (loose + causes[-1:] if loose else causes)
             leaks = len(causes) - len(faults)  # from which folds and crossings may follow; the last says what helps
             if len(causes) > max(3, leaks):
                 causes = [*causes[: max(2, leaks)], causes[-1]]
