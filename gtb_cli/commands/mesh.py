@@ -256,7 +256,8 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         size += options.recipe.direction(spec, mesh)
         if kind in ("stl", "3mf") and is_open:
             refused = ", which slicers do not read" if kind == "3mf" else ""
-            size += f", open{refused}: --thickness D makes a solid"
+            why = "not closed: more than two faces meet at edges" if len(mesh.crowded_sides) else ""
+            size += f", {why or f'open{refused}: --thickness D makes a solid'}"
         lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
         return Made(size, warnings, [b"".join(blocks)] if whole else blocks, facts, lines)
 

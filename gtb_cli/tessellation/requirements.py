@@ -10,13 +10,12 @@ from gtb_cli.fairing.folds import folds as folds_of
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.topology import are_proper, components_of, sides_of
+from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.models.joined_edges import find_joints
-from gtb_cli.models.model import Model, diagonal_of
-from gtb_cli.models.near_ends import touching
-from gtb_cli.models.openings import obstacles, unjoined_seams
+from gtb_cli.models.model import Model
+from gtb_cli.models.openings import obstacles, parts_of, unjoined_seams
 from gtb_cli.solids.solidity import folded_places, inward_faces, where
-from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_curves, edge_name, patch_name
+from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import requirements
 
@@ -44,7 +43,7 @@ def require(
                 causes = [*causes[: max(2, leaks)], causes[-1]]
             lines += [f"not {word}: {line}" for line in causes]
     if "one-piece" in asked and (pieces := _pieces(spec, mesh)):
-        seams = unjoined_seams(spec) if isinstance(spec, Model) and "solid" not in asked else []
+        seams = unjoined_seams(spec) if isinstance(spec, Model) and not lines else []
         lines += [f"not one-piece: {line}" for line in (*seams, *pieces)]
     if "unfolded" in asked:
         turns = folded_places(surface) or _folded_patches(spec)
@@ -80,28 +79,20 @@ def _folded_patches(spec: Patch | Model) -> list[str]:
 def _pieces(spec: Patch | Model, mesh: Mesh) -> list[str]:
     """Say in how many pieces a mesh is, if it is not one, and which parts of a model are loose; cavities are none."""
     measures = measure(mesh)
-    if (count := measures.components - (measures.inward_parts or 0)) < 2:
-        return []
-    return [f"{count} pieces", *(_loose_parts(spec) if isinstance(spec, Model) else [])]
+    loose = _loose_parts(spec) if isinstance(spec, Model) else []  # which may touch at vertices
+    count = measures.components - (measures.inward_parts or 0)
+    return [f"{count} pieces", *loose] if count > 1 else loose
 
 
 def _loose_parts(model: Model) -> list[str]:
-    """Name the parts of a model that share no edge, and edges of two parts with the same ends; nothing if it is one."""
-    patches, refs = model.patches, model.joints.open
-    pairs = np.array([(joint.first[0], joint.second[0]) for joint in model.joints.shared]).reshape(-1, 2)
-    part = components_of(pairs, len(patches))
-    firsts, counts = np.unique(part, return_index=True, return_counts=True)[1:]
+    """Name the parts of a model that share no edge; nothing if it is one."""
+    patches = model.patches
+    firsts, counts = np.unique(parts_of(model.joints, len(patches)), return_counts=True)
     if len(counts) < 2 or patches[0].dimension == 1:
         return []
     sizes, most = sorted(zip(firsts.tolist(), counts.tolist(), strict=True)), 8
     names = [patch_name(patches[k], k) + f" and {count - 1} more" * (count > 1) for k, count in sizes[:most]]
-    lines = [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
-    near = touching(edge_curves(patches, refs), np.full(len(refs), CURVE_TOLERANCE * diagonal_of(patches)))[0].tolist()
-    for one, other in near:
-        if part[refs[one][0]] != part[refs[other][0]]:
-            ends = " and ".join(edge_name(patches, refs[k]) for k in (one, other))
-            return [f"{ends} have the same ends, and are not the same curve between them", *lines]
-    return lines
+    return [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
 
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:

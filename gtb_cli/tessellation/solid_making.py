@@ -81,7 +81,7 @@ class WallMaker:
             for one, other in combinations({ref[0]: self.spec.patches[ref[0]] for ref in refs}.values(), 2):
                 points = one.control_points, other.control_points
                 if points[0].shape == points[1].shape and np.abs(points[1] - points[0]).max() < 1e-9 * np.ptp(points):
-                    why = f"{other.name} lies where {one.name} is, as one copy too many does"
+                    why = f"{other.name} lies where {one.name} is"
             raise DomainError(f"thickness: {names} are one curve, where at most two may meet: {why}")
         folds = offset_folds(self.spec, surface, thickness)
         wall = thicken(surface, thickness)
