@@ -33,8 +33,7 @@ class ModelReader:
             self.faults.add((), f"must be a table with the keys of a patch, got {shown(data)}")
             return None
         if "let" not in data and (loose := numbers_in_no_let(data)):
-            line = "the line [let] is missing before this: expressions use it"
-            self.faults.add((next(iter(loose)),), line)
+            self.faults.add((next(iter(loose)),), "the line [let] is missing before this: expressions use it")
             data = {key: entry for key, entry in data.items() if key not in loose} | {"let": loose}
         self.values.names = named_numbers(data, self.values, self._given)
         if "patches" not in data and "include" not in data:

@@ -167,8 +167,7 @@ def content_of_mesh(mesh: Mesh, name: str) -> Content:
         first, labels = numbered_places(mesh.vertices)
         mesh = with_normals(Mesh(mesh.vertices[first], labels[mesh.cells]))
     shown = mesh.split
-    lines, wall = sides(mesh, groups), _wall(shown)
-    return Content(name, (_keyframe(shown),), shown.cells, groups, lines, scalars=wall)
+    return Content(name, (_keyframe(shown),), shown.cells, groups, sides(mesh, groups), scalars=_wall(shown))
 
 
 def content_of_frames(frames: Frames, name: str) -> Content:

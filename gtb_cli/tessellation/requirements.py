@@ -109,8 +109,7 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     """Say, edge by edge, where a mesh is not closed."""
     if mesh.is_curve:
         return ["a curve has no inside (`radius` makes a tube)"]
-    count = len(mesh.open_sides)
-    if not count:
+    if not (count := len(mesh.open_sides)):
         return []
     patches = spec.patches
     joints = spec.joints if isinstance(spec, Model) else find_joints(patches)
@@ -131,8 +130,7 @@ def _inward_faces(mesh: Mesh) -> list[str]:
 def _merged_faces(mesh: Mesh) -> list[str]:
     """Say which faces of a closed mesh collapse, or fall upon others, once readers merge vertices at one place."""
     cells = numbered_places(mesh.vertices)[1][mesh.faces]
-    collapsed = np.flatnonzero(~are_proper(cells))
-    if len(collapsed):
+    if len(collapsed := np.flatnonzero(~are_proper(cells))):
         return [f"faces collapse, {where(mesh, collapsed)}"]
     crowded = len(sides_of(cells).open)
     return [f"{crowded} sides of faces fall upon others"] if crowded else []
