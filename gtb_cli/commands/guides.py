@@ -1,5 +1,7 @@
 """`gtb schema`, `help` and `completion`: what the program says of itself."""
 
+from difflib import get_close_matches
+
 import click
 
 from gtb_cli.shell.options import output_options
@@ -49,6 +51,9 @@ def help_(command: str | None) -> None:
         if texts:
             rows = (f"{commands}:\n{click.wrap_text(text, 76, '    ', '    ')}" for text, commands in texts.items())
             return click.echo("\n".join(f"gtb {each}" for each in rows))
+        long = {name.removeprefix("--") for _, param in params for name in param.opts}
+        if (likely := get_close_matches(command, [*names, *sorted(long)], 1)) and likely[0] not in names:
+            raise click.UsageError(f"No such command or option: {command}. Did you mean {likely[0]}?")
     name, found, _ = group.resolve_command(above, [command])
     assert found is not None
     with click.Context(found, info_name=name, parent=above) as context:

@@ -218,7 +218,9 @@ def _size_rows(found: dict[str, Any]) -> list[tuple[str, str]]:
     lines = [*zip(("lowest", "highest"), corners(found["bounding_box"]), strict=True)]
     lines.append(("control points", "from {} to {}".format(*corners(found["control_box"]))))
     names = ("length", "area", "volume")
+    turned = " where normals look inwards, which gtb mesh turns" * (found.get("volume", 0.0) < 0)
     lines += [(name, _within(found[name], found[f"{name}_error"])) for name in names if name in found]
+    lines[-1] = (lines[-1][0], lines[-1][1] + turned)
     return lines + printing_rows(found.get("printing", {}))
 
 

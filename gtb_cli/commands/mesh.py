@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
-from gtb_cli.language.reading import Reading
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.messages import STANDARD
@@ -119,7 +118,13 @@ def mesh(
     place = output if folder is None else os.path.join(folder, "")
     kind = options.format_for(place)
     check_unit(options, kind)
-    book = None if manifest is None else _book(manifest, replace(options, format=kind), reading, place, resume)
+    book = None
+    if manifest is not None:
+        from gtb_cli.shell.manifest import Manifest
+
+        read: dict[str, object] = {"spec_format": reading.spec_format, "set": dict(reading.let)}
+        read |= {"fill": reading.fills} if reading.fills else {}
+        book = Manifest(manifest, replace(options, format=kind).settings | read, place, resume=resume)
 
     planner = partial(_planned, place=place, options=options, kind=kind, streams=streams, book=book)
     planned = [attempted(path, planner) for path in paths]
@@ -146,15 +151,6 @@ def mesh(
         console.report(target, f"{file.size}, with {reading}" if str(reading) else file.size, file.warnings)
     if errors:
         raise _joined(errors)
-
-
-def _book(path: str, options: MeshOptions, reading: Reading, place: str, resume: bool) -> Manifest:
-    """Return the manifest of meshes with these options, which are made in a place."""
-    from gtb_cli.shell.manifest import Manifest
-
-    read: dict[str, object] = {"spec_format": reading.spec_format, "set": dict(reading.let)}
-    read |= {"fill": reading.fills} if reading.fills else {}
-    return Manifest(path, options.settings | read, place, resume=resume)
 
 
 class Made(NamedTuple):
@@ -260,7 +256,8 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         size += options.recipe.direction(spec, mesh)
         if kind in ("stl", "3mf") and is_open:
             refused = ", which slicers do not read" if kind == "3mf" else ""
-            size += f", open{refused}: --thickness D makes a solid"
+            why = "not closed: more than two faces meet at edges" if len(mesh.crowded_sides) else ""
+            size += f", {why or f'open{refused}: --thickness D makes a solid'}"
         lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
         return Made(size, warnings, [b"".join(blocks)] if whole else blocks, facts, lines)
 

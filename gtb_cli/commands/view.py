@@ -103,8 +103,7 @@ def view(
         raise click.UsageError(f"-o: {output}: a page is HTML, and its name ends in .html{other}")
 
     def see(numbers: Numbers, quick: bool = False) -> Content:
-        how = reading._replace(let=numbers)
-        return replace(content_of_paths(paths, recipe, how, limit, quick), unit=unit)
+        return replace(content_of_paths(paths, recipe, reading._replace(let=numbers), limit, quick), unit=unit)
 
     if watch:
         if output is not None or STANDARD in paths:
@@ -138,9 +137,10 @@ def content_of_paths(
     """Return what a page shows of files and folders, or of the way to a limit; quickly surfaces with their holes."""
     from gtb_cli.pages.page_scene import joined
 
-    reading = reading._replace(fills=()) if quick else reading  # a fill takes a second
-    content = joined([_content(path, recipe, reading, limit, quick) for path in paths])
-    return replace(content, remarks=tuple(map(in_options, content.remarks)))
+    whole = reading._replace(fills=()) if quick else reading  # a fill takes a second
+    content = joined([_content(path, recipe, whole, limit, quick) for path in paths])
+    lack = ", without fills" if content.quick and reading.fills else ""
+    return replace(content, remarks=tuple(map(in_options, content.remarks)), quick=content.quick + lack)
 
 
 def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach, quick: bool) -> Content:

@@ -28,7 +28,7 @@ from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, printable, suffix_of
 
-MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
+MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install cadquery-ocp-novtk"
 SHAPELESS = 3  # exit status of a process that finds no shape in a file
 
 

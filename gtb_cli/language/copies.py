@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -73,7 +73,7 @@ def read_copy(entries: dict[str, Any], path: Path, values: Values, allowed: int)
     table.unknown_keys(COPY_KEYS, dict.fromkeys(PATCH_KEYS, "is that of the patch that is copied") | AT_THE_TOP)
     original = entries["copy"]
     if not isinstance(original, str):
-        table.fault("copy", f"must be the name of a patch, got {shown(original)}")
+        table.fault("copy", f"must be the name of a patch, or a list of names, got {shown(original)}")
         return None
     count = table.count("repeat", max(allowed, 1))
     if count is None:  # others may copy a copy that is not among these
@@ -159,11 +159,16 @@ def _rotation(outer: Table) -> tuple[FloatArray | None, FloatArray]:
         if key not in entries and key not in table.meant:
             table.fault(key, "is missing")
     about, degrees = _vector(table, "about"), table.number("degrees", COORDINATE)
-    if is_in_radians(entries.get("degrees")) and outer.values.faults.doubt is None:
-        outer.values.faults.doubt = (*table.path, "degrees"), "takes degrees: leave deg out"
+    turn = math.degrees(degrees or 0.0)
+    radians = 0 < abs(turn) < 400 and abs(math.remainder(turn, 0.5)) < 1e-9 * abs(turn)
+    doubt = f"{degrees:g} is {turn:g} degrees in radians" if radians else ""
+    doubt = "leave deg out" if is_in_radians(entries.get("degrees")) else doubt
+    if doubt and outer.values.faults.doubt is None:
+        outer.values.faults.doubt = (*table.path, "degrees"), f"takes degrees: {doubt}"
     if isinstance(entries.get("axis"), list):
-        direction = _vector(table, "axis")
-        if not direction.any():
+        given = table.coordinates("axis", (2, 3), COORDINATE)
+        direction = np.zeros(3) if given is None else np.append(given, 0.0)[:3]
+        if given is not None and not given.any():
             table.fault("axis", "must not be 0")
     else:
         letter = table.choice("axis", AXES, "a direction of 3 coordinates, ")
@@ -187,7 +192,7 @@ def rotation_matrix(axis: FloatArray, degrees: float) -> FloatArray:
 
 
 def carried_out(
-    copies: Mapping[int, Copy], named: Mapping[str, Patch | None], several: Collection[str], values: Values
+    copies: Mapping[int, Copy], named: Mapping[str, Patch | None], several: Mapping[str, Path], values: Values
 ) -> dict[int, list[Patch]]:
     """Make all copies, each after the one that it copies, and note those that cannot be made.
 
@@ -203,9 +208,10 @@ def carried_out(
         source |= dict.fromkeys(copy.names, number)
     for copy in copies.values():
         if copy.original in several:
-            faults.add((*copy.path, "copy"), f"there are several patches {shown(copy.original)}")
+            faults.add(several[copy.original], f"{shown(copy.original)} is copied, and the name of two patches")
         elif copy.original not in named and copy.original not in source:
-            others = [name for name in (*named, *source) if not name.startswith(f"{copy.original}-")][:1000]
+            beside = [name for name in (*named, *source) if name not in copy.names]
+            others = [name for name in beside if not name.startswith(f"{copy.original}-")][:1000]
             hint = suggestion(copy.original, others) if faults.count < faults.SHOWN else ""
             hint = hint or "".join([", there are ", ", ".join(map(shown, others[:10]))] * bool(others))
             faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{hint}")

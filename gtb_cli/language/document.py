@@ -106,6 +106,8 @@ class Faults:
         if (name := _ALIKE.search(message)) and any(name[0] in other for _, other, _ in self._faults):
             self._more[name[0]] += 1
             return
+        if any((path, message) == fault[:2] for fault in self._faults):  # of a table that is read for several patches
+            return
         self.count += 1
         if self.count <= self.SHOWN:
             self._faults.append((path, message, line))

@@ -89,7 +89,7 @@ def parse(
         given = let if len(readers) == 1 else NO_LET
         values = Values(faults, budget)
         found = read_spec(values, include, document.data, stem_of(readers[-1]), row, given)
-        if given:
+        if isinstance(document.data, dict) and document.data.get("let") and values.names:
             from gtb_cli.language.sliders import check_ranges
 
             check_ranges(document, faults, values.names, given)

@@ -1,12 +1,13 @@
 """Reads the plain data of a whole spec as a `Patch` or `Model`: named numbers, included files, patches, copies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import islice
 from typing import Any
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import shown
 from gtb_cli.language.keys_and_values import POSITIVE, Table, Values
-from gtb_cli.language.names import read_numbers
+from gtb_cli.language.names import numbers_in_no_let, read_numbers
 from gtb_cli.language.patch_reader import INCLUDE_KEYS, MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.reading import NO_LET, Let
 from gtb_cli.language.scanner import Path
@@ -27,6 +28,9 @@ def read_spec(
     if not isinstance(data, dict):
         values.faults.add((), f"must be a table with the keys of a patch, got {shown(data)}")
         return None
+    if "let" not in data and (loose := numbers_in_no_let(data)):
+        values.faults.add((next(iter(loose)),), "the line [let] is missing before this: expressions use it")
+        data = {key: entry for key, entry in data.items() if key not in loose} | {"let": loose}
     read_numbers(data, values, given)
     reader = Reader(values, row)
     if "patches" not in data and "include" not in data:
@@ -45,12 +49,13 @@ def _model(reader: Reader, include: Include, data: dict[str, Any], name: str | N
         length = length.rstrip()[:-1]
     distance = values.number(length, ("weld",), POSITIVE) if "weld" in data else None
     included, owners = _included(values, include, data)
-    tables = data.get("patches", [])
-    if not isinstance(tables, list) or ("patches" in data and not tables):
-        faults.add(("patches",), f"must be a list of at least one table ([[patches]]), got {shown(tables)}")
+    given = data.get("patches", [])
+    if not isinstance(given, list) or ("patches" in data and not given):
+        faults.add(("patches",), f"must be a list of at least one table ([[patches]]), got {shown(given)}")
         return None
-    if len(included) + len(tables) > MAX_PATCHES:
-        faults.add(("patches",), f"must be at most {MAX_PATCHES}, got {len(included) + len(tables)}")
+    tables = [*islice(_of_one_each(given), MAX_PATCHES + 1)]
+    if (count := len(included) + max(len(given), len(tables))) > MAX_PATCHES:
+        faults.add(("patches",), f"must be at most {MAX_PATCHES}, got {count}")
         return None
     patches = [*included, *_own(reader, tables, included, owners)]
     if faults.count or not patches:
@@ -102,7 +107,9 @@ def _included(values: Values, include: Include, data: dict[str, Any]) -> tuple[l
     return patches, owners
 
 
-def _own(reader: Reader, tables: list[object], included: list[Patch], owners: dict[str, str]) -> list[Patch]:
+def _own(
+    reader: Reader, tables: list[tuple[Path, object]], included: list[Patch], owners: dict[str, str]
+) -> list[Patch]:
     """Read the patches of this file, in order; `owners` has the names of the included ones before them."""
     from gtb_cli.language.copies import Copy, carried_out, read_copy  # one patch has none
 
@@ -110,11 +117,10 @@ def _own(reader: Reader, tables: list[object], included: list[Patch], owners: di
     patches: dict[int, list[Patch]] = {}
     copies: dict[int, Copy] = {}
     named: dict[str, Patch | None] = {patch.name: patch for patch in included if patch.name is not None}
-    several: set[str] = set()
+    several: dict[str, Path] = {}
     hidden: set[int] = set()  # patches that are only copied
     count = len(included) + len(tables)
-    for i, table in enumerate(tables):
-        path: Path = ("patches", i)
+    for i, (path, table) in enumerate(tables):
         entries = table if isinstance(table, dict) else {}
         if not isinstance(flag := entries.get("hidden", False), bool):
             faults.add((*path, "hidden"), f"must be true or false, got {shown(flag)}")
@@ -133,10 +139,22 @@ def _own(reader: Reader, tables: list[object], included: list[Patch], owners: di
         if name in owners:
             faults.add((*path, "name"), f"{shown(name)} is the name of a patch of {owners[name]}, too")
         elif name in named:
-            several.add(name)
+            several[name] = (*path, "name")
         named[name] = patch
     if len(copies) + len(patches) == len(tables):  # otherwise a copy that others may need is missing
         patches |= carried_out(copies, named, several, values)
     if hidden and len(hidden) == len(tables) and not included:
         faults.add(("patches",), "are all hidden: there is nothing to show")
     return [patch for i in sorted(patches.keys() - hidden) for patch in patches[i]]
+
+
+def _of_one_each(tables: list[object]) -> Iterator[tuple[Path, object]]:
+    """Yield tables of patches with their paths; one that copies several patches as one for each."""
+    for i, table in enumerate(tables):
+        names = table.get("copy") if isinstance(table, dict) else None
+        if isinstance(table, dict) and isinstance(names, list) and names and all(isinstance(x, str) for x in names):
+            prefix = f"{title}-" if isinstance(title := table.get("name"), str) else None
+            for name in names:
+                yield ("patches", i), table | {"copy": name} | ({} if prefix is None else {"name": prefix + name})
+        else:
+            yield ("patches", i), table

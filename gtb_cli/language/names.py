@@ -33,6 +33,7 @@ def read_numbers(table: dict[str, Any], values: Values, given: Let) -> None:
     for name in given:
         if name not in let:
             likely = suggestion(name, let) or f"; there are {', '.join(list(let)[:30]) or 'none'}"
+            likely += ", and each included file has its own" * ("include" in table)
             values.faults.add((), f"`let` {name}: the spec has no number of this name in its let{likely}")
     for name, value in let.items():
         number = _given(name, given[name], let, values) if name in given else None
@@ -41,6 +42,13 @@ def read_numbers(table: dict[str, Any], values: Values, given: Let) -> None:
         elif number is None:
             number = values.number(value, ("let", name), FINITE)
         names[name] = 1.0 if number is None else number  # so that its users are not reported as well
+
+
+def numbers_in_no_let(table: dict[str, Any]) -> dict[str, Any]:
+    """Return the numbers, and expressions, at the top of a spec if one of its expressions uses them."""
+    others = {key: entry for key, entry in table.items() if key not in PATCH_KEYS | MODEL_KEYS}
+    found = {key: entry for key, entry in others.items() if isinstance(entry, int | float | str)}
+    return found if found and found.keys() & re.findall(NAME_PATTERN, str([*table.values()])) else {}
 
 
 def _late(value: object, let: Mapping[str, object], names: Mapping[str, float]) -> str | None:

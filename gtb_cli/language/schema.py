@@ -118,7 +118,8 @@ def _model() -> Schema:
     moved = {"properties": {"name": _ref("name"), **_moves(), **file}, "required": ["file"]}
     entry = _any(file["file"], {"type": "object", **moved, "additionalProperties": False})
     percentage = {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"}
-    copy = _told({"copy": {"type": "string"}, "hidden": {"type": "boolean"}}) | _moves()
+    names = _any({"type": "string"}, _array({"type": "string"}, 1, MAX_PATCHES))
+    copy = _told({"copy": names, "hidden": {"type": "boolean"}}) | _moves()
     keys = {
         "include": _array(entry, 0, MAX_FILES),
         "weld": _any(_ref("positive"), percentage),

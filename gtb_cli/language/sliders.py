@@ -52,17 +52,17 @@ def sliders(data: bytes | str, source: str, format: SpecFormat | None = None) ->
 
 
 def check_ranges(document: Document, faults: Faults, numbers: Mapping[str, float], given: Collection[str]) -> None:
-    """Note which given number of all of ``let`` is outside the range that the comment on its line gives.
+    """Note which number of all of ``let`` is outside the range that the comment on its line gives.
 
-    That is a fault of a count, as ``gtb new`` refuses it, and a doubt about any other number.
+    That is a fault of a given count, as ``gtb new`` refuses it, and a doubt about any other number.
     """
     spec: Any = document.data
-    counts = _counts(spec, spec["let"]) if numbers else ()
-    for name, label, _, _ in _commented(document, numbers):
-        if name in given and (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
+    for name, label, _, _ in _commented(document, numbers) if _RANGE.search(document.text) else ():
+        if (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
             words = f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"
-            if name in counts:
-                faults.add(("let", name), words)
+            if name in given and name in _counts(spec, spec["let"]):
+                faults.doubt = (("let", name), words)
+                raise SpecError(faults.doubted())  # alone: the rest follows
             faults.doubt = faults.doubt or (("let", name), words)
 
 

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import one_of_alike
+from gtb_cli.meshes.topology import components_of
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
@@ -38,15 +39,23 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
     curves = dict(zip(joints.open, edge_curves(patches, joints.open), strict=True))
     found = [(one, two, str(_difference(curves[one], curves[two], tolerance, gap))) for one, two, gap in joints.almost]
     told = {ref for first, second, _ in found for ref in (first, second)}
+    part = parts_of(joints, len(patches))
     left = [ref for ref in joints.open if ref not in told]
     for one, other in touching([curves[ref] for ref in left], np.full(len(left), tolerance))[0].tolist():
         first, second = left[one], left[other]
         if first in told or second in told:
             continue
-        if difference := _difference(curves[first], curves[second], tolerance, None):
-            found.append((first, second, difference))
+        difference = _difference(curves[first], curves[second], tolerance, None)
+        if difference or part[first[0]] != part[second[0]]:  # else such as the two halves of a round opening
+            found.append((first, second, difference or "same ends as {}, and another curve between them"))
             told |= {first, second}
     return sorted(found)
+
+
+def parts_of(joints: Joints, count: int) -> IntArray:
+    """(n,) the first patch of the part, joined by shared edges, to which each of n patches belongs."""
+    pairs = [(joint.first[0], joint.second[0]) for joint in joints.shared]
+    return components_of(np.array(pairs, dtype=np.int64).reshape(-1, 2), count)
 
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:
@@ -66,7 +75,7 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
             return f"{same}weights × coefficients {weights}"
         if np.abs(one.points[1:-1] - turned.points[-2:0:-1]).max(initial=0) <= tolerance:
             return "same ends as {}, but the control points between them in reversed order"
-    if distance is None:  # such as the two halves of a round opening
+    if distance is None:
         return None
     counts = "" if count == len(turned.points) else f" ({count} control points against {len(turned.points)})"
     return f"same ends as {{}}, but curves{counts} up to {distance:.3g} apart{_cure(one, distance)}"

@@ -57,7 +57,7 @@ function set(changes) {
   state.zoom = clamp(state.zoom, 0.05, 400);
   state.frame = clamp(state.frame, 0, scene.frames.length - 1);
   for (const [name, high] of [["at", 1], ["explode", 1], ["angle", 90], ["scale", 1e30]]) state[name] = clamp(state[name], 0, high);
-  if (!modes().includes(state.mode)) {
+  if (!scene.quick && !modes().includes(state.mode)) {
     lack(state.mode);
     state.mode = "shaded";
   }
@@ -298,6 +298,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 function present(data) {
   const first = !scene, before = scene;
   scene = read(data);
+  $("panel").hidden = false;
   if (!scene.quick) offered = modes();
   if (data.numbers) offerNumbers(data.numbers);
   version += 1;
@@ -305,11 +306,11 @@ function present(data) {
   $("title").textContent = scene.name;
   $("working").hidden = !scene.quick;
   $("working").textContent = `${scene.quick}: what was asked for follows …`;
-  $("facts").textContent = scene.quick ? `shown ${scene.quick}, without fills` : scene.facts;
+  $("facts").textContent = scene.quick || scene.facts;
   $("measures").replaceChildren(...scene.measures.flatMap(([name, text]) => [["dt", name], ["dd", text]].map(([tag, own]) => Object.assign(document.createElement(tag), { textContent: own }))));
   $("remarks").replaceChildren(...scene.remarks.map(text => Object.assign(document.createElement("li"), { textContent: text })));
   const others = Object.keys(scene.absent).filter(name => !modes().includes(name));
-  if (!scene.quick) $("mode").replaceChildren(...modes().map(name => new Option(MODES[name], name)), ...others.map(name =>
+  if (!scene.quick || first) $("mode").replaceChildren(...modes().map(name => new Option(MODES[name], name)), ...(scene.quick ? [] : others).map(name =>
     Object.assign(new Option(`${MODES[name]}: ${scene.absent[name]}`, name), { disabled: true })));
   $("mode").hidden = $("sections").hidden = scene.curve;
   const there = { patches: scene.groups.length > 1 && !scene.curve, net: !!scene.frames[0].net, knots: scene.spots.length > 0,

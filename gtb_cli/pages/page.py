@@ -92,11 +92,11 @@ def page_data(content: Content) -> dict[str, Any]:
             scalars[name] = {"values": encoded(shown, "<f4"), "low": ends[0], "high": ends[1]}
     measures = measure(Mesh(vertices[0], content.cells)) if len(vertices) == 1 else None
     open_sides = f", {count} open sides" if (count := len(content.lines["open"])) else ""
-    cells = "segments" if content.is_curve else f"triangles{open_sides}; normals {content.normals}"
+    cells = "segments" if content.is_curve else f"triangles{open_sides}"
     is_wide = len(vertices[0]) >= 1 << 16
     return {
         "name": content.name,
-        "facts": f"{content.vertices} vertices, {len(content.cells)} {cells}",
+        "facts": f"{len(content.cells)} {cells}",
         "curve": content.is_curve,
         "plane": bool(content.is_curve and low[2] == high[2]),
         "box": {

@@ -32,7 +32,6 @@ NO_POINTS = np.empty((0, 3))
 MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
 PAGE_TOLERANCE = 4e-4  # of the size: less than half a pixel where a model fills a screen
 PAGE_FACES = 60_000  # of an even mesh, if nothing else is asked for
-EXACT, NOT_ALL_EXACT = "exact at vertices", "not all exact"  # what a page says of normals
 
 
 class Keyframe(NamedTuple):
@@ -51,7 +50,7 @@ class Content:
     the groups on both sides, and (m, 2) pairs of control points: ``net``. `knots` are the (n, 3) points of the surface
     at the knots, `edges` the middles of open edges, or of all of a single patch, and `scalars` its "mean" and
     "gaussian" curvature, or the "wall" of a solid, None if there are too many triangles. A vertex with several normals
-    is several rows of a keyframe: `vertices` is how many there are.
+    is several rows of a keyframe.
     """
 
     name: str
@@ -66,8 +65,6 @@ class Content:
     edges: FloatArray = field(default_factory=lambda: NO_POINTS)
     edge_names: tuple[str, ...] = ()
     scalars: Mapping[str, FloatArray | None] = field(default_factory=dict)
-    vertices: int = 0
-    normals: str = ""  # a word about them
     remarks: tuple[str, ...] = ()  # what is unusual about the shape
     thickness: float | None = None  # for which a solid was made
     unit: str | None = None  # of its lengths
@@ -123,11 +120,9 @@ def content_of(
         edges=np.concatenate([NO_POINTS, *(edge_points_at(patch, edge, np.array([0.5])) for _, patch, edge in free)]),
         edge_names=tuple(name for name, *_ in free),
         scalars=scalars if quick else scalars | _wall(shown),
-        vertices=len(mesh.vertices),
-        normals=_word(mesh),
         remarks=() if quick and solid else tuple(remarks),
         thickness=None if recipe is None else recipe.thickness,
-        quick=f"quickly, {recipe.resolution} segments an edge" if quick and recipe else "",
+        quick=f"a quick picture, {recipe.resolution} segments an edge" if quick and recipe else "",
     )
 
 
@@ -168,13 +163,11 @@ def content_of_mesh(mesh: Mesh, name: str) -> Content:
     Vertices at the same place, as in files that hold each patch or triangle by itself, then count as one.
     """
     groups = mesh.groups or ((name, 0, len(mesh.cells)),)
-    word, count = _word(mesh), len(mesh.vertices)
     if mesh.normals is None and not mesh.is_curve:
         first, labels = numbered_places(mesh.vertices)
         mesh = with_normals(Mesh(mesh.vertices[first], labels[mesh.cells]))
     shown = mesh.split
-    lines, wall = sides(mesh, groups), _wall(shown)
-    return Content(name, (_keyframe(shown),), shown.cells, groups, lines, scalars=wall, vertices=count, normals=word)
+    return Content(name, (_keyframe(shown),), shown.cells, groups, sides(mesh, groups), scalars=_wall(shown))
 
 
 def content_of_frames(frames: Frames, name: str) -> Content:
@@ -192,8 +185,6 @@ def content_of_frames(frames: Frames, name: str) -> Content:
         {"border": lines["open"], "open": none, "folds": none, "net": np.array(frames.net, dtype=int).reshape(-1, 2)},
         labels=tuple(frames.titles),
         net_names=tuple(subscript("b", i) for i in range(len(frames.net_points))),
-        vertices=len(first.vertices),
-        normals="means of the triangles'" if first.normals is None else _word(first),
     )
 
 
@@ -232,8 +223,6 @@ def _beside(one: Content, other: Content) -> Content:
             for name in sorted(one.scalars.keys() & other.scalars.keys())
             for mine, theirs in [(one.scalars[name], other.scalars[name])]
         },
-        vertices=one.vertices + other.vertices,
-        normals=_together(one.normals, other.normals),
         remarks=tuple(dict.fromkeys(one.remarks + other.remarks)),
         thickness=one.thickness,
         quick=one.quick or other.quick,
@@ -282,19 +271,6 @@ def _wall(mesh: Mesh) -> dict[str, FloatArray | None]:
     if not mesh.is_curve and len(mesh.cells) > MAX_WALL_FACES:
         return {"wall": None}
     return {} if mesh.is_curve or (wall := wall_of_vertices(mesh)) is None else {"wall": wall}
-
-
-def _word(mesh: Mesh) -> str:
-    """Say whose the normals at the vertices of a mesh are."""
-    if mesh.normals is None:
-        return "means of the triangles', which part at edges sharper than 35°"
-    return EXACT if mesh.exact_normals else NOT_ALL_EXACT
-
-
-def _together(one: str, other: str) -> str:
-    """Say whose the normals of two contents are."""
-    both = one if other in one else f"{one} and {other}"
-    return NOT_ALL_EXACT if {one, other} == {EXACT, NOT_ALL_EXACT} else both
 
 
 def _keyframe(mesh: Mesh, points: FloatArray = NO_POINTS) -> Keyframe:

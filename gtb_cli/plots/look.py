@@ -133,7 +133,7 @@ def settings() -> AbstractContextManager[None]:
     try:
         import matplotlib.figure
     except ModuleNotFoundError:
-        raise ExportError("pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'") from None
+        raise ExportError("pictures need matplotlib, which is not installed: pip install matplotlib") from None
     return matplotlib.rc_context(chosen)
 
 

@@ -47,7 +47,7 @@ def _connected(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
-        raise GtbError("--cluster needs Dask, the extra gtb-cli[cluster]: pip install 'gtb-cli[cluster]'") from None
+        raise GtbError("--cluster needs Dask, the extra gtb-cli[cluster]: pip install distributed") from None
 
     class Connection(Client):  # type: ignore[misc]
         def __del__(self) -> None:  # closing a client that never connected takes long and prints messages

@@ -101,10 +101,11 @@ def summary(mesh: Mesh, stored: Mesh | None = None, remarks: Sequence[str] = (),
         return text
     low, high = measures.bounds
     extents = " × ".join(_amount(end - start) for start, end in zip(low, high, strict=True))
-    counted = f" of {measures.components} parts together" if measures.components > 1 else ""
+    outer = measures.components - (measures.inward_parts or 0)
+    parts, counted = (f" {outer} parts,", " together") if outer > 1 else ("", "")
     counted = " counted with crossings" if any(line.startswith(CROSSES) for line in remarks) else counted
     (_, length), (volume, cubic) = in_unit(0.0, 1, unit), in_unit(measures.volume, 3, unit)
-    return f"{text}, closed, {extents}{length}, volume {_amount(volume)}{cubic}{counted}"
+    return f"{text}, closed,{parts} {extents}{length}, volume {_amount(volume)}{cubic}{counted}"
 
 
 def _amount(value: float) -> str:

@@ -173,10 +173,8 @@ def _welded(mesh: Mesh) -> Mesh:
 
 def _cell_groups(mesh: Mesh) -> IntArray:
     """(k,) index of each face's group."""
-    result = np.zeros(len(mesh.cells), dtype=np.int64)
-    for index, (_, start, stop) in enumerate(mesh.groups):
-        result[start:stop] = index
-    return result
+    groups = mesh.groups or (("", 0, len(mesh.cells)),)
+    return np.repeat(np.arange(len(groups)), [stop - start for _, start, stop in groups])
 
 
 def _offset(mesh: Mesh, thickness: float) -> FloatArray:

@@ -8,14 +8,14 @@ from gtb_cli.arrays import point_text
 from gtb_cli.errors import RequirementError, one_of_alike
 from gtb_cli.fairing.folds import folds as folds_of
 from gtb_cli.meshes.coincident import numbered_places
+from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.topology import are_proper, components_of, sides_of
+from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.models.joined_edges import find_joints
-from gtb_cli.models.model import Model, diagonal_of
-from gtb_cli.models.near_ends import touching
-from gtb_cli.models.openings import obstacles, unjoined_seams
+from gtb_cli.models.model import Model
+from gtb_cli.models.openings import obstacles, parts_of, unjoined_seams
 from gtb_cli.solids.solidity import folded_places, inward_faces, where
-from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_curves, edge_name, patch_name
+from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import requirements
 
@@ -36,14 +36,15 @@ def require(
         if word in asked:
             causes = [*_leaks(spec, mesh, held, word == "solid"), *faults]
             if causes and isinstance(spec, Model):
-                causes = unjoined_seams(spec) or [*(_loose_parts(spec) if faults else []), *causes]
+                loose = _loose_parts(spec) if faults else []
+                causes = unjoined_seams(spec) or (loose + causes[-1:] if loose else causes)
             leaks = len(causes) - len(faults)  # from which folds and crossings may follow; the last says what helps
             if len(causes) > max(3, leaks):
                 causes = [*causes[: max(2, leaks)], causes[-1]]
             lines += [f"not {word}: {line}" for line in causes]
-    if "one-piece" in asked and (pieces := _pieces(mesh)):
-        seams = unjoined_seams(spec) if isinstance(spec, Model) and "solid" not in asked else []
-        lines += [*(f"not one-piece: {line}" for line in seams), *pieces]
+    if "one-piece" in asked and (pieces := _pieces(spec, mesh)):
+        seams = unjoined_seams(spec) if isinstance(spec, Model) and not lines else []
+        lines += [f"not one-piece: {line}" for line in (*seams, *pieces)]
     if "unfolded" in asked:
         turns = folded_places(surface) or _folded_patches(spec)
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*turns, *folds))]
@@ -75,34 +76,23 @@ def _folded_patches(spec: Patch | Model) -> list[str]:
     return lines
 
 
-def _pieces(mesh: Mesh) -> list[str]:
-    """Say in how many pieces a mesh is, if it is not one, and where the smallest is; places count as one vertex."""
-    vertex = numbered_places(mesh.vertices)[1]
-    piece = components_of(vertex[mesh.cells], len(mesh.vertices))
-    names, sizes = np.unique(piece[vertex[mesh.cells[:, 0]]], return_counts=True)
-    if len(names) < 2:
-        return []
-    smallest = point_text(mesh.vertices[names[sizes.argmin()]], mesh.bounds)
-    return [f"not one-piece: {len(names)} pieces, the smallest, of {sizes.min()} faces, near {smallest}"]
+def _pieces(spec: Patch | Model, mesh: Mesh) -> list[str]:
+    """Say in how many pieces a mesh is, if it is not one, and which parts of a model are loose; cavities are none."""
+    measures = measure(mesh)
+    loose = _loose_parts(spec) if isinstance(spec, Model) else []  # which may touch at vertices
+    count = measures.components - (measures.inward_parts or 0)
+    return [f"{count} pieces", *loose] if count > 1 else loose
 
 
 def _loose_parts(model: Model) -> list[str]:
-    """Name the parts of a model that share no edge, and edges of two parts with the same ends; nothing if it is one."""
-    patches, refs = model.patches, model.joints.open
-    pairs = np.array([(joint.first[0], joint.second[0]) for joint in model.joints.shared]).reshape(-1, 2)
-    part = components_of(pairs, len(patches))
-    firsts, counts = np.unique(part, return_index=True, return_counts=True)[1:]
+    """Name the parts of a model that share no edge; nothing if it is one."""
+    patches = model.patches
+    firsts, counts = np.unique(parts_of(model.joints, len(patches)), return_counts=True)
     if len(counts) < 2 or patches[0].dimension == 1:
         return []
     sizes, most = sorted(zip(firsts.tolist(), counts.tolist(), strict=True)), 8
     names = [patch_name(patches[k], k) + f" and {count - 1} more" * (count > 1) for k, count in sizes[:most]]
-    lines = [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
-    near = touching(edge_curves(patches, refs), np.full(len(refs), CURVE_TOLERANCE * diagonal_of(patches)))[0].tolist()
-    for one, other in near:
-        if part[refs[one][0]] != part[refs[other][0]]:
-            ends = " and ".join(edge_name(patches, refs[k]) for k in (one, other))
-            return [f"{ends} have the same ends, and are not the same curve between them", *lines]
-    return lines
+    return [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
 
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:
@@ -119,8 +109,7 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     """Say, edge by edge, where a mesh is not closed."""
     if mesh.is_curve:
         return ["a curve has no inside (`radius` makes a tube)"]
-    count = len(mesh.open_sides)
-    if not count:
+    if not (count := len(mesh.open_sides)):
         return []
     patches = spec.patches
     joints = spec.joints if isinstance(spec, Model) else find_joints(patches)
@@ -141,8 +130,7 @@ def _inward_faces(mesh: Mesh) -> list[str]:
 def _merged_faces(mesh: Mesh) -> list[str]:
     """Say which faces of a closed mesh collapse, or fall upon others, once readers merge vertices at one place."""
     cells = numbered_places(mesh.vertices)[1][mesh.faces]
-    collapsed = np.flatnonzero(~are_proper(cells))
-    if len(collapsed):
+    if len(collapsed := np.flatnonzero(~are_proper(cells))):
         return [f"faces collapse, {where(mesh, collapsed)}"]
     crowded = len(sides_of(cells).open)
     return [f"{crowded} sides of faces fall upon others"] if crowded else []

@@ -2,7 +2,10 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import combinations
 from typing import TypeAlias
+
+import numpy as np
 
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
@@ -74,7 +77,11 @@ class WallMaker:
         """Make the wall of a thickness."""
         for refs in self.spec.joints.crowded if isinstance(self.spec, Model) else ():
             names = ", ".join(edge_name(self.spec.patches, ref) for ref in refs)
-            why = "is a patch there twice, or turned about a wrong axis?"
+            why = "is one turned about a wrong axis?"
+            for one, other in combinations({ref[0]: self.spec.patches[ref[0]] for ref in refs}.values(), 2):
+                points = one.control_points, other.control_points
+                if points[0].shape == points[1].shape and np.abs(points[1] - points[0]).max() < 1e-9 * np.ptp(points):
+                    why = f"{other.name} lies where {one.name} is"
             raise DomainError(f"thickness: {names} are one curve, where at most two may meet: {why}")
         folds = offset_folds(self.spec, surface, thickness)
         wall = thicken(surface, thickness)

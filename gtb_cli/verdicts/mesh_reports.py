@@ -157,7 +157,9 @@ def mesh_text(report: dict[str, Any]) -> str:
             shown["volume"] = 0.0  # digits of what cancels are those of rounding
     if 0 < (inward := shown.pop("inward_parts", None) or 0) < (parts := shown.get("components", 0)):
         shown["volume"] = f"{shown['volume']:.6g}, a signed sum: {inward} of {parts} parts inwards, as cavities are"
-    lines = [*labelled(shown).items(), *(("hole", text) for text in holes), *printing_rows(printed)]
+    rows = labelled(shown)
+    first = [(name, rows.pop(name)) for name in ("kind", "format", "space", "volume") if printed and name in rows]
+    lines = [*first, *printing_rows(printed), *rows.items(), *(("hole", text) for text in holes)]
     lines += [(f"digest of {name}", digest) for name, digest in digests.items()]
     lines += [("group", ": ".join(map(str, group.values()))) for group in groups[:max_groups_shown]]
     more = len(groups) - max_groups_shown

@@ -232,7 +232,7 @@ def test_whole_files_are_copied(tmp_path):
     assert isinstance(found, Model)
     assert [patch.name for patch in found] == ["wall-1", "foot-1", "wall-2", "foot-2", "wall", "foot"]
     lines = "\n".join(moves)
-    copies = model(f'{leg}[[patches]]\ncopy = "wall"\n{lines}\n[[patches]]\ncopy = "foot"\n{lines}\n')
+    copies = model(f'{leg}[[patches]]\ncopy = ["wall", "foot"]\n{lines}\n')
     assert [arrays(found.patches[i]) for i in (0, 2, 1, 3)] == [arrays(copy) for copy in copies.patches[2:]]
     # Once more under other names, without numbers
     path = folder(tmp_path, main='include = ["leg.toml", {file = "leg.toml", name = "left", translate = [1, 0]}]\n')

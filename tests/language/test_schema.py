@@ -50,7 +50,7 @@ def test_a_misspelled_key_is_the_only_fault() -> None:
     ("key", "spec"),
     [
         ("weld", {"weld": 1}),
-        ("copy", {"copy": "a"}),
+        ("copy", {"copy": ["a"]}),
         ("let", {"let": {"R": 1}, "patches": [{"let": {}}]}),
         ("knots", {"patches": [{}], "knots": [0, 1]}),
         ("weld", {"patches": [{"weld": 1}]}),

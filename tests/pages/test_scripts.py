@@ -61,7 +61,7 @@ def test_an_error_is_shown_that_stays_and_a_page_is_working_as_soon_as_the_file_
         "if (asked.length > data.length) done(asked);"
         "return { json: async () => data[asked.length - 1] }; }; watch(1); })"
     )
-    found, text = answer(script, *news, data), "shown quickly, without fills"
+    found, text = answer(script, *news, data), "quickly"
     assert [row[:3] for row in found] == [
         *([False, "", False], [True, "", False], [False, "", True]),  # nothing is said of an empty file
         *([False, "", False], [True, "", False], [True, "line 2", False], [True, "line 2", False]),

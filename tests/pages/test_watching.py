@@ -48,7 +48,7 @@ def test_an_edit_is_news_and_nothing_else(spec):
     watch = watch_of(spec)
     assert news(watch, 2) == {"version": 2, "error": ""}
     spec.write_text(GOOD.format(25), encoding="utf-8")
-    assert watch.news({})["data"]["quick"] == "quickly, 16 segments an edge"
+    assert watch.news({})["data"]["quick"] == "a quick picture, 16 segments an edge"
     made = news(watch, 1)
     assert (made["version"], made["data"]["quick"]) == (4, "")
     assert made["data"]["box"]["texts"][2] == ("0", "25")
@@ -105,8 +105,11 @@ def test_sliders_ask_for_other_numbers_and_the_file_stays(spec):
 def test_a_quick_picture_leaves_holes_open(spec):
     spec.write_text(GOOD.replace("knots", "[[patches]]\nknots", 1).format(0), encoding="utf-8")
     reading = Reading(None, (), (("0.3,0.3,0", "g0"),))
-    quick, whole = (content_of_paths((str(spec),), Recipe(3), reading, Approach(), q) for q in (True, False))
+    solid = Recipe(3, thickness=0.1)
+    quick, whole = (content_of_paths((str(spec),), solid, reading, Approach(), q) for q in (True, False))
     assert len(whole.groups) == 2 * len(quick.groups) == 2
+    assert quick.quick == "a quick picture, 8 segments an edge, without fills"
+    assert len(quick.cells) == 2 * 8 * 8 + 2 * 3 * 8  # both sides, and a rim
 
 
 def test_included_files_are_followed_and_those_that_they_include(spec, tmp_path):
