@@ -352,11 +352,8 @@ def decoded(data: bytes, name: str, recipe: Recipe, reading: Reading = AS_SEEN) 
     return Operand(parse(data, name, reading.spec_format or spec_format_of(name), dict(reading.let)), recipe, name)
 
 
-def made_with(a: Operand, b: Operand) -> int | None:
-    """Return the resolution with which the spec of one side has as many cells as the mesh of the other, or None."""
-    spec, file = (b.spec, a) if a.spec is None else (a.spec, b)
-    if spec is None or file.spec is not None:
-        return None
-    most, wanted = 4096, len(file.known.mesh.cells)  # segments of an edge, and faces
-    found = 1 + bisect_left(range(1, most), wanted, key=lambda resolution: Recipe(resolution).faces(spec))
-    return found if Recipe(found).faces(spec) == wanted else None
+def made_with(spec: Spec, cells: int) -> int | None:
+    """Return the resolution with which a spec has so many cells, or None."""
+    most = 4096  # segments of an edge
+    found = 1 + bisect_left(range(1, most), cells, key=lambda resolution: Recipe(resolution).faces(spec))
+    return found if Recipe(found).faces(spec) == cells else None

@@ -48,11 +48,12 @@ class Comparing:
         a, b = self.read(first), self.read(second)
         found = compared(a, b, self.tolerance, self.kind, self.ignore)
         notes = []
-        if self.kind == "auto" and found.method == "surface" and found.same_kind and self.recipe.tolerance is None:
-            made, (spec, mesh) = made_with(a, b), shown if a.spec is not None else shown[::-1]
+        (one, spec), (file, mesh) = sorted(zip((a, b), shown, strict=True), key=lambda side: side[0].spec is None)
+        if found.method == "surface" != self.kind and found.same_kind and one.spec and self.recipe.tolerance is None:
+            made = made_with(one.spec, len(file.known.mesh.cells))
             if made not in (None, self.recipe.resolution):
                 notes = [f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices"]
-            elif not found.same and (a.spec is None) != (b.spec is None):
+            elif not found.same:
                 command = f"gtb mesh {spec} OPTIONS -f ply --ascii | gtb diff {mesh} -"
                 notes = [f"what other options, as --fill and --weld, make of {spec} is compared by {command}"]
         verdict = replace(verdict, found=found, warnings=found.limits, notes=tuple(notes))
@@ -60,13 +61,10 @@ class Comparing:
 
     def each(self, a: str, b: str) -> Iterator[Verdict]:
         """Compare all files of two folders that have the same name, sorted by name; or two files."""
-        if os.path.isdir(a) and os.path.isdir(b):
-            yield from self._folders(a, b)
-        else:
+        if not os.path.isdir(a) or not os.path.isdir(b):
             shown = shown_input(a), shown_input(b)
             yield self._attempted(os.path.basename(shown[1]), shown, partial(self.files, a, b))
-
-    def _folders(self, a: str, b: str) -> Iterator[Verdict]:
+            return
         matched, unreadable = pairs(a, b)
         has_meshes = any(suffix_of(path) in FORMATS for pair in matched.values() for path in pair if path)
         same_as = _renamed(matched)
