@@ -139,7 +139,6 @@ def sequence_options(spec_help: str) -> Option:
 def number_text(value: float) -> str:
     """Return a number for a file name, such as 0.4 or 1e6: six digits, or as many as tell it from all others."""
     value += 0.0  # not -0
-    least_digits = 6
-    digits = next(n for n in range(1, 18) if float(f"{value:.{n}g}") == value)
-    mantissa, e, exponent = f"{value:.{max(digits, least_digits)}g}".partition("e")
+    digits = next(n for n in range(6, 18) if float(f"{value:.{n}g}") == value)
+    mantissa, e, exponent = f"{value:.{digits}g}".partition("e")
     return mantissa + (f"e{int(exponent)}" if e else "")

@@ -103,18 +103,17 @@ class ReportRequest:
 
 def report_options(metavar: str = "SPEC...") -> Option:
     """Add the specs and options of a report; the command gets them as `request`."""
-    long_option = click.option(
-        "--long",
-        "in_full",
-        is_flag=True,
-        help="Print everything, not just a line for each of several specs or an extract of a large model.",
-    )
     return gathered(
         "request",
         ReportRequest,
         click.argument("specs", metavar=metavar, nargs=-1, required=True, type=INPUT),
         json_option,
-        long_option,
+        click.option(
+            "--long",
+            "in_full",
+            is_flag=True,
+            help="Print everything, not just a line for each of several specs or an extract of a large model.",
+        ),
         weld_option,
         jobs_option,
         streams_options,
