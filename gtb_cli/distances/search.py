@@ -70,14 +70,13 @@ class FarthestSearch:
         that was lost, or the whole distance.
         """
         peaks = self.peaks(self.verified(self.bounded(self.candidates())))
-        climbed = self.climbed(peaks)
-        tops = self.strata.points(StratumPlaces(peaks.stratum, peaks.s))
-        checked, _ = self.distances(tops, peaks.way, 0 * peaks.distance, MOST_STARTS)
-        top = joined([peaks._replace(distance=np.minimum(peaks.distance, checked)), climbed])
+        top = joined([peaks, self.climbed(peaks)])
+        positions = self.strata.points(StratumPlaces(top.stratum, top.s))
+        checked = np.minimum(top.distance, self.distances(positions, top.way, 0 * top.distance, MOST_STARTS)[0])
         found, at = np.zeros(self.count), np.zeros((self.count, 3))
-        order = np.argsort(top.distance, kind="stable")
-        pair, positions = top.way[order] % self.count, self.strata.points(StratumPlaces(top.stratum, top.s))[order]
-        found[pair], at[pair] = top.distance[order], positions  # the last one, which is the largest, stays
+        order = np.argsort(checked, kind="stable")
+        pair = top.way[order] % self.count
+        found[pair], at[pair] = checked[order], positions[order]  # the last one, which is the largest, stays
         lost = self.largest(peaks.way % self.count, peaks.distance) - found
         missed = lost > RELATIVE_ERROR * found + ROUNDING
         found = np.where(found > ROUNDING, found, 0.0)
@@ -195,8 +194,7 @@ class FarthestSearch:
             reach[going] *= np.where(better, growth, np.where(stays, 0.0, shrink))
             np.minimum(reach, longest_reach, out=reach)
             turn += 1
-        found, _ = self.distances(self.strata.points(StratumPlaces(stratum, s)), way, np.zeros(len(way)), MOST_STARTS)
-        return LocalMaxima(way, stratum, s, np.minimum(distance, found))
+        return LocalMaxima(way, stratum, s, distance)
 
     def distances(
         self, points: FloatArray, way: IntArray, enough: FloatArray, starts: int, guess: StratumPlaces | None = None
