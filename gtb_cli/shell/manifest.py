@@ -33,11 +33,10 @@ class Manifest:
         self._entries: dict[str, Mapping[str, Any] | None] = {}
         self._known = _known_entries(path, settings) if resume else {}
         self._written = -math.inf
-        folder = os.path.dirname(path) or os.curdir
-        self._folder = os.curdir if self.is_direct else folder
+        self._folder = os.curdir if self.is_direct else os.path.dirname(path) or os.curdir
         # Checked before the work, not after it; the folder of the meshes is made if missing.
-        if not self.is_direct and not os.path.isdir(folder) and os.path.abspath(folder) != os.path.abspath(output):
-            raise ExportError(f"cannot write {path}: the folder {folder} does not exist")
+        if not os.path.isdir(self._folder) and os.path.abspath(self._folder) != os.path.abspath(output):
+            raise ExportError(f"cannot write {path}: the folder {self._folder} does not exist")
 
     def kept(self, output: str, spec: str) -> Mapping[str, Any] | None:
         """Record a file with its old entry and return this; None if the file has to be made again."""
