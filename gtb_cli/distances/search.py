@@ -48,8 +48,11 @@ class FarthestSearch:
     """
 
     def __init__(self, surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int) -> None:
+        from scipy.spatial import cKDTree
+
         self.frame, self.count = Frame.around(*(surface.points for surface in surfaces)), count
         self.surfaces = surfaces = [surface.seen_from(self.frame) for surface in surfaces]
+        self.trees = [cKDTree(surface.points) for surface in surfaces]
         self.source, self.target = np.array(ways).T
         self.first = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
         columns = np.cumsum([0, *(surface.strata.log_weights.shape[1] for surface in surfaces)])
@@ -90,7 +93,7 @@ class FarthestSearch:
         rows = []
         for way, (one, other) in enumerate(zip(self.source.tolist(), self.target.tolist(), strict=True)):
             here, there = self.surfaces[one], self.surfaces[other]
-            apart, nearest = map(np.asarray, cKDTree(there.points).query(here.points))
+            apart, nearest = map(np.asarray, self.trees[other].query(here.points))
             like = np.asarray(cKDTree(there.relative).query(here.relative)[1])
             points = self.first[one] + np.arange(len(apart))
             near, like = self.first[other] + nearest, self.first[other] + like
@@ -223,17 +226,9 @@ class FarthestSearch:
         starts = min(starts, *(len(surface.points) for surface in self.surfaces))
         near = np.empty((len(far), starts), dtype=np.int64)
         for index, rows in groups(self.target[way[far]]):
-            near[rows] = self.first[index] + self.starts(points[far[rows]], index, starts)
+            near[rows] = self.first[index] + self.trees[index].query(points[far[rows]], np.arange(1, starts + 1))[1]
         search(far, *rows_of(self.places, near))
         return found, nearest
-
-    def starts(self, points: FloatArray, index: int, number: int) -> IntArray:
-        """Return the points of a surface that are nearest to (m, 3) points, (m, w), the nearest first."""
-        result = []
-        for block in np.array_split(points, 1 + len(points) * len(self.surfaces[index].points) // 2_000_000):
-            squares = _squares_between(block, self.surfaces[index].points)
-            result.append(np.argpartition(squares, [0, number - 1], axis=1)[:, :number])
-        return np.concatenate(result)
 
 
 def _disc(count: int, turn: int) -> FloatArray:
@@ -250,9 +245,3 @@ def _highest(way: IntArray, heights: FloatArray, number: int) -> IntArray:
     order = np.lexsort((-heights, way))
     ways = way[order]
     return order[np.arange(len(way)) - np.searchsorted(ways, ways) < number]
-
-
-def _squares_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return squared distances of (m, 3) points from (n, 3) points, (m, n), up to rounding."""
-    columns = np.column_stack([-2 * b, np.ones(len(b)), np.einsum("ij,ij->i", b, b)])
-    return np.asarray(np.maximum(np.column_stack([a, np.einsum("ij,ij->i", a, a), np.ones(len(a))]) @ columns.T, 0.0))

@@ -100,9 +100,8 @@ def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
     patch = np.concatenate([mosaic.patch, mosaic.cell_patch, own])
     strata, places = _located(patches, patch, parameters, face)
     low, high = bounds_of(parameters)
-    relative = np.zeros((len(parameters), 3))
-    relative[:, : parameters.shape[1]] = (parameters - low) / (high - low).max()
-    relative[:, 2] = 0.01 * patch
+    scaled = (parameters - low) / (high - low).max()
+    relative = np.column_stack([scaled, np.zeros((len(patch), 2 - scaled.shape[1])), 0.01 * patch])
     middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
     return Surface(strata, places, strata.points(places), relative, np.column_stack([mosaic.cells, middles]))
 
