@@ -57,6 +57,11 @@ class Change:
         return self.verdict.found
 
     @property
+    def meshes(self) -> list[Mesh]:
+        """What is shown of both, where there is anything."""
+        return [side.mesh for side in (self.old, self.new) if side is not None and side.mesh is not None]
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """What differs, in sentences."""
         return (*self.verdict.reasons, *([self.scale] if self.scale else []))
@@ -137,11 +142,7 @@ def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
             same += 1
             continue
         kept.append(_at_most(each, most) if most < MAX_SHOWN_FACES else each)  # cells that were divided stay so
-        while (
-            most > 1
-            and sum(len(side.mesh.cells) for one in kept for side in (one.old, one.new) if side and side.mesh)
-            > MAX_ALL_FACES
-        ):
+        while most > 1 and sum(len(mesh.cells) for one in kept for mesh in one.meshes) > MAX_ALL_FACES:
             most //= 2
             kept = [_at_most(one, most) for one in kept]
     kept.sort(key=lambda each: (REPORTED.index(each.verdict.word), -each.amount, each.verdict.name))
@@ -174,7 +175,7 @@ def _side(mesh: Mesh | None, other: Mesh | None = None, found: Difference | None
 def _framed(change: Change) -> Change:
     """Return a change with the frames in which it is drawn: two where a mesh would be a dot beside the other."""
     dot = 0.05  # extent of a mesh in a frame that holds both
-    points = [side.mesh.vertices for side in (change.old, change.new) if side is not None and side.mesh is not None]
+    points = [mesh.vertices for mesh in change.meshes]
     if not points:
         return change
     common = Frame.around(*points)
