@@ -58,10 +58,8 @@ class FarthestSearch:
         columns = np.cumsum([0, *(surface.strata.log_weights.shape[1] for surface in surfaces)])
         self.strata = Strata.joined([surface.strata for surface in surfaces])
         self.points = np.concatenate([surface.points for surface in surfaces])
-        self.places = StratumPlaces(
-            np.concatenate([s.places.stratum + column for s, column in zip(surfaces, columns, strict=False)]),
-            np.concatenate([surface.places.s for surface in surfaces]),
-        )
+        own = zip((surface.places for surface in surfaces), columns, strict=False)
+        self.places = joined([places._replace(stratum=places.stratum + column) for places, column in own])
         cells = [surface.cells + first for surface, first in zip(surfaces, self.first, strict=False)]
         beside = [part[:, pair] for part in cells for pair in map(list, permutations(range(part.shape[1]), 2))]
         self.beside, self.others = np.concatenate(beside).T
@@ -204,8 +202,8 @@ class FarthestSearch:
     ) -> tuple[FloatArray, StratumPlaces]:
         """Find how far (m, 3) points are from the surfaces to which their ways lead, (m,), and their nearest points.
 
-        The search starts from a guess, if there is one, then from so many points of the other surface and some more; it
-        ends where a distance is at most `enough`, (m,).
+        The search starts from a guess, if there is one, then from so many points of the other surface; it ends where a
+        distance is at most `enough`, (m,).
         """
         found = np.full(len(points), np.inf)
         nearest = StratumPlaces(np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2)))
