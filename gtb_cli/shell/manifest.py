@@ -6,6 +6,7 @@ import math
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 
 import click
@@ -110,7 +111,7 @@ def input_sums(path: str, spec_format: SpecFormat | None) -> dict[str, str]:
 
 def _known_entries(manifest: str, options: Mapping[str, object]) -> dict[str, Any]:
     """Read the entries of an old manifest by file name; just the checksum where other versions or options made one."""
-    try:
+    with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         with open(manifest, "rb") as file:
             record = json.load(file)
         is_like = record["versions"] == versions() and record["options"] == json.loads(json.dumps(options))
@@ -120,8 +121,7 @@ def _known_entries(manifest: str, options: Mapping[str, object]) -> dict[str, An
                 case {"file": str(name), "sha256": str(found)}:
                     known[name] = entry if is_like and "versions" not in entry else {"sha256": found}
         return known
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        return {}  # a manifest that cannot be read shows nothing
+    return {}  # a manifest that cannot be read shows nothing
 
 
 def _is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
@@ -138,10 +138,8 @@ def _is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
 
 def _sum_of(path: str) -> str | None:
     """Return the sha256 of a regular file, or None if there is no such file."""
-    if not os.path.isfile(path):
-        return None
-    try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return None
+    with suppress(OSError):
+        if os.path.isfile(path):
+            with open(path, "rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()
+    return None

@@ -133,15 +133,14 @@ def _are_alike(first: str, second: str) -> bool:
         return dict(pairs)
 
     none = 0.0  # the largest distance that is rounding
-    try:
+    with suppress(ValueError, RecursionError):
         texts = [read_file(path, MAX_BYTES) for path in (first, second)]
         with suppress(GtbError, LookupError, TypeError):  # a sequence without files of meshes
             mesh = os.path.join(os.path.dirname(first), os.path.basename(json.loads(texts[0])["meshes"][-1]["file"]))
             none = 1e-14 * float(abs(read_mesh(mesh).bounds).max()) if os.path.isfile(mesh) else none
         one, other = (json.loads(text, object_pairs_hook=near) for text in texts)
-    except (ValueError, RecursionError):
-        return False
-    return bool(one == other)
+        return bool(one == other)
+    return False
 
 
 def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:
