@@ -89,15 +89,13 @@ class SequenceOutput:
         if member.doubt:
             doubt = f"the distance is between coarse meshes: {member.doubt}"
             self.streams.console.warn(f"{sequence.key} {member.value:g}: {doubt}")
-        for warning in warnings:
-            self.streams.console.warn(f"{place}: {warning}")
         text, filmed = "", member.film_distance
         if member.value != sequence.values[-1]:
             text += f", {member.distance:.3g} from the limit" if member.distance is not None else ""
             text += f", {filmed:.3g} from the limit with its film" if filmed is not None else ""
         elif filmed is not None:
             text = f", its film reaches {filmed:.3g} from it"
-        self.streams.console.note(f"{place}: {summary(member.mesh)}{text}")
+        self.streams.console.report(place, f"{summary(member.mesh)}{text}", warnings)
 
 
 def _output(
