@@ -168,7 +168,9 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
 
 def _single(numbers: NDArray[Any]) -> NDArray[Any]:
     """Return numbers, those that are not whole to the digits of 32 bits."""
-    return numbers.astype(np.float32) if numbers.dtype.kind == "f" else numbers
+    with np.errstate(over="ignore"):
+        single = numbers.astype(np.float32) if numbers.dtype.kind == "f" else numbers
+    return numbers if np.isinf(single).any() else single
 
 
 def _exact(numbers: NDArray[Any]) -> NDArray[Any]:
@@ -182,24 +184,22 @@ def _cells(elements: dict[str, Element], tables: dict[str, Columns]) -> IntArray
     if face.rows and edge.rows:
         raise GtbError("has both faces and edges: expected one of them")
     if edge.rows:
-        ends = [_numbers(edge, tables, name, whole=True)[0] for name in ("vertex1", "vertex2")]
+        ends = [_numbers(edge, tables, name)[0] for name in ("vertex1", "vertex2")]
         return np.stack(ends, axis=1).astype(np.int64)
     if not face.rows:
         return np.empty((0, 3), dtype=np.int32)
     name = next((name for name in face.properties if name in POLYGONS), POLYGONS[0])
-    corners, counts = _numbers(face, tables, name, whole=True, lists=True)
+    corners, counts = _numbers(face, tables, name)
     if counts.min() < 3:
         raise GtbError(f"element face: a face has at least 3 corners, got {counts.min()}")
     return triangles(corners, counts)
 
 
-def _numbers(
-    element: Element, tables: dict[str, Columns], name: str, *, whole: bool = False, lists: bool = False
-) -> tuple[NDArray[Any], IntArray]:
-    item = element.properties.get(name)
-    if item is None or bool(item.count_kind) != lists:
-        raise GtbError(f"element {element.name}: has no {'list' if lists else 'property'} {name}")
-    if whole and item.kind.startswith("f"):
+def _numbers(element: Element, tables: dict[str, Columns], name: str) -> tuple[NDArray[Any], IntArray]:
+    item, is_list = element.properties.get(name), element.name == "face"
+    if item is None or bool(item.count_kind) != is_list:
+        raise GtbError(f"element {element.name}: has no {'list' if is_list else 'property'} {name}")
+    if element.name != "vertex" and item.kind.startswith("f"):
         raise GtbError(f"{name}: expected whole numbers, got {item.kind}")
     return tables[element.name][name]
 

@@ -23,9 +23,7 @@ def lines_of(data: bytes, start: int = 0, size: int = BLOCK_BYTES) -> Iterator[t
     number = 0
     while start < len(data):
         end = data.find(b"\n", start + size) + 1 or len(data)
-        lines = data[start:end].split(b"\n")
-        if not lines[-1]:
-            lines.pop()
+        lines = data[start:end].splitlines()
         yield number, lines
         number, start = number + len(lines), end
 

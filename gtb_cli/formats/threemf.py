@@ -12,6 +12,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from io import BytesIO
+from itertools import cycle
 from typing import Any, NamedTuple, TypeAlias
 from xml.parsers import expat
 
@@ -69,10 +70,8 @@ def _model(
 ) -> Iterator[bytes]:
     """Yield the description of one object, with a material for each group if there are several."""
     yield f'{_XML}<model unit="{unit}" xml:lang="en-US" xmlns="{_CORE}">\n<resources>\n'.encode()
-    materials = groups if len(groups) > 1 else ()
-    if materials:
-        colours = [PATCH_COLOURS[number % len(PATCH_COLOURS)] for number in range(len(materials))]
-        bases = zip((escape(name) for name, _, _ in materials), colours, strict=True)
+    if len(groups) > 1:
+        bases = zip((escape(name) for name, _, _ in groups), cycle(PATCH_COLOURS), strict=False)
         lines = "".join(f'<base name="{name}" displaycolor="{colour}"/>\n' for name, colour in bases)
         yield f'<basematerials id="2">\n{lines}</basematerials>\n'.encode()
         facts += ' pid="2" pindex="0"'

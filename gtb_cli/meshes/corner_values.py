@@ -81,9 +81,8 @@ def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
     for mesh in (a, b):
         spans = np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1)
         directions.append(unit(spans[0] if mesh.is_curve else cross(*spans)).round(4))
-    number = numbered_places(np.concatenate(directions))[1].astype(np.int64)[:, None] * (
-        int(places[1].max()) + len(a.vertices) + 1
-    )
+    direction, most = numbered_places(np.concatenate(directions))[1], int(places[1].max()) + len(a.vertices) + 1
+    number = direction.astype(np.int64)[:, None] * most
     both = [place + each for place, each in zip(places, np.split(number, [len(a.cells)]), strict=True)]
     return [[each.ravel() for each in both], [each.ravel() for each in places]]
 
@@ -171,6 +170,7 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
 
 def _are_whole(rows: FloatArray) -> bool:
     """Tell whether numbers are whole, and so small that floats of their size hold the next whole ones, too."""
-    numbers = np.nan_to_num(rows)
-    most = 1 << (24 if (numbers.astype(np.float32) == numbers).all() else 53)
+    numbers = rows[np.isfinite(rows)]
+    with np.errstate(over="ignore"):
+        most = 1 << (24 if (numbers.astype(np.float32) == numbers).all() else 53)
     return bool((np.abs(numbers) < most).all() and (numbers == np.rint(numbers)).all())

@@ -41,10 +41,8 @@ def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
         return []
     # Where more than two patches truly share an edge, each of its segments has as many faces with any resolution.
     crowded = len(mesh.crowded_sides) - resolution * len(model.joints.crowded)
-    if crowded <= 0:
-        return []
     why = f"edges of patches that have the same ends are one: {crowded} sides have more than two faces"
-    return [f"with `resolution` {resolution} {why}; `resolution` 3 keeps them apart"]
+    return [f"with `resolution` {resolution} {why}; `resolution` 3 keeps them apart"] * (crowded > 0)
 
 
 def offset_folds(spec: Patch | Model, mesh: Mesh, thickness: float) -> list[str]:
