@@ -120,8 +120,7 @@ def diff(
         from gtb_cli.review.reports import reviewed, write_reports
 
         review = reviewed((shown_input(a), shown_input(b)), each, comparing)
-    else:
-        deque(each, maxlen=0)
+    deque(each, maxlen=0)
     found = Verdicts(tuple(verdicts), of_folders)
     if as_json:
         write_json(streams.output, found.record)

@@ -12,7 +12,7 @@ from typing import IO, TypeAlias, get_args
 import numpy as np
 
 from gtb_cli.distances.between_shapes import shape_distance
-from gtb_cli.distances.patch_equality import Partners, partners
+from gtb_cli.distances.patch_equality import Pair, partners
 from gtb_cli.errors import DomainError, ExportError, GtbError
 from gtb_cli.files import read_file, read_up_to
 from gtb_cli.formats.export import encode_mesh, groups_of
@@ -189,15 +189,18 @@ def compared(
     resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
-    partly = partners(a.spec.patches, b.spec.patches, allowed)
-    most = max((pair.distance for pair in partly.pairs), default=0.0)
+    pairs, lone = partners(a.spec.patches, b.spec.patches, allowed)
+    most = max((pair.distance for pair in pairs), default=0.0)
     at = Farthest(most, tuple(a.spec.patches[0].control_points[0].tolist()))
     found = Distance(at, at, most, is_proved=True)
-    if any(partly.lone) or most > allowed_for(None, diagonal, resolution)[1]:
+    if any(lone) or most > allowed_for(None, diagonal, resolution)[1]:
         found = shape_distance(a.spec, b.spec)
     dimensions = {each.dimension for each in once}
     is_same = found.distance <= allowed and len(dimensions) == 1
-    turned, values, left_out = _sides_and_names(a.spec, b.spec, once, meshes, partly) if is_same else (0, (), ())
+    sides = zip(("first", "second"), (a.spec, b.spec), lone, strict=True)
+    spare = {name: len(spec.patches) - len(alone) - len(pairs) for name, spec, alone in sides}
+    repeated = [f"{are(n, 'patch', 'patches')} there more often in the {name}" for name, n in spare.items() if n]
+    turned, values, left_out = _sides_and_names(a.spec, b.spec, once, meshes, pairs, lone) if is_same else (0, (), ())
     return Difference(
         method="patches",
         distance=found.distance,
@@ -211,7 +214,7 @@ def compared(
         same_kind=len(dimensions) == 1,
         is_curve=dimensions == {1},
         turned=turned,
-        remarks=(*_repeated(partly), *_open_edges(once, allowed)) if is_same else (),
+        remarks=(*repeated, *_open_edges(once, allowed)) if is_same else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
         uncompared=left_out,
@@ -234,26 +237,25 @@ def _meshes_compared(
 
 
 def _sides_and_names(
-    a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], found: Partners
+    a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], found: Sequence[Pair], lone: Sequence[list[int]]
 ) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
     """Compare two specs of one surface: how many patches are turned over, remarks on names, and what is left out."""
     rows = [
         [each.patches.index(p.replace(name=None)) for p in of.patches] for each, of in zip(once, (a, b), strict=True)
     ]
     here, there = (mesh.origin.turned[row] for mesh, row in zip(meshes, rows, strict=True) if mesh.origin is not None)
-    turned = sum(here[first] ^ there[second] ^ over for first, second, _, over in found.pairs)
-    pairs, is_cut = [(first, second) for first, second, *_ in found.pairs], False
-    if any(found.lone):  # most of their faces tell
-        one, other = (0, 1) if len(found.lone[0]) >= len(found.lone[1]) else (1, 0)
+    turned = sum(here[first] ^ there[second] ^ over for first, second, _, over in found)
+    pairs, is_cut = [(first, second) for first, second, *_ in found], False
+    if any(lone):  # most of their faces tell
+        one, other = (0, 1) if len(lone[0]) >= len(lone[1]) else (1, 0)
         nearest, over = nearest_cells(meshes[one], meshes[other])
-        groups = [slice(*meshes[one].groups[rows[one][k]][1:]) for k in found.lone[one]]
+        groups = [slice(*meshes[one].groups[rows[one][k]][1:]) for k in lone[one]]
         turned += sum(over[group].sum() > over[group].size / 2 for group in groups)
         ends = [stop for _, _, stop in meshes[other].groups]
         counts = [np.bincount(np.searchsorted(ends, nearest[group], "right"), minlength=len(ends)) for group in groups]
         home = [rows[other].index(int(each.argmax())) for each in counts]
-        is_cut = sorted(home) != found.lone[other] or any(each.max() < 0.9 * each.sum() for each in counts)
-        lone = zip(found.lone[one], home, strict=True) if one == 0 else zip(home, found.lone[one], strict=True)
-        pairs += [] if is_cut else [*lone]
+        is_cut = sorted(home) != lone[other] or any(each.max() < 0.9 * each.sum() for each in counts)
+        pairs += [] if is_cut else zip(*((lone[0], home) if one == 0 else (home, lone[1])), strict=True)
     names = [(a.patches[first].name, b.patches[second].name) for first, second in sorted(pairs)]
     others = [pair for pair in names if pair[0] != pair[1] and len(names) > 1]
     old, new = (" ".join(str(pair[way]) for pair in others) for way in (0, 1))
@@ -261,12 +263,6 @@ def _sides_and_names(
     if all(each.joints.one_sided for each in once):
         turned, left_out = 0, (*left_out, "sides of patches are not compared, as each surface has only one")
     return int(turned), (f"groups: {old} against {new}",) * bool(others), left_out
-
-
-def _repeated(found: Partners) -> tuple[str, ...]:
-    """Remark on patches that one of two specs has more often."""
-    counts = zip(found.spare, ("first", "second"), strict=True)
-    return tuple(f"{are(count, 'patch', 'patches')} there more often in the {name}" for count, name in counts if count)
 
 
 def _once(spec: Spec) -> Model:
@@ -352,11 +348,8 @@ def decoded(data: bytes, name: str, recipe: Recipe, reading: Reading = AS_SEEN) 
     return Operand(parse(data, name, reading.spec_format or spec_format_of(name), dict(reading.let)), recipe, name)
 
 
-def made_with(a: Operand, b: Operand) -> int | None:
-    """Return the resolution with which the spec of one side has as many cells as the mesh of the other, or None."""
-    spec, file = (b.spec, a) if a.spec is None else (a.spec, b)
-    if spec is None or file.spec is not None:
-        return None
-    most, wanted = 4096, len(file.known.mesh.cells)  # segments of an edge, and faces
-    found = 1 + bisect_left(range(1, most), wanted, key=lambda resolution: Recipe(resolution).faces(spec))
-    return found if Recipe(found).faces(spec) == wanted else None
+def made_with(spec: Spec, cells: int) -> int | None:
+    """Return the resolution with which a spec has so many cells, or None."""
+    most = 4096  # segments of an edge
+    found = 1 + bisect_left(range(1, most), cells, key=lambda resolution: Recipe(resolution).faces(spec))
+    return found if Recipe(found).faces(spec) == cells else None

@@ -20,17 +20,10 @@ class Pair(NamedTuple):
     is_mirrored: bool  # whether normals look to the other side
 
 
-class Partners(NamedTuple):
-    """Which patches of two lists are one surface, or curve, each in one pair."""
-
-    pairs: list[Pair]  # of equal names, if they can be
-    lone: list[list[int]]  # patches of each list that are no patch of the other
-    spare: list[int]  # how many of each list are there more often than in the other
-
-
-def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> Partners:
+def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> tuple[list[Pair], list[list[int]]]:
     """Pair patches of two lists that are proved to have the same points, within a distance.
 
+    Each is in one pair, of equal names if that can be. Also return those of each list that are no patch of the other.
     Patches P and Q with Q(M s + β) = P(s), as after a change of degree, of axes, of weights by κ e^{<σ, a>} or of knots
     by an affine map, are recognised by their `difference`, so that no place is missed, however narrow; the terms that
     they begin with at a corner give M and β. Others that are one surface, such as parts of one that is cut, are not,
@@ -48,8 +41,7 @@ def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> Partne
         if all(pair.first != each.first and pair.second != each.second for each in pairs):
             pairs.append(pair)
     lone = [sorted({*range(len(each))} - {pair[way] for pair in found}) for way, each in enumerate((a, b))]
-    counts = [len(each) - len(alone) for each, alone in zip((a, b), lone, strict=True)]
-    return Partners(pairs, lone, [count - len(pairs) for count in counts])
+    return pairs, lone
 
 
 def _same(a: Patch, b: Patch, tolerance: float) -> tuple[float, bool] | None:

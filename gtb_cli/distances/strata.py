@@ -58,9 +58,10 @@ class Strata:
         e = scaled_exponentials(self.knots[0] * s[0] + self.knots[1] * s[1] + self.log_weights)
         return np.asarray(e / e.sum(axis=0))
 
-    def points(self, s: FloatArray) -> FloatArray:
-        """Return the points, (3, m), at (2, m) torus coordinates, one in each column."""
-        return np.asarray(np.einsum("xnm,nm->xm", self.control_points, self.shares(s)))
+    def points(self, places: StratumPlaces) -> FloatArray:
+        """Return the points at places, (m, 3)."""
+        there = self.chosen(places.stratum)
+        return np.asarray(np.einsum("xnm,nm->xm", there.control_points, there.shares(places.s.T))).T
 
     def derivatives(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return points, (3, m), first derivatives, (2, 3, m), and second derivatives, (3, 3, m): xx, yy and xy."""
@@ -98,13 +99,11 @@ def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
     face[: len(mosaic.face)] = mosaic.face
     patch = np.concatenate([mosaic.patch, mosaic.cell_patch, own])
     strata, places = _located(patches, patch, parameters, face)
-    points = strata.chosen(places.stratum).points(places.s.T).T
     low, high = bounds_of(parameters)
-    relative = np.zeros((len(parameters), 3))
-    relative[:, : parameters.shape[1]] = (parameters - low) / (high - low).max()
-    relative[:, 2] = 0.01 * patch
+    scaled = (parameters - low) / (high - low).max()
+    relative = np.column_stack([scaled, np.zeros((len(patch), 2 - scaled.shape[1])), 0.01 * patch])
     middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
-    return Surface(strata, places, points, relative, np.column_stack([mosaic.cells, middles]))
+    return Surface(strata, places, strata.points(places), relative, np.column_stack([mosaic.cells, middles]))
 
 
 def _located(

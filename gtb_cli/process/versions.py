@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import platform
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -33,10 +34,9 @@ def versions() -> dict[str, str | None]:
 
 def package_version(package: str) -> str | None:
     """Return the version of a package, without importing it."""
-    try:
+    with suppress(PackageNotFoundError):
         return version(package)
-    except PackageNotFoundError:
-        return None
+    return None
 
 
 def _checksum_of_arithmetic() -> str:
