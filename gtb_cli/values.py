@@ -1,10 +1,20 @@
 """Value objects: frozen, and compared, hashed, copied and pickled by their fields, arrays included."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar, dataclass_transform
 
 T = TypeVar("T", bound=type)
+Key = TypeVar("Key", bound=Hashable)
+Entry = TypeVar("Entry")
+
+
+def grouped(pairs: Iterable[tuple[Key, Entry]]) -> dict[Key, list[Entry]]:
+    """Collect what pairs have second by what they have first, in their order."""
+    found: dict[Key, list[Entry]] = {}
+    for key, entry in pairs:
+        found.setdefault(key, []).append(entry)
+    return found
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))

@@ -135,7 +135,7 @@ def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Patch, ...]:
     halves = []
     for end, place in enumerate(curve.domain.vertices[:, 0].tolist()):
         shifted = curve.replace(log_weights=curve.log_weights + (curve.knots[:, 0] - place) * s)
-        logs, points = _bernstein(shifted, powers[:, [end]])
+        logs, points = _bernstein(shifted, np.pad(powers[:, [end]], [(0, 0), (0, 1)]))
         logs = logs[:, 0] - np.logaddexp(0.0, x if end == 0 else -x) * np.arange(degree + 1)
         order = slice(None) if end == 0 else slice(None, None, -1)
         halves.append(_bezier(curve, np.arange(degree + 1.0)[:, None], logs[order], points[:, 0][order], f"piece{end}"))
@@ -149,12 +149,11 @@ def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArra
 
 
 def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Write Σ c ω b s^k t^l, for (n, 2) powers k, l or (n, 1), in Bernstein form: log weights and control points.
+    """Write Σ c ω b s^k t^l, for (n, 2) powers k, l, in Bernstein form: log weights and control points.
 
-    They are (D_1 + 1, D_2 + 1) and (D_1 + 1, D_2 + 1, 3), with D_2 = 0 for a single power; all terms are positive.
+    They are (D_1 + 1, D_2 + 1) and (D_1 + 1, D_2 + 1, 3); all terms are positive.
     """
-    first, *others = (_conversion(column) for column in powers.T)
-    second = others[0] if others else np.zeros((1, len(powers)))
+    first, second = map(_conversion, powers.T)
     middle = (patch.control_points.min(axis=0) + patch.control_points.max(axis=0)) / 2
     centred = patch.control_points - middle
     logs = np.empty((len(first), len(second)))

@@ -55,9 +55,8 @@ def half_edges(spec: Patch | Model, fitted: Collection[int]) -> dict[EdgeRef, li
     """
     even = HalfEdge(np.array([[0.0, 0.0, 0.0, 1.0]] * 2), np.array([0.0, 0.5]), False)
     joints = spec.joints if isinstance(spec, Model) else unjoined(spec)
-    groups: dict[EdgeRef, list[Joint]] = {}
-    for ref in ((index, k) for index, patch in enumerate(spec.patches) for k in range(len(patch.domain.vertices))):
-        groups[ref] = [Joint(ref, ref, False)]
+    refs = [(index, k) for index, patch in enumerate(spec.patches) for k in range(len(patch.domain.vertices))]
+    groups = {ref: [Joint(ref, ref, False)] for ref in refs}
     for joint in joints.shared:
         del groups[joint.second]
         groups[joint.first].append(joint)

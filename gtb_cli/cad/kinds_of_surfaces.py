@@ -51,9 +51,9 @@ def encode_surfaces(
             net, first = each.net + np.append(origin, 0), 4 * bool((each.net[0] == each.net[0, 0]).all())
             net[first:, :, :3] = np.round(net[first:, :, :3], digits)  # curvature near smooth corners needs all digits
             surfaces.append(each._replace(net=net))
-    body = encode_cad(surfaces, kind, unit, spec.name or "patch", part, curved=curved)
-    if closed and body.shells:
-        raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
+    data, shells, solids, seams = encode_cad(surfaces, kind, unit, spec.name or "patch", part, curved=curved)
+    if closed and shells:
+        raise RequirementError(f"not watertight: {shells} of {shells + solids} shells are open")
     warnings = []
     if found.reasons:
         name, reason = found.reasons[0]
@@ -66,18 +66,18 @@ def encode_surfaces(
     counts = {"exact": len(found.surfaces) - found.fitted, "fitted": found.fitted}
     how = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
     faces = f"{how} face{'s' if len(found.surfaces) > 1 else ''}"
-    bodies = {"solid": body.solids, "open shell": body.shells}
+    bodies = {"solid": solids, "open shell": shells}
     parts = [f"{count} {name}{'s' if count > 1 else ''}" for name, count in bodies.items() if count]
-    if body.seams is not None:  # which say more than the warning
-        warnings, curvature = [], body.seams.curvature
+    if seams is not None:  # which say more than the warning
+        warnings, curvature = [], seams.curvature
         faces += f" within {found.error:.2g}" if bend_allowed is None else ""
-        outer, gap, inner, inner_gap = (f"{value:.2g}" for value in body.seams[:4])
-        apart, off = max(body.seams[0:3:2]), "planes at seams differ by"
+        outer, gap, inner, inner_gap = (f"{value:.2g}" for value in seams[:4])
+        apart, off = max(seams[0:3:2]), "planes at seams differ by"
         if not apart <= (angle or 90):  # beyond, faces have turned back
             raise ToleranceError(f"{off} {apart:.6g} degrees, more than {angle or 90:g}")
         if angle is None and apart > CLOSEST:
             warnings.append(f"{off} up to {apart:.2g} degrees: `angle` bounds it")
-        if tolerance is not None and not (apart := max(body.seams[1:4:2])) <= tolerance:
+        if tolerance is not None and not (apart := max(seams[1:4:2])) <= tolerance:
             raise ToleranceError(f"seams of the file have gaps of {apart:.6g}, more than {tolerance:g}")
         parts.append(
             f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
@@ -90,7 +90,7 @@ def encode_surfaces(
             parts.append(f"curvature to the part within {off}")
             if curvature.corners:
                 parts.append(f"the part's own jumps by up to {curvature.jump:.2g} at {curvature.corners} corners")
-    return body.data, ", ".join([faces, *parts]), warnings, body.seams
+    return data, ", ".join([faces, *parts]), warnings, seams
 
 
 def with_y_up(spec: Patch | Model) -> Patch | Model:

@@ -7,7 +7,7 @@ import os
 import re
 import tempfile
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +21,6 @@ KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel 
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # the kernel's names
 
 
-class Body(NamedTuple):
-    """A CAD file, its numbers of shells outside solids and of solids, and, of a filled part, how its seams fit."""
-
-    data: bytes
-    shells: int
-    solids: int
-    seams: Seams | None = None
-
-
 def encode_cad(
     surfaces: Sequence[SplineSurface],
     kind: str,
@@ -38,8 +29,10 @@ def encode_cad(
     part: Any = None,
     *,
     curved: bool = False,
-) -> Body:
+) -> tuple[bytes, int, int, Seams | None]:
     """Sew surfaces along edges that agree, and encode them as a CAD file; closed shells become solids.
+
+    Return the file, its numbers of shells outside solids and of solids, and, of a filled part, how its seams fit.
 
     With a part, a shape of the kernel, the surfaces are sewn to its faces; `curved` seams have measured curvatures.
 
@@ -84,7 +77,7 @@ def encode_cad(
         raise ExportError(f"{what}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?")
     new = dict(zip(map(hash, written), read, strict=True))
     seams = None if part is None else seams_of(found, [new[hash(face)] for face, _ in faces], curved=curved)
-    return Body(re.sub(*times[kind], data) if kind in times else data, shells, solids, seams)
+    return re.sub(*times[kind], data) if kind in times else data, shells, solids, seams
 
 
 def _sewn(

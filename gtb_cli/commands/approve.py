@@ -46,8 +46,17 @@ def approve(
     """
     _refuse_folders(golden, out)
     comparing = Comparing(tolerance=tolerance, ignore=ignore)
-    stamps = {path: _stamp(path) for path in files_in(out, {}).values()}
-    verdicts = {verdict.name: verdict for verdict in _compared(golden, out, comparing)}
+    unreadable = dict[str, str]()
+    new = files_in(out, unreadable)
+    if not new and not unreadable:
+        raise GtbError(f"{out}: has no files to take over")
+    stamps = {path: _stamp(path) for path in new.values()}
+    found: Iterable[Verdict] = (Verdict(name, (os.path.join(golden, name), new[name]), "extra") for name in sorted(new))
+    if os.path.isdir(golden) and files_in(golden, unreadable):
+        found = comparing.each(golden, out)
+    elif unreadable:
+        raise GtbError(*unreadable.values())
+    verdicts = {verdict.name: verdict for verdict in found}
     chosen = _named(names, verdicts, golden, out) if names else [each for each in verdicts.values() if not each.same]
     taken = [each for each in chosen if os.path.lexists(each.paths[1])]
     gone = [each for each in chosen if not os.path.lexists(each.paths[1])]
@@ -84,19 +93,6 @@ def _refuse_folders(golden: str, out: str) -> None:
         raise click.UsageError("GOLDEN and OUT are the same folder")
     if os.path.commonpath(places) + os.sep in places:
         raise click.UsageError("GOLDEN and OUT are one in the other")
-
-
-def _compared(golden: str, out: str, comparing: Comparing) -> Iterable[Verdict]:
-    """Compare two folders; all files are extra if the first has none, and an empty second one is refused."""
-    unreadable = dict[str, str]()
-    found = files_in(out, unreadable)
-    if not found and not unreadable:
-        raise GtbError(f"{out}: has no files to take over")
-    if os.path.isdir(golden) and files_in(golden, unreadable):
-        return comparing.each(golden, out)
-    if unreadable:
-        raise GtbError(*unreadable.values())
-    return [Verdict(name, (os.path.join(golden, name), path), "extra") for name, path in sorted(found.items())]
 
 
 def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, out: str) -> list[Verdict]:

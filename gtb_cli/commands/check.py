@@ -76,9 +76,7 @@ def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
     lines = []
     for found in findings:
         value, bound = ("" if x is None else f"{x:.3g}" for x in (found.value, found.bound))
-        figures = f"{value} <= {bound}" if bound else value
-        if found.status == "fails" and found.value is not None:
-            figures = f"{value} > {bound}"
+        figures = f"{value} {'>' if found.status == 'fails' else '<='} {bound}" if bound else value
         status = f"{found.status:14}"
         if colours:
             status = click.style(status, fg=verdict_colours.get(found.status))

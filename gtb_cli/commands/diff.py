@@ -80,13 +80,14 @@ def diff(
     Compare two meshes: OBJ, PLY, STL, GLB or 3MF files, or specs, which are meshed with -n and the options below it.
 
     Meshes with the same faces, in any order, are compared vertex by vertex, others as surfaces (or curves): the largest
-    distance of a point of either from the other. Two specs are compared as the points that they describe, however
-    often, by a search that proves nothing, and in names and sides of patches. Faces that are turned over, missing,
-    there twice or without area, other holes or parts, and vertices that are shared in another way are differences, too,
-    unless --ignore says otherwise; so are other normals, texture coordinates, attributes, groups and colours. Polygons
-    count as triangles; comments, titles, the name of a whole mesh and vertices that no face uses do not count, nor if
-    OBJ has o for g. The first words say what was done: moved, mirrored in y, 25.4 times as large (1 in for 1 mm), 1
-    face is missing.
+    distance of a point of either from the other. Two specs are compared as the points that they describe: a patch that
+    is another one in other words (axes, degree, knots, weights) is proved to be, for others a search tells, which
+    proves nothing; and in names and sides of patches, and how often they are there. Faces that are turned over,
+    missing, there twice or without area, other holes or parts, and vertices that are shared in another way are
+    differences, too, unless --ignore says otherwise; so are other normals, texture coordinates, attributes, groups and
+    colours. Polygons count as triangles; comments, titles, the name of a whole mesh and vertices that no face uses do
+    not count, nor if OBJ has o for g. The first words say what was done: moved, mirrored in y, 25.4 times as large (1
+    in for 1 mm), 1 face is missing.
 
     The tolerance is never less than what the numbers in the files can hold; the size is the diagonal of the smaller
     bounding box. Where a distance of surfaces is not proved within it, a warning, the report and "proved" say so.
@@ -119,8 +120,7 @@ def diff(
         from gtb_cli.review.reports import reviewed, write_reports
 
         review = reviewed((shown_input(a), shown_input(b)), each, comparing)
-    else:
-        deque(each, maxlen=0)
+    deque(each, maxlen=0)
     found = Verdicts(tuple(verdicts), of_folders)
     if as_json:
         write_json(streams.output, found.record)

@@ -153,9 +153,7 @@ def _plain(values: FloatArray) -> list[Any]:
     """Return rows for JSON, which has no numbers that are not finite."""
     import numpy as np
 
-    plain = values.astype(object)
-    plain[~np.isfinite(values)] = None
-    return list(plain.tolist())
+    return list(np.where(np.isfinite(values), values.astype(object), np.array(None)).tolist())
 
 
 def _rows(arrays: list[FloatArray]) -> bytes:

@@ -274,21 +274,24 @@ def _report_corners(filling: Filling, console: Console) -> None:
     """Say in a line what curvature the corners have, and of each that has several planes or no bound, what it has."""
     from gtb_cli.theory.corners import PLANE_DEGREES
 
-    most, where, reach, parts = 0.0, "", "within a tenth", filling.parts or (filling,)
+    most, where, reach, others, parts = 0.0, "", "within a tenth", "", filling.parts or (filling,)
     rounding = 1e-8  # degrees between limits of normals; from planes that differ by more, curvature grows further in
     for number, part in enumerate(parts):
         for corner, (limits, near) in enumerate(zip(part.corners, part.corner_curvatures, strict=True)):
             place = f"{f'part {number}, ' if len(parts) > 1 else ''}corner {corner}"
-            named = f"{place}, of {part.sides[corner - 1].name} and {part.sides[corner].name}"
+            if limits.angle <= PLANE_DEGREES and math.isfinite(limits.curvature):
+                most, where = max((most, where), (max(limits.curvature, near), f", at {place}"))
+                reach = "from a millionth to a tenth" if limits.angle > rounding else reach
+                continue
+            others, told = "other ", "limits of curvature are not known"
             if limits.angle > PLANE_DEGREES:
-                console.note(f"{named}: limits of normals are up to {limits.angle:.3g} degrees apart")
+                told = f"limits of normals are up to {limits.angle:.3g} degrees apart"
             elif math.isinf(limits.curvature):
-                power = limits.curvature_exponent
-                console.note(f"{named}: one tangent plane, and curvature grows like distance ^ {power:.2g}")
-            elif max(limits.curvature, near) >= most:
-                most, where = max(limits.curvature, near), f", at {place}"
-            if rounding < limits.angle <= PLANE_DEGREES:
-                reach = "from a millionth to a tenth"
+                told = f"one tangent plane, and curvature grows like distance ^ {limits.curvature_exponent:.2g}"
+            console.note(f"{place}, of {part.sides[corner - 1].name} and {part.sides[corner].name}: {told}")
     if where:
-        largest = f"curvature at most {round(most, 12):.3g} {reach} of an edge{where}"
-        console.note(f"corners: tangent planes, {largest}")
+        size = math.sqrt(filling.bending.area)
+        most = round(most * size, 12) / size
+        step = 10.0 ** (math.floor(math.log10(most or 1.0)) - 2)  # of the third digit: rounded up
+        largest = f"curvature at most {math.ceil(most / step - 1e-6) * step:.3g} {reach} of an edge{where}"
+        console.note(f"{others}corners: tangent planes, {largest}")

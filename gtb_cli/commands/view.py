@@ -88,6 +88,9 @@ def view(
     closed has its volume, colours walls (of up to 200 000 triangles) and overhangs, and fills the face of a section.
     The address holds how it looks, so that a link shows the same, such as page.html#mode=zebra&section=x.
 
+    Control net, knots, open edges, folds, curvature, zebra stripes and isophotes can be switched on; normals are the
+    surface's own at the vertices of a mesh, which -n or --tolerance makes finer. Two points can be measured.
+
     A sequence has a slider and plays: a FOLDER's, a degeneration (-x, --lifting) or a knot limit (--merge, --steps).
 
     With --watch the page follows the files: it shows edits within a second, or an error with its line; it has a slider

@@ -1,6 +1,7 @@
 """Distances between patches, models and curves themselves, and not between meshes of them."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -45,10 +46,9 @@ def layered(mosaic: Complex, patches: Sequence[Patch]) -> Complex:
     """Refine a complex where a surface is still far from its mesh, as in thin layers along edges."""
     share, most_cells, samples = 0.02, 5000, 2000  # of the size, and in all
     size = max(float(np.ptp(patch.control_points, axis=0).max()) for patch in patches)
-    try:
+    with suppress(ToleranceError):
         return refine(mosaic, Sampler(patches), share * size, most_cells, samples)[0]
-    except ToleranceError:
-        return mosaic
+    return mosaic
 
 
 def cells_along_edges(patches: Sequence[Patch], cells: int, least: int) -> int:

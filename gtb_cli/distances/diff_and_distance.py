@@ -4,15 +4,15 @@ import hashlib
 import os
 import re
 from bisect import bisect_left
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import IO, TypeAlias, get_args
 
 import numpy as np
 
-from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.between_shapes import shape_distance
+from gtb_cli.distances.patch_equality import Pair, partners
 from gtb_cli.errors import DomainError, ExportError, GtbError
 from gtb_cli.files import read_file, read_up_to
 from gtb_cli.formats.export import encode_mesh, groups_of
@@ -21,10 +21,9 @@ from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES, decode_m
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES, kind_of, spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reading import AS_SEEN, Reading
-from gtb_cli.meshes.corner_values import unlike_values
-from gtb_cli.meshes.correspondence import matching, nearest_cells
-from gtb_cli.meshes.difference import Difference, allowed_for, difference
-from gtb_cli.meshes.hausdorff import Distance, mesh_distance
+from gtb_cli.meshes.correspondence import nearest_cells
+from gtb_cli.meshes.difference import Difference, allowed_for, are, difference
+from gtb_cli.meshes.hausdorff import Distance, Farthest, mesh_distance
 from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, TEXTURE, KnownMesh, Mesh, Values, are_marks, known_exactly, rounding
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.attributes import QUALITY_NAME
@@ -99,8 +98,8 @@ class Operand:
         digest = cache(_digest)  # a file may be named in many ways
 
         def hold(lines: Iterable[str], place: str = "") -> None:
-            """Hold what lines name, each several files, or one with blanks after options."""
-            for line in (line.replace("\\", "/") for line in dict.fromkeys(lines)):  # as Windows separates folders
+            """Hold what lines name, perhaps in quotes, each several files, or one with blanks after options."""
+            for line in (each.replace("\\", "/").replace('"', "") for each in dict.fromkeys(lines)):
                 ends = (end for k in range(20) for end in line.split(None, k)[-1:] if " " in end)
                 names = next(([end] for end in ends if os.path.isfile(beside(place, end))), line.split())
                 for name in (os.path.join(place, name) for name in names):
@@ -184,13 +183,24 @@ def compared(
             raise DomainError(f"{name}: expected {' or '.join(get_args(known))}, got {word!r}")
     if kind == "vertices" or a.spec is None or b.spec is None:
         return _meshes_compared(a, b, tolerance, kind, aspects)
-    found = shape_distance(a.spec, b.spec)
-    bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]
+    once = [_once(spec) for spec in (a.spec, b.spec)]
+    meshes = [Recipe(8).mesh(each)[0] for each in once]
+    bounds = [mesh.bounds for mesh in meshes]
     resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
-    dimensions = {spec.patches[0].dimension for spec in (a.spec, b.spec)}
-    turned, values, left_out = _patches_compared(a.spec, b.spec, allowed) if found.distance <= allowed else (0, (), ())
+    pairs, lone = partners(a.spec.patches, b.spec.patches, allowed)
+    most = max((pair.distance for pair in pairs), default=0.0)
+    at = Farthest(most, tuple(a.spec.patches[0].control_points[0].tolist()))
+    found = Distance(at, at, most, is_proved=True)
+    if any(lone) or most > allowed_for(None, diagonal, resolution)[1]:
+        found = shape_distance(a.spec, b.spec)
+    dimensions = {each.dimension for each in once}
+    is_same = found.distance <= allowed and len(dimensions) == 1
+    sides = zip(("first", "second"), (a.spec, b.spec), lone, strict=True)
+    spare = {name: len(spec.patches) - len(alone) - len(pairs) for name, spec, alone in sides}
+    repeated = [f"{are(n, 'patch', 'patches')} there more often in the {name}" for name, n in spare.items() if n]
+    turned, values, left_out = _sides_and_names(a.spec, b.spec, once, meshes, pairs, lone) if is_same else (0, (), ())
     return Difference(
         method="patches",
         distance=found.distance,
@@ -204,10 +214,11 @@ def compared(
         same_kind=len(dimensions) == 1,
         is_curve=dimensions == {1},
         turned=turned,
-        remarks=_open_edges(a.spec, b.spec, allowed) if found.distance <= allowed and len(dimensions) == 1 else (),
+        remarks=(*repeated, *_open_edges(once, allowed)) if is_same else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
         uncompared=left_out,
+        is_searched=not found.is_proved,
     )
 
 
@@ -225,27 +236,33 @@ def _meshes_compared(
     return replace(found, values=(*values, *[f"{LIBRARIES}: not the same"] * are_other))
 
 
-def _patches_compared(a: Spec, b: Spec, allowed: float) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
-    """Compare two specs of one surface in sides and names: how many faces are turned, remarks, and what is left out."""
-    are_others = len(a.patches) != len(b.patches)
-    meshes = [Operand(_once(each) if are_others else each, Recipe(8)).known for each in (a, b)]
-    one, other = sorted(meshes, key=lambda known: -len(known.mesh.groups))
-    left_out = ("names of patches are not compared, as there are others",) * are_others
-    matched = matching(one, other, allowed)
-    if matched is not None and matched.distances.max() <= allowed:
-        return matched.turned, () if are_others else unlike_values(one, other, matched.slots)[0], left_out
-    old, new = (each.mesh.groups or (("", 0, len(each.mesh.cells)),) for each in (one, other))
-    nearest, over = nearest_cells(one.mesh, other.mesh)
-    turned = sum(stop - start for _, start, stop in old if over[start:stop].mean() > 0.5)  # most faces of each tell
-    owner = np.repeat(np.arange(len(new)), [stop - start for _, start, stop in new])
-    counts = [np.bincount(owner[nearest[start:stop]], minlength=len(new)) for _, start, stop in old]
-    there = [int(count.argmax()) for count in counts]
-    is_cut = len({*there}) < len(new) or any(count.max() < 0.9 * count.sum() for count in counts)  # but for borders
-    if are_others or is_cut:
-        return turned, (), left_out or ("names of patches are not compared, as the surface is cut otherwise",)
-    names = [name for name, *_ in old], [new[index][0] for index in there]
-    remark = f"groups: {' '.join(names[0])} against {' '.join(names[1])}"
-    return turned, (remark,) if names[0] != names[1] and len(old) > 1 else (), ()
+def _sides_and_names(
+    a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], found: Sequence[Pair], lone: Sequence[list[int]]
+) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
+    """Compare two specs of one surface: how many patches are turned over, remarks on names, and what is left out."""
+    rows = [
+        [each.patches.index(p.replace(name=None)) for p in of.patches] for each, of in zip(once, (a, b), strict=True)
+    ]
+    here, there = (mesh.origin.turned[row] for mesh, row in zip(meshes, rows, strict=True) if mesh.origin is not None)
+    turned = sum(here[first] ^ there[second] ^ over for first, second, _, over in found)
+    pairs, is_cut = [(first, second) for first, second, *_ in found], False
+    if any(lone):  # most of their faces tell
+        one, other = (0, 1) if len(lone[0]) >= len(lone[1]) else (1, 0)
+        nearest, over = nearest_cells(meshes[one], meshes[other])
+        groups = [slice(*meshes[one].groups[rows[one][k]][1:]) for k in lone[one]]
+        turned += sum(over[group].sum() > over[group].size / 2 for group in groups)
+        ends = [stop for _, _, stop in meshes[other].groups]
+        counts = [np.bincount(np.searchsorted(ends, nearest[group], "right"), minlength=len(ends)) for group in groups]
+        home = [rows[other].index(int(each.argmax())) for each in counts]
+        is_cut = sorted(home) != lone[other] or any(each.max() < 0.9 * each.sum() for each in counts)
+        pairs += [] if is_cut else zip(*((lone[0], home) if one == 0 else (home, lone[1])), strict=True)
+    names = [(a.patches[first].name, b.patches[second].name) for first, second in sorted(pairs)]
+    others = [pair for pair in names if pair[0] != pair[1] and len(names) > 1]
+    old, new = (" ".join(str(pair[way]) for pair in others) for way in (0, 1))
+    left_out = ("names of patches are not compared where they are cut otherwise",) * is_cut
+    if all(each.joints.one_sided for each in once):
+        turned, left_out = 0, (*left_out, "sides of patches are not compared, as each surface has only one")
+    return int(turned), (f"groups: {old} against {new}",) * bool(others), left_out
 
 
 def _once(spec: Spec) -> Model:
@@ -254,15 +271,15 @@ def _once(spec: Spec) -> Model:
     return Model(patches, weld=getattr(spec, "weld", None))
 
 
-def _open_edges(a: Spec, b: Spec, allowed: float) -> tuple[str, ...]:
+def _open_edges(models: Sequence[Model], allowed: float) -> tuple[str, ...]:
     """Remark on open edges of patches, or ends of curves, in other places, and not on edges cut otherwise."""
     one, other = (
         [Patch([0, 1], edge_curve(m[k], e).ends) if m.dimension == 1 else m[k].boundary(e) for k, e in m.joints.open]
-        for m in map(_once, (a, b))
+        for m in models
     )
     both = bool(one and other)
     are_other = shape_distance(Model(one), Model(other)).distance > allowed if both else bool(one or other)
-    what = "edges of patches" if a.dimension == 2 else "ends of curves"
+    what = "edges of patches" if models[0].dimension == 2 else "ends of curves"
     return (f"{len(one)} open {what} against {len(other)}" + ", in other places" * both,) * are_other
 
 
@@ -331,11 +348,8 @@ def decoded(data: bytes, name: str, recipe: Recipe, reading: Reading = AS_SEEN) 
     return Operand(parse(data, name, reading.spec_format or spec_format_of(name), dict(reading.let)), recipe, name)
 
 
-def made_with(a: Operand, b: Operand) -> int | None:
-    """Return the resolution with which the spec of one side has as many cells as the mesh of the other, or None."""
-    spec, file = (b.spec, a) if a.spec is None else (a.spec, b)
-    if spec is None or file.spec is not None:
-        return None
-    most, wanted = 4096, len(file.known.mesh.cells)  # segments of an edge, and faces
-    found = 1 + bisect_left(range(1, most), wanted, key=lambda resolution: Recipe(resolution).faces(spec))
-    return found if Recipe(found).faces(spec) == wanted else None
+def made_with(spec: Spec, cells: int) -> int | None:
+    """Return the resolution with which a spec has so many cells, or None."""
+    most = 4096  # segments of an edge
+    found = 1 + bisect_left(range(1, most), cells, key=lambda resolution: Recipe(resolution).faces(spec))
+    return found if Recipe(found).faces(spec) == cells else None

@@ -20,7 +20,6 @@ RELATIVE_ERROR = 5e-4  # relative error of a distance between surfaces: three di
 CLOSE_SHARE = 0.9  # fraction of the largest distance from which on a point of the start may lead to a farther one
 # Nearest points from which the nearest one is searched for: usually, where it matters, and for the farthest of all.
 FEW_STARTS, MANY_STARTS, MOST_STARTS = 4, 24, 400
-NEAR_REGIONS = 2  # nearest regions, with a start in each
 
 
 class Candidates(NamedTuple):
@@ -49,21 +48,21 @@ class FarthestSearch:
     """
 
     def __init__(self, surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int) -> None:
+        from scipy.spatial import cKDTree
+
         self.frame, self.count = Frame.around(*(surface.points for surface in surfaces)), count
         self.surfaces = surfaces = [surface.seen_from(self.frame) for surface in surfaces]
+        self.trees = [cKDTree(surface.points) for surface in surfaces]
         self.source, self.target = np.array(ways).T
         self.first = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
         columns = np.cumsum([0, *(surface.strata.log_weights.shape[1] for surface in surfaces)])
         self.strata = Strata.joined([surface.strata for surface in surfaces])
         self.points = np.concatenate([surface.points for surface in surfaces])
-        self.places = StratumPlaces(
-            np.concatenate([s.places.stratum + column for s, column in zip(surfaces, columns, strict=False)]),
-            np.concatenate([surface.places.s for surface in surfaces]),
-        )
-        self.regions = [_regions(surface.region) for surface in surfaces]
+        own = zip((surface.places for surface in surfaces), columns, strict=False)
+        self.places = joined([places._replace(stratum=places.stratum + column) for places, column in own])
         cells = [surface.cells + first for surface, first in zip(surfaces, self.first, strict=False)]
         beside = [part[:, pair] for part in cells for pair in map(list, permutations(range(part.shape[1]), 2))]
-        self.neighbours = _table(np.concatenate(beside), np.arange(len(self.points)))
+        self.beside, self.others = np.concatenate(beside).T
 
     def farthest(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the distances of all ways or pairs of ways, (k,), points that are so far, (k, 3), and errors, (k,).
@@ -72,23 +71,18 @@ class FarthestSearch:
         that was lost, or the whole distance.
         """
         peaks = self.peaks(self.verified(self.bounded(self.candidates())))
-        climbed = self.climbed(peaks)
-        tops = self.positions(StratumPlaces(peaks.stratum, peaks.s))
-        checked, _ = self.distances(tops, peaks.way, 0 * peaks.distance, MOST_STARTS)
-        top = joined([peaks._replace(distance=np.minimum(peaks.distance, checked)), climbed])
+        top = joined([peaks, self.climbed(peaks)])
+        positions = self.strata.points(StratumPlaces(top.stratum, top.s))
+        checked = np.minimum(top.distance, self.distances(positions, top.way, 0 * top.distance, MOST_STARTS)[0])
         found, at = np.zeros(self.count), np.zeros((self.count, 3))
-        order = np.argsort(top.distance, kind="stable")
-        pair, positions = top.way[order] % self.count, self.positions(StratumPlaces(top.stratum, top.s))[order]
-        found[pair], at[pair] = top.distance[order], positions  # the last one, which is the largest, stays
+        order = np.argsort(checked, kind="stable")
+        pair = top.way[order] % self.count
+        found[pair], at[pair] = checked[order], positions[order]  # the last one, which is the largest, stays
         lost = self.largest(peaks.way % self.count, peaks.distance) - found
         missed = lost > RELATIVE_ERROR * found + ROUNDING
         found = np.where(found > ROUNDING, found, 0.0)
         errors = RELATIVE_ERROR * found + np.where(missed, np.maximum(lost, found), 0.0)
         return self.frame.length(found), self.frame.outside(at), self.frame.length(errors)
-
-    def positions(self, places: StratumPlaces) -> FloatArray:
-        """Return the points at places, (m, 3)."""
-        return self.strata.chosen(places.stratum).points(places.s.T).T
 
     def candidates(self) -> Candidates:
         """Return all points of the start, at the distances of the nearest points of the other surface."""
@@ -97,7 +91,7 @@ class FarthestSearch:
         rows = []
         for way, (one, other) in enumerate(zip(self.source.tolist(), self.target.tolist(), strict=True)):
             here, there = self.surfaces[one], self.surfaces[other]
-            apart, nearest = map(np.asarray, cKDTree(there.points).query(here.points))
+            apart, nearest = map(np.asarray, self.trees[other].query(here.points))
             like = np.asarray(cKDTree(there.relative).query(here.relative)[1])
             points = self.first[one] + np.arange(len(apart))
             near, like = self.first[other] + nearest, self.first[other] + like
@@ -158,12 +152,13 @@ class FarthestSearch:
         few = 8
         heights = np.zeros((len(self.source), len(self.points)))
         heights[candidates.way, candidates.point] = candidates.distance
-        low = np.tile(heights.reshape(-1, self.count, len(self.points)).max(axis=(0, 2)), len(heights) // self.count)
-        high = heights[candidates.way[:, None], self.neighbours[candidates.point]].max(axis=1, initial=0.0)
-        chosen = candidates.distance >= np.maximum(high, CLOSE_SHARE * low[candidates.way])
-        way, point, distance = rows_of(candidates, chosen)[:3]
-        order = np.lexsort((-distance, way))
-        way, point, distance = way[order], point[order], distance[order]
+        low = self.largest(candidates.way % self.count, candidates.distance)[np.arange(len(heights)) % self.count]
+        high = heights.copy()
+        for row, own in zip(high, heights, strict=True):
+            np.maximum.at(row, self.beside, own[self.others])
+        chosen = candidates.distance >= np.maximum(high[candidates[:2]], CLOSE_SHARE * low[candidates.way])
+        high_ones = rows_of(candidates, chosen)
+        way, point, distance = rows_of(high_ones, _highest(high_ones.way, high_ones.distance, len(chosen)))[:3]
         again = (np.diff(way, prepend=-1) == 0) & (-np.diff(distance, prepend=np.inf) <= same_height * low[way])
         way, point, distance = way[~again], point[~again], distance[~again]
         rows = _highest(way, distance, few)
@@ -176,20 +171,20 @@ class FarthestSearch:
         worthy_gain = 0.02 * RELATIVE_ERROR  # a smaller one counts as none: towards a corner, gains never end
         way, stratum, s, distance = peaks.way, peaks.stratum, peaks.s.copy(), peaks.distance.copy()
         reach = np.ones(len(way))
-        _, nearest = self.distances(self.positions(StratumPlaces(stratum, s)), way, np.zeros(len(way)), MANY_STARTS)
+        _, nearest = self.distances(self.strata.points(StratumPlaces(stratum, s)), way, np.zeros(len(way)), MANY_STARTS)
         turn = 0
         while len(going := np.flatnonzero(reach > np.sqrt(RELATIVE_ERROR))):
             trial = s[going, None] + reach[going, None, None] * _disc(trials, turn)
             places = StratumPlaces(np.repeat(stratum[going], trials), trial.reshape(-1, 2))
             rows = np.repeat(going, trials)
             enough = (1 - 2 * RELATIVE_ERROR) * distance[rows]
-            found, _ = self.distances(self.positions(places), way[rows], enough, FEW_STARTS, rows_of(nearest, rows))
+            found, _ = self.distances(self.strata.points(places), way[rows], enough, FEW_STARTS, rows_of(nearest, rows))
             heights = found.reshape(-1, trials)
             best, height = heights.argmax(axis=1), heights.max(axis=1)
             likely = np.flatnonzero(height > distance[going])
             chosen = rows_of(places, trials * likely + best[likely])
             at, enough = going[likely], distance[going[likely]]
-            height[likely], there = self.distances(self.positions(chosen), way[at], enough, MANY_STARTS)
+            height[likely], there = self.distances(self.strata.points(chosen), way[at], enough, MANY_STARTS)
             better = height > (1 + worthy_gain) * distance[going]
             kept = better[likely]
             up = going[likely[kept]]
@@ -200,16 +195,15 @@ class FarthestSearch:
             reach[going] *= np.where(better, growth, np.where(stays, 0.0, shrink))
             np.minimum(reach, longest_reach, out=reach)
             turn += 1
-        found, _ = self.distances(self.positions(StratumPlaces(stratum, s)), way, np.zeros(len(way)), MOST_STARTS)
-        return LocalMaxima(way, stratum, s, np.minimum(distance, found))
+        return LocalMaxima(way, stratum, s, distance)
 
     def distances(
         self, points: FloatArray, way: IntArray, enough: FloatArray, starts: int, guess: StratumPlaces | None = None
     ) -> tuple[FloatArray, StratumPlaces]:
         """Find how far (m, 3) points are from the surfaces to which their ways lead, (m,), and their nearest points.
 
-        The search starts from a guess, if there is one, then from so many points of the other surface and some more; it
-        ends where a distance is at most `enough`, (m,).
+        The search starts from a guess, if there is one, then from so many points of the other surface; it ends where a
+        distance is at most `enough`, (m,).
         """
         found = np.full(len(points), np.inf)
         nearest = StratumPlaces(np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2)))
@@ -228,24 +222,11 @@ class FarthestSearch:
             search(np.arange(len(points)), guess.stratum[:, None], guess.s[:, None])
         far = np.flatnonzero(found > enough)
         starts = min(starts, *(len(surface.points) for surface in self.surfaces))
-        near = np.empty((len(far), starts + NEAR_REGIONS), dtype=np.int64)
+        near = np.empty((len(far), starts), dtype=np.int64)
         for index, rows in groups(self.target[way[far]]):
-            near[rows] = self.first[index] + self.starts(points[far[rows]], index, starts)
+            near[rows] = self.first[index] + self.trees[index].query(points[far[rows]], np.arange(1, starts + 1))[1]
         search(far, *rows_of(self.places, near))
         return found, nearest
-
-    def starts(self, points: FloatArray, index: int, number: int) -> IntArray:
-        """Return points of a surface, (m, w): the nearest to (m, 3) points, and the nearest in the nearest regions."""
-        regions = self.regions[index]
-        result = []
-        for block in np.array_split(points, 1 + len(points) * len(self.surfaces[index].points) // 2_000_000):
-            squares = _squares_between(block, self.surfaces[index].points)
-            inner = squares[:, regions]
-            chosen = np.argpartition(inner.min(axis=2), NEAR_REGIONS - 1, axis=1)[:, :NEAR_REGIONS]
-            inside = regions[chosen, np.take_along_axis(inner.argmin(axis=2), chosen, axis=1)]
-            nearest = np.argpartition(squares, [0, number - 1], axis=1)[:, :number]
-            result.append(np.column_stack([nearest[:, :1], inside, nearest[:, 1:]]))
-        return np.concatenate(result)
 
 
 def _disc(count: int, turn: int) -> FloatArray:
@@ -262,25 +243,3 @@ def _highest(way: IntArray, heights: FloatArray, number: int) -> IntArray:
     order = np.lexsort((-heights, way))
     ways = way[order]
     return order[np.arange(len(way)) - np.searchsorted(ways, ways) < number]
-
-
-def _regions(region: IntArray) -> IntArray:
-    """Return the points in each region that has some, (g, w); the first of them fills up the row."""
-    inside = np.flatnonzero(region >= 0)
-    _, first, number = np.unique(region[inside], return_index=True, return_inverse=True)
-    return _table(np.column_stack([number, inside]), inside[first])
-
-
-def _table(pairs: IntArray, filling: IntArray) -> IntArray:
-    """Return a table, (k, w): in row i the j of all pairs (i, j), then `filling`."""
-    pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
-    number = np.bincount(pairs[:, 0], minlength=len(filling))
-    table = np.repeat(filling[:, None], max(int(number.max(initial=0)), 1), axis=1)
-    table[pairs[:, 0], np.arange(len(pairs)) - np.repeat(np.cumsum(number) - number, number)] = pairs[:, 1]
-    return table
-
-
-def _squares_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return squared distances of (m, 3) points from (n, 3) points, (m, n), up to rounding."""
-    columns = np.column_stack([-2 * b, np.ones(len(b)), np.einsum("ij,ij->i", b, b)])
-    return np.asarray(np.maximum(np.column_stack([a, np.einsum("ij,ij->i", a, a), np.ones(len(a))]) @ columns.T, 0.0))

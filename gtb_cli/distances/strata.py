@@ -58,9 +58,10 @@ class Strata:
         e = scaled_exponentials(self.knots[0] * s[0] + self.knots[1] * s[1] + self.log_weights)
         return np.asarray(e / e.sum(axis=0))
 
-    def points(self, s: FloatArray) -> FloatArray:
-        """Return the points, (3, m), at (2, m) torus coordinates, one in each column."""
-        return np.asarray(np.einsum("xnm,nm->xm", self.control_points, self.shares(s)))
+    def points(self, places: StratumPlaces) -> FloatArray:
+        """Return the points at places, (m, 3)."""
+        there = self.chosen(places.stratum)
+        return np.asarray(np.einsum("xnm,nm->xm", there.control_points, there.shares(places.s.T))).T
 
     def derivatives(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return points, (3, m), first derivatives, (2, 3, m), and second derivatives, (3, 3, m): xx, yy and xy."""
@@ -81,7 +82,6 @@ class Surface:
     places: StratumPlaces  # of the points
     points: FloatArray  # (v, 3)
     relative: FloatArray  # (v, 3) where in the domains, in units of all domains' extent, and 0.01 × the patch's number
-    region: IntArray  # (v,) parts of the domain, by number, for points inside it; -1 on edges and at corners
     cells: IntArray  # (k, c) points that are near each other
 
     def seen_from(self, frame: Frame) -> Surface:
@@ -99,26 +99,11 @@ def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
     face[: len(mosaic.face)] = mosaic.face
     patch = np.concatenate([mosaic.patch, mosaic.cell_patch, own])
     strata, places = _located(patches, patch, parameters, face)
-    points = strata.chosen(places.stratum).points(places.s.T).T
     low, high = bounds_of(parameters)
-    relative = np.zeros((len(parameters), 3))
-    relative[:, : parameters.shape[1]] = (parameters - low) / (high - low).max()
-    relative[:, 2] = 0.01 * patch
-    region = _regions(patches, patch, parameters, face)
+    scaled = (parameters - low) / (high - low).max()
+    relative = np.column_stack([scaled, np.zeros((len(patch), 2 - scaled.shape[1])), 0.01 * patch])
     middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
-    return Surface(strata, places, points, relative, region, np.column_stack([mosaic.cells, middles]))
-
-
-def _regions(patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray) -> IntArray:
-    """Return the numbers of the blocks of domains that hold points inside, -1 for others, (m,)."""
-    blocks = 4  # along each axis of a domain; nearest points are searched for in the nearest blocks
-    region = np.full(len(patch), -1)
-    for index, rows in groups(patch):
-        rows = rows[face[rows] == INTERIOR]
-        low, high = patches[index].domain.vertices.min(axis=0), patches[index].domain.vertices.max(axis=0)
-        block = (blocks * (parameters[rows] - low) / (high - low)).astype(np.int64).clip(0, blocks - 1)
-        region[rows] = blocks * blocks * index + block @ [blocks, 1][: block.shape[1]]
-    return region
+    return Surface(strata, places, strata.points(places), relative, np.column_stack([mosaic.cells, middles]))
 
 
 def _located(

@@ -102,15 +102,19 @@ def fair(
     found = loaded(spec, Patch, Model)
     if found.dimension == 1:
         raise DomainError("fair: expected a surface, this is a curve")
-    if energy not in ENERGIES:
-        raise DomainError(f"energy: expected {', '.join(ENERGIES[:-1])} or {ENERGIES[-1]}, got {energy!r}")
-    if keep not in KEEPS:
-        raise DomainError(f"keep: expected {', '.join(KEEPS[:-1])} or {KEEPS[-1]}, got {keep!r}")
+    for name, value, known in (("energy", energy, ENERGIES), ("keep", keep, KEEPS)):
+        if value not in known:
+            raise DomainError(f"{name}: expected {', '.join(known[:-1])} or {known[-1]}, got {value!r}")
     if isinstance(found, Patch):
         return _faired(found, energy, [keep] * len(found.domain.vertices))
     made: list[Fairing] = []
     alike: dict[object, int] = {}
-    for patch, keeps in zip(found, _kept_edges(found, keep), strict=True):
+    # No less than tangents stays at points and at smooth seams.
+    kept = [[keep] * len(patch.domain.vertices) for patch in found]
+    smooth = [ref for seam in found.seams if not seam.is_crease for ref in (seam.first, seam.second)]
+    for index, edge in (*smooth, *found.joints.collapsed):
+        kept[index][edge] = max("tangents", keep, key=KEEPS.index)
+    for patch, keeps in zip(found, kept, strict=True):
         size = np.linalg.norm(patch.control_points - patch.control_points.mean(axis=0))
         k = alike.setdefault((patch.knots.tobytes(), tuple(keeps), f"{size:.6g}"), len(made))
         made.append((k < len(made) and _copied(found[k], made[k], patch)) or _faired(patch, energy, keeps))
@@ -128,15 +132,6 @@ def _copied(patch: Patch, made: Fairing, other: Patch) -> Fairing | None:
         return None
     shifts = (made.patch.control_points - patch.control_points) @ turn
     return replace(made, patch=other.replace(control_points=other.control_points + shifts) if shifts.any() else other)
-
-
-def _kept_edges(model: Model, keep: Keep) -> list[list[Keep]]:
-    """Return what stays along each edge of each patch: no less than tangents at points and smooth seams."""
-    kept = [[keep] * len(patch.domain.vertices) for patch in model]
-    smooth = [ref for seam in model.seams if not seam.is_crease for ref in (seam.first, seam.second)]
-    for index, edge in (*smooth, *model.joints.collapsed):
-        kept[index][edge] = max("tangents", keep, key=KEEPS.index)
-    return kept
 
 
 def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
@@ -169,7 +164,7 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
     Descent begins at the given ones, then at a thin plate if that is fairer than what is found, or if the quadratures
     do not agree on what is given: it is as good as folded somewhere.
     """
-    quadratures = refined(patch.domain, patch.log_products, (32, 48))
+    quadratures = refined(patch.domain, patch.log_products, (24, 48))
     search, judge = ([(list(blocks(*each[:3])), each.areas) for each in zones] for zones in quadratures)
     plate = _least(energy_matrix(patch, "thin-plate"), given, free)
     coarse, before = (figures(measured(zones, [given])[0]) for zones in (search, judge))
@@ -219,9 +214,12 @@ def agreed(
 
 
 def agreed_text(value: float, error: float) -> str:
-    """Return a figure with the digits, at most three, on which quadratures with a relative difference agree."""
-    digits = max(1, min(3, math.ceil(-math.log10(error or 1e-3)))) if error < 1 else 1
-    return f"{round(value, 12) + 0.0:.{digits}g}" if math.isfinite(value) else "unknown"
+    """Return a figure with digits, at most three, of which the last is a unit off where quadratures differ so much."""
+    if not (math.isfinite(value) and error < 0.5):
+        return "unknown"
+    leading = abs(float(f"{value:e}".partition("e")[0])) or 1.0
+    digits = max(1, min(3, math.floor(1 - math.log10(leading * (error or 1e-3)))))
+    return f"{round(value, 12) + 0.0:.{digits}g}"
 
 
 def _least(matrix: FloatArray, given: FloatArray, free: IntArray) -> FloatArray:

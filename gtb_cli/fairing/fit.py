@@ -73,9 +73,8 @@ def fit(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
         raise DomainError(f"knots: must ascend, got {a[int(steps.argmin())]:g} before {a[int(steps.argmin()) + 1]:g}")
     s, logs, is_ordinary = _local_weights(steps)
     scale = max(float(s[-1]) / 2, 1 / float(a[-1] - a[0]))
-    curve = Patch(a, places, log_weights=logs, edge_scale=scale)
-    if is_ordinary:
-        curve = curve.replace(weights=np.exp(logs))
+    weights = {"weights": np.exp(logs)} if is_ordinary else {"log_weights": logs}
+    curve = Patch(a, places, edge_scale=scale, **weights)
     # s = k log((t − a_0)/(a_n − t)); the ends are the points' own.
     parameters = a[0] + (a[-1] - a[0]) / (1 + np.exp(-s / scale))
     parameters[[0, -1]] = a[[0, -1]]

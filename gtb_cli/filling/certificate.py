@@ -12,9 +12,9 @@ from gtb_cli.fairing.folds import most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.hole_corners import at_corners, concave_corners
 from gtb_cli.filling.osculation import Rim, patch_bend
-from gtb_cli.filling.sides import HoleSide, edge_normals, points_and_tangents, stations
+from gtb_cli.filling.sides import HoleSide, edge_normals, edge_of, points_and_tangents, stations
 from gtb_cli.models.model import Model
-from gtb_cli.theory.corners import CornerLimits, corner_layer
+from gtb_cli.theory.corners import CornerLayer, CornerLimits, corner_layer
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -33,8 +33,7 @@ class Contact:
     place : (3,) float
         The point with this angle; NaN without planes.
     bend : float
-        Between its normal curvature across the side and its neighbour's, in units of 1 / length; NaN where that is not
-        known or not finite.
+        Between normal curvatures across the side, the patch's and its neighbour's (1 / length); NaN where not known.
     bend_place : (3,) float
         The point with this difference, or NaN.
     bend_inside : float
@@ -59,8 +58,7 @@ class Filling:
     sides : tuple of HoleSide
         In the order of the patch's edges.
     bending, bending_nearer : Bending
-        Integrals of curvature and of its variation over the patch without the outermost hundredth of the way from edges
-        to the middle, and without the outermost thousandth.
+        Integrals over the patch without the outermost hundredth, and thousandth, of the way from edges to the middle.
     bending_errors : (float, float)
         Largest relative difference of each, and of its variation, to those by a coarser quadrature.
     contacts : tuple of Contact
@@ -76,14 +74,12 @@ class Filling:
     folds : int
         Number of places, among some thousand and the corners, at which the patch turns back.
     sharp_turns : int
-        Number of sides in a mesh of some thousand triangles at which a patch without folds turns by more than a right
-        angle.
+        Number of sides in a mesh of some thousand triangles at which it turns by a right angle; 0 if it folds.
     remarks : tuple of str
     model : Model or None
         The model with its hole filled, or the patches of a loop that is cut.
     parts : tuple of Filling
-        Of a hole that is cut at its concave corners, its parts: `patch` is the first one's, and the other attributes
-        list or add up those of all. Empty if one patch fills the hole.
+        Of a hole that is cut at its concave corners: `patch` is the first one's, other attributes list or add up all.
     tried : tuple of str
         Options with which the patch has a fault, too, or had one before it was made with others.
     """
@@ -155,7 +151,8 @@ class Filling:
         others = "other ribbons, or " * planes + "curves that cut the hole into smaller ones"
         if self.angle > 45:  # where fields follow the planes at all, it is below a degree
             far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
-            what, way_out = f"{far} along an edge", 'let the ribbons point into the hole, or take `continuity="g0"`'
+            side = self.sides[int(np.nanargmax([each.angle for each in self.contacts]))].name
+            what, way_out = f"{far} along {side}", 'let its ribbon point into the hole, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
             way_out = f"{'try a fullness of 0.8 or 0.5,' if planes else 'raise degrees more, or try'} {others}"
@@ -173,11 +170,6 @@ class Filling:
 
     def __repr__(self) -> str:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
-
-
-def edge_of(patch: Patch, side: int) -> int:
-    """Return the edge of a filling that is a side: each begins at the knot of its number."""
-    return int(np.abs(patch.domain.vertices - patch.knots[side]).sum(axis=1).argmin())
 
 
 def contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None) -> Contact:
@@ -222,29 +214,34 @@ def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31
 
 
 def curvature_near(patch: Patch, corner: int) -> float:
-    """Return the largest curvature from a tenth to a millionth of the shorter edge from a corner of Δ, or NaN.
-
-    The highest peaks over a fan of ways, from one edge to the other, and distances are climbed.
-    """
+    """Return the largest curvature from a tenth to a millionth of the shorter edge from a corner of Δ, or NaN."""
     surface = patch.domain, patch.rational_basis.log_weights, patch.control_points
     steepest, peaks, fine = 600.0, 4, np.linspace(-1, 1, 7)  # rate of a way that runs in an edge; shares of a step
     closest, farthest, apart = 1e-6, 0.1, 8  # of the edge; how far terms of P − V are from that, at most
+    ways, top = np.linspace(-1, 1, 41), np.full(41, math.log(farthest * apart))
 
-    def curvatures(u: FloatArray, far: FloatArray) -> FloatArray:
-        """Return those at shares of the steepest way's rate, and logarithms of distances; 0 out of reach."""
-        layer = corner_layer(*surface, corner, np.stack([u * np.log(steepest / -np.minimum(far, -1)), far]))
-        near = (layer.distances >= closest) & (layer.distances <= farthest)
-        return np.asarray(np.where(near, np.nan_to_num(layer.curvatures), 0.0).reshape(u.shape))
+    def layer(u: FloatArray, depth: FloatArray) -> CornerLayer:
+        """Return places at shares of the steepest way's rate, and logarithms of distances below the farthest."""
+        far = np.interp(u, ways, top) - np.maximum(depth, 0)
+        return corner_layer(*surface, corner, np.stack([u * np.log(steepest / -np.minimum(far, -1)), far]))
 
-    u, far = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(math.log(closest / apart), math.log(farthest * apart), 15))
-    found = curvatures(u, far)
+    def curvatures(u: FloatArray, depth: FloatArray) -> FloatArray:
+        near = layer(u, depth)
+        reached = (near.distances >= closest) & (near.distances <= farthest)  # 0 elsewhere
+        return np.asarray(np.where(reached, np.nan_to_num(near.curvatures), 0.0).reshape(u.shape))
+
+    for _ in range(3):  # many a largest curvature is at the farthest distance
+        top += np.minimum(np.nan_to_num(np.log(farthest / layer(ways, 0 * ways).distances) - 1e-6), 0)
+    span = math.log(apart * farthest / closest * apart)
+    u, depth = np.meshgrid(ways, span * np.linspace(0, 1, 13) ** 1.5)
+    found = curvatures(u, depth)
     around = sliding_window_view(np.pad(found, 1), (3, 3)).max(axis=(2, 3))
     best = np.argsort(np.where(found == around, found, 0).ravel())[-peaks:]
-    at, steps = np.stack([u, far]).reshape(2, -1)[:, best], np.array([u[0, 1] - u[0, 0], far[1, 0] - far[0, 0]])
-    for step in (steps, steps / 3, steps / 9, steps / 27):
-        shifts = np.stack(np.meshgrid(*step[:, None] * fine)).reshape(2, -1, 1)
-        found = curvatures(*(tried := at[:, None] + shifts))
-        at = tried[:, found.argmax(axis=0), np.arange(len(best))]
+    at, shares = np.stack([u, depth]).reshape(2, -1)[:, best], np.stack(np.meshgrid(fine, fine)).reshape(2, -1, 1)
+    steps = np.stack([np.full(peaks, ways[1] - ways[0]), np.gradient(depth[:, 0])[best // len(ways)]])
+    heights = np.zeros(peaks)  # of the highest, over a fan of ways and distances: they are climbed to the top
+    while ((found := curvatures(*(tried := at[:, None] + shares * steps[:, None]))) > 1.005 * heights).any():
+        at, heights, steps = tried[:, found.argmax(axis=0), np.arange(peaks)], found.max(axis=0), steps / 3
     return float(found.max()) or math.nan
 
 

@@ -42,8 +42,7 @@ def fill_parts(
 ) -> Filling | None:
     """Fill a closed loop with one patch or, if it has concave corners, cut it into parts; None if that has faults.
 
-    The filling of several parts has the sides, and the measurements, of all.
-    `cut_sides` allows cuts that end inside a side, which is then cut in two.
+    That of several has the sides and measurements of all. `cut_sides` allows cuts that end inside a side.
     """
     extent = float(np.ptp([side.ends[0] for side in sides], axis=0).max())
     if not 1e-100 < extent < 1e100:  # squares of lengths would not be numbers
@@ -101,9 +100,8 @@ def _star(sides: Sequence[HoleSide], fill: Callable[[Sequence[HoleSide]], Fillin
     if extents[2] > flat * extents[0] or any(side.across is not None for side in sides):
         return None
     rays = [HoleSide("cut", np.column_stack([[middle, side.ends[0]], [1, 1]]), None) for side in sides]
-    parts = [
-        fill([ray, side, after.reversed()]) for ray, side, after in zip(rays, sides, [*rays[1:], rays[0]], strict=True)
-    ]
+    back = [ray.reversed() for ray in (*rays[1:], rays[0])]
+    parts = [fill(part) for part in zip(rays, sides, back, strict=True)]
     text = f"the hole is cut from its corners to its middle {point_text(middle, rim)}"
     return None if any(part.fault for part in parts) else (parts, [text])
 

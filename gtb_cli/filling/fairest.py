@@ -15,8 +15,9 @@ from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import bendings
 from gtb_cli.filling.algebraic import algebraic_surface
-from gtb_cli.filling.certificate import edge_of, hundredth_inside
+from gtb_cli.filling.certificate import hundredth_inside
 from gtb_cli.filling.rows import CROSSING
+from gtb_cli.filling.sides import edge_of
 from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.moment_map import MomentMap
@@ -26,9 +27,11 @@ from gtb_cli.theory.patch import Patch
 
 VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary nothing is seen, or has a weight
 MOST_CURVED = 150.0  # largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores
+MOST_BENT = 400.0  # largest weight of bending beside its variation, in units of 1 / area
 BROKEN = 1e9  # of those, that no pull mends: rows of pulls would have no digits left
 
 _Scored: TypeAlias = tuple[float, FloatArray]
+_Calm: TypeAlias = tuple[float, FloatArray, Any]  # the last makes points of an energy
 _Pulls: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
@@ -48,18 +51,17 @@ class FairSearch:
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
         self._inside, self._outside = (list(blocks(*at[:3], part)) for part in parts)
 
-    def scores(self, surfaces: Sequence[FloatArray]) -> list[tuple[float, float]]:
-        """Return products of powers of bending and of its variation in both zones, and the bending of what is seen."""
+    def scores(self, surfaces: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Return (k,) products of powers of bending and of its variation in both zones, and these figures, (k, 4)."""
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
         zones = np.stack([self._zones[0], self._places.areas])
         both = zip(*bendings(self._inside + self._outside, zones, surfaces), strict=True)
-        return [
-            (b.energy**self._power * b.variation * math.sqrt(d.variation) * (b.energy > flat), b.energy)
-            for b, d in both
-        ]
+        figures = np.array([(b.energy, b.variation, d.energy, d.variation) for b, d in both])
+        bent, varied, _, nearer = figures.T
+        return bent**self._power * varied * np.sqrt(nearer) * (bent > flat), figures
 
     def fairest(self) -> list[_Scored]:
-        """Return the surface with the best score, without the bounds of corners too, and that of the first metric."""
+        """Return the surface with the best score, what it was made from, and others, which may fold where it does."""
         plane = np.column_stack([self._places.knots, np.zeros(len(self._places.knots))])
         second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
         energies = [third + 30 / self._places.areas.sum() * second]
@@ -70,21 +72,18 @@ class FairSearch:
         ((first,),) = bendings(self._inside + self._outside, self._zones[0], found)
         pairs = forms(self._inside, areas, found[0], (2, 3)) + forms(self._outside, self._zones, found[0], (2, 3))
         self._stiff = pairs[1, 1]
-        weighed = (0, 100), (0, 400), (1, 0), (1, 100), (1, 400)
+        weighed = (0, 100), (0, MOST_BENT), (1, 0), (1, 100), (1, MOST_BENT)
         energies += [pairs[k, 1] + factor / first.area * pairs[k, 0] for k, factor in weighed]
         found += [self._least(energy) for energy in energies[1:]]
-        scored = [score for score, _ in self.scores(found)]
+        scored, _ = self.scores(found)
         best = int(np.argmin(scored))
-        surfaces = [(scored[best], found[best])]
-        unbound = self._least(energies[best], share=0.0)  # the bounds make some patches bend more, or fold
-        if not np.array_equal(unbound, found[best]):
-            surfaces = sorted([*surfaces, (self.scores([unbound])[0][0], unbound)], key=itemgetter(0))
-        least = energies[best], 0.0 if surfaces[0][1] is unbound else CROSSING
-        surfaces[0] = self._calmed(*least, *surfaces[0])
-        surfaces += [(scored[0], found[0])] * (best > 0)
-        return (self._evened(*least, surfaces[0]) if self._given else self._led(*surfaces[0])) + surfaces
+        score, points, made = self._calmed(energies[best], scored[best], found[best])
+        again = [] if self._given else self._again(score, points, made)
+        others = [self._least(energies[best], share=0.0), found[0]]  # the bounds of corners make some patches fold
+        surfaces = [*again, (score, points), *zip(self.scores(others)[0], others, strict=True)]
+        return (self._evened(energies[best], surfaces[0]) if self._given else self._led(*surfaces[0])) + surfaces
 
-    def _evened(self, energy: FloatArray, bound: float, one: _Scored) -> list[_Scored]:
+    def _evened(self, energy: FloatArray, one: _Scored) -> list[_Scored]:
         """Return a surface and where it is led; curvature inside edges is pulled to theirs as little as is enough."""
         rounds, most_bent, of_led = 5, 1.125, 0.2  # times the bending without a pull; share of the pull where it is led
         self._strips = self._strips_of(one[1])
@@ -92,11 +91,11 @@ class FairSearch:
         for _ in range(rounds):
             if strength:
                 even = partial(self._even, strength * energy)
-                points = self._least(energy, share=bound, pull=even)
-                one = self._calmed(energy, bound, self.scores([points])[0][0], points, even)
+                points = self._least(energy, pull=even)
+                one = self._calmed(energy, self.scores([points])[0][0], points, even)[:2]
             surfaces = [*self._led(*one, of_led * strength), one]
             points = surfaces[0][1]
-            ((score, bent),) = self.scores([points])
+            (score,), ((bent, *_),) = self.scores([points])
             rows, ways, wanted = self._even(None, points)
             uneven = float(np.abs(wanted - ((rows @ points) * ways).sum(axis=1)).max())
             if found and bent > most_bent * found[0][1]:
@@ -131,23 +130,44 @@ class FairSearch:
         stiffness = 1 / much if energy is None else np.sqrt(_value(energy, points) / len(wanted)) / much
         return rows * stiffness, ways, wanted * stiffness
 
-    def _calmed(self, energy: FloatArray, bound: float, score: float, points: FloatArray, also: Any = None) -> _Scored:
+    def _again(self, score: float, points: FloatArray, made: Any, rounds: int = 3) -> list[_Scored]:
+        """Return what is fairest in a sharp surface's metric, or in that one's and so on; none if a figure rises."""
+        sharp, wild, enough = 4.0, 30.0, 0.99  # a sphere's curvature; bending of metrics that lead astray; of the score
+        ((bent,),) = bendings(self._inside, self._zones[1], [points])
+        if not rounds or bent.curvature * math.sqrt(bent.area / (4 * math.pi)) < sharp or bent.energy > wild:
+            return []
+        second, third = forms(self._inside + self._outside, self._zones[1], points, (2, 3))
+        found = made(third + MOST_BENT / bent.area * second)
+        (_, scored), (old, new) = self.scores([points, found])
+        scored *= self._excess(found)[1]
+        if scored > enough * score or (new > old).any():
+            return []
+        return self._again(scored, found, made, rounds - 1) or [(scored, found)]
+
+    def _calmed(self, energy: FloatArray, score: float, points: FloatArray, also: Any = None) -> _Calm:
         """Return a surface, or a pulled one whose rows cross edges more at corners, where scores see curvature, too."""
         # Factors of shares, and pulls, of the energy's value: three more for what is curved, and gains by pulls
         steps = (1.0, 0.03), (1.4, 0.03), (1.4, 0.1), (2.0, 0.1), (2.0, 0.3), (2.0, 1.0), (2.0, 3.0)
-        beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[_Scored]()
+        made: Any = self._least
+        beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[_Calm]()
         for step in (*steps, None):
-            curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
-            beyond |= curved > MOST_CURVED
-            calmer.append((score * max(1.0, curved.max() / MOST_CURVED) ** 4, points))
+            curved, excess = self._excess(points)
+            beyond = beyond | (curved > MOST_CURVED)
+            calmer.append((score * excess, points, made))
             is_calm = len(calmer) > 4 and curved.max() <= MOST_CURVED / 1.5
             no_better = len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]
             if step is None or not beyond.any() or curved.max() > BROKEN or is_calm or no_better:
                 break
-            share = np.where(beyond, np.maximum(step[0] * bound, (step[0] - 1) * CROSSING), bound)
-            points = self._least(energy, share=share, pull=partial(self._pull, beyond, step[1] * energy, also))
+            pull = partial(self._pull, beyond, step[1] * energy, also)
+            made = partial(self._least, share=CROSSING * np.where(beyond, step[0], 1), pull=pull)
+            points = made(energy)
             score = self.scores([points])[0][0]
         return min(calmer, key=itemgetter(0))
+
+    def _excess(self, points: FloatArray) -> tuple[FloatArray, float]:
+        """Return (r,) curvatures near corners, of 1 / the shorter edge, and the factor of scores for the largest."""
+        curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
+        return curved, max(1.0, float(curved.max()) / MOST_CURVED) ** 4
 
     def _layers(self, points: FloatArray, among: BoolArray | None = None) -> list[CornerLayer]:
         """Return places near all corners, or with tables near some."""

@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, bounds_of, finite
 from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.files import read_file
-from gtb_cli.filling.certificate import Filling, edge_of
+from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.cutting import fill_parts
 from gtb_cli.filling.hole_corners import corners
 from gtb_cli.filling.holes import Ring, check_hole, model_rings, one_ring, ring_sides
 from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.one_patch import closed, fill_loop, met_with
 from gtb_cli.filling.part_holes import Part
-from gtb_cli.filling.sides import HoleSide, points_and_tangents, stations
+from gtb_cli.filling.sides import HoleSide, edge_of, points_and_tangents, stations
 from gtb_cli.filling.strips import curve_sides
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.language.document import MAX_BYTES

@@ -12,12 +12,13 @@ from gtb_cli.values import frozen
 
 @frozen
 class Corner:
-    """The corner of a hole at which a side begins, with (3,) unit vectors.
+    """The corner of a hole at which a side begins, its two sides by name, and (3,) unit vectors.
 
     `normal` is that of the tangent plane, `ahead` the direction of the side in it, and `angle` the degrees from there,
     through the hole, back to the side before.
     """
 
+    between: str
     place: FloatArray
     normal: FloatArray
     ahead: FloatArray
@@ -55,18 +56,14 @@ def corners(sides: Sequence[HoleSide]) -> list[Corner]:
         normal = unit(normals.sum(axis=0)[None])[0]
         in_plane = unit((ahead - (ahead @ normal) * normal)[None])[0]
         angle = math.degrees(math.atan2(sine, float(ahead @ back))) % 360
-        found.append(Corner(side.ends[0], normal, in_plane, angle))
+        found.append(Corner(f"{before.name} and {side.name}", side.ends[0], normal, in_plane, angle))
     return found
 
 
 def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
     """Name the corners of a closed loop, in order, at which the hole takes up more than half a turn."""
     places = np.array([side.ends[0] for side in sides])
-    return [
-        f"{before.name} and {side.name} at {point_text(side.ends[0], places)}"
-        for before, side, corner in zip([sides[-1], *sides[:-1]], sides, corners(sides), strict=True)
-        if corner.concave
-    ]
+    return [f"{each.between} at {point_text(each.place, places)}" for each in corners(sides) if each.concave]
 
 
 def across_at(side: HoleSide, t: FloatArray) -> FloatArray:

@@ -1,10 +1,9 @@
 """A hole with three or more sides, filled with one patch that touches the given planes exactly along its edges.
 
-Inside each edge, with Bézier points q_0 … q_m, there is a row of m knots shifted by half a step, with control points
-``(q_j + q_{j+1})/2 + v_j``: the first part lies on the tangent line, and v is a polynomial field in the given tangent
-planes. So the edge's tangent and the direction to the row span these planes. All such fields form a linear space, the
-null space of ``v ↦ <normal, v>``. Linear least-squares problems choose a field and the inner control points for the
-least variation of curvature: in the metric of the domain, then in that of the surface.
+Inside an edge with Bézier points q_0 … q_m is a row of m knots, half a step on: control points ``(q_j + q_{j+1})/2 +
+v_j``, on tangent lines but for a polynomial field v in the given planes, from the null space of ``v ↦ <normal, v>``.
+Linear least squares choose v and the inner control points for the least variation of curvature: in the metric of the
+domain, then in that of the surface.
 """
 
 import math
@@ -22,22 +21,13 @@ from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
 from gtb_cli.fairing.variation import Bending
-from gtb_cli.filling.certificate import (
-    DISAGREEING,
-    SPIKE,
-    Filling,
-    angles_to,
-    contact,
-    corner_bends,
-    curvature_near,
-    edge_of,
-)
+from gtb_cli.filling.certificate import DISAGREEING, SPIKE, Filling, angles_to, contact, corner_bends, curvature_near
 from gtb_cli.filling.corner_forms import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
 from gtb_cli.filling.hole_corners import at_corners, corners
 from gtb_cli.filling.net import net
 from gtb_cli.filling.rows import Rows
-from gtb_cli.filling.sides import HoleSide, loop, side_normals
+from gtb_cli.filling.sides import HoleSide, edge_of, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
@@ -239,10 +229,7 @@ def _attempt(
     most: int | None = None,
     samples_along: int = 32,
 ) -> _Attempt:
-    """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given.
-
-    Folds are also looked for at the sound corners. At most so many patches are tried.
-    """
+    """Fill with edges raised at least so often, and all fields or the nearest to the given; most is that of patches."""
     edges = [edge_rows(side, n, least) for side, n in zip(sides, met, strict=True)]
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]

@@ -202,11 +202,14 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
     while not (found[0][:, 3] > 0).all():
         found = [np.vstack([table, table[:1] * 0]) + np.vstack([table[:1] * 0, table]) for table in found]
         if len(found[0]) - 1 > MAX_DEGREE:
-            raise DomainError(
-                f"{name}: its degree is more than {MAX_DEGREE} when the gaps between its knots are filled"
-            )
+            raise DomainError(f"{name}: its degree is more than {MAX_DEGREE} with the gaps between its knots filled")
     factors = binomials(len(found[0]) - 1)[:, None]
     return tuple(table / factors for table in found)
+
+
+def edge_of(patch: Patch, side: int) -> int:
+    """Return the edge of a filling that is a side: each begins at the knot of its number."""
+    return int(np.abs(patch.domain.vertices - patch.knots[side]).sum(axis=1).argmin())
 
 
 def edge_places(patch: Patch, edge: int, t: FloatArray) -> Location:

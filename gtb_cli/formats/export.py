@@ -114,13 +114,15 @@ def encode_mesh(
     limit = _DOUBLE_LIMIT if FORMATS[kind].is_text(ascii) else _SINGLE_LIMIT
     columns = (("coordinates", mesh.vertices), ("normal", mesh.normals), ("uv", coordinates), *attributes.items())
     for label, values in columns:
-        if values is not None:
-            _check_numbers(label, values, limit)
+        if values is not None and (bad := first_beyond(values.reshape(len(values), -1), limit)) is not None:
+            row, reason = np.atleast_1d(values[bad]), "must be finite"
+            if np.isfinite(row).all():
+                reason = "too large for 32-bit numbers" if limit == _SINGLE_LIMIT else "too large"
+            raise ExportError(f"vertex {bad}: {label}: {reason}, got {' '.join(f'{value:g}' for value in row)}")
 
     mesh = standing(mesh, kind, up)
     if kind == "obj":
-        own = mesh.normal_of if mesh.normals is not None and len(mesh.normals) > len(mesh.vertices) else None
-        return obj_blocks(mesh.vertices, mesh.cells, mesh.normals, coordinates, groups, own)
+        return obj_blocks(mesh, coordinates, groups)
     if kind == "ply":
         from gtb_cli.formats.ply import ply_blocks
 
@@ -176,8 +178,6 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
     """
     kind = _known(format)
     holds, shown = FORMATS[kind], kind.upper()
-    if not len(mesh.vertices):
-        return []  # an error, not a warning
     messages = _single_precision_warnings(mesh, kind) if holds.is_single(ascii) else []
     messages += ["PLY: meshio and assimp read no file with edges, as a curve has"] * (kind == "ply" and mesh.is_curve)
     if kind == "stl" and not mesh.is_curve and len(mesh.cells) < 4:
@@ -190,7 +190,7 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
     if kind == "obj" and normals and mesh.normals is not None and len(mesh.normals) > len(mesh.vertices):
         readers = "viewers and renderers show them, and meshio does not read such a file"
         messages.append(f"OBJ: a vertex where patches meet at an angle has several normals: {readers}")
-    if kind == "obj" and uv and mesh.parameters is not None and len(mesh.parameters):
+    if kind == "obj" and uv and mesh.parameters is not None:
         extent, size = (float(np.ptp(rows, axis=0).max()) for rows in (mesh.parameters, mesh.bounds))
         if 0.0 < extent < 1e-3 * min(1.0, size):
             few = f"too few for parameters that span {extent:.3g}; PLY keeps their digits"
@@ -213,16 +213,6 @@ def _format_of(path: str) -> str:
     return suffix
 
 
-def _check_numbers(label: str, values: FloatArray, limit: float) -> None:
-    rows = values.reshape(len(values), -1)
-    if (bad := first_beyond(rows, limit)) is None:
-        return
-    reason = "must be finite"
-    if np.isfinite(rows[bad]).all():
-        reason = "too large for 32-bit numbers" if limit == _SINGLE_LIMIT else "too large"
-    raise ExportError(f"vertex {bad}: {label}: {reason}, got {' '.join(f'{value:g}' for value in rows[bad])}")
-
-
 def _texture_coordinates(mesh: Mesh) -> FloatArray:
     if mesh.parameters is None:
         raise ExportError("uv: the mesh has no parameters")
@@ -234,22 +224,18 @@ def _texture_coordinates(mesh: Mesh) -> FloatArray:
 
 def groups_of(mesh: Mesh) -> list[tuple[str, int, int]]:
     """Return the non-empty `mesh.groups`, with plain and distinct names."""
-    taken: set[str] = set()
+    groups: dict[str, tuple[int, int]] = {}
     end = 0
-    groups = []
     for name, start, stop in mesh.groups:
         if start != end or stop < start:
             raise ExportError(f"groups: {name!r} has cells {start} to {stop}, expected it to start at {end}")
         end = stop
         plain = plain_name(name)
         numbered = (f"{plain}-{number}" for number in count(2))
-        distinct = next(name for name in chain([plain], numbered) if name not in taken)
-        taken.add(distinct)
-        if stop > start:
-            groups.append((distinct, start, stop))
+        groups[next(name for name in chain([plain], numbered) if name not in groups)] = start, stop
     if mesh.groups and end != len(mesh.cells):
         raise ExportError(f"groups: they end at cell {end} of {len(mesh.cells)}")
-    return groups
+    return [(name, start, stop) for name, (start, stop) in groups.items() if stop > start]
 
 
 def rounding_in(kind: str, hull: Sequence[FloatArray], ascii: bool = False) -> float:
@@ -281,8 +267,7 @@ def held(mesh: Mesh, kind: str, ascii: bool = False) -> tuple[Mesh, str]:
     """Return a mesh as the numbers of a format hold it, without normals, and the way out where they are too coarse."""
     vertices = held_vertices(mesh, kind, ascii)
     coarse = f"the numbers of {kind.upper()} are too coarse here, {_way_out(kind)}"
-    if kind != "obj":
-        coarse += "; nearer to the origin they are finer"
+    coarse += "; nearer to the origin they are finer" * (kind != "obj")
     if not np.isfinite(vertices).all():
         return mesh, coarse  # an error of the file
     return replace(mesh, vertices=vertices, normals=None, normal_of=None, exact_normals=False), coarse  # type: ignore[arg-type]

@@ -45,10 +45,8 @@ def unreserved(name: str, taken: Container[str]) -> str:
 
 def mark_of(*contents: str | bytes) -> float:
     """A whole number that differs where texts, or bytes, do, which stands for them among numbers."""
-    found = hashlib.sha256()
-    for each in contents:
-        found.update(each.encode("utf-8", "surrogatepass") if isinstance(each, str) else each)
-    return float(int.from_bytes(found.digest()[:6]))
+    parts = [each.encode("utf-8", "surrogatepass") if isinstance(each, str) else each for each in contents]
+    return float(int.from_bytes(hashlib.sha256(b"".join(parts)).digest()[:6]))
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:
@@ -85,11 +83,8 @@ def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     starts = ends - counts
     inner = np.ones(len(corners), dtype=bool)
     inner[starts] = inner[ends - 1] = False
-    result = np.empty((len(corners) - 2 * len(counts), 3), dtype=np.int64)
-    result[:, 0] = np.repeat(corners[starts], (counts - 2).astype(np.intp))
-    result[:, 1] = corners[inner]
-    result[:, 2] = corners[1:][inner[:-1]]
-    return as_indices(result, np.int32)
+    first = np.repeat(corners[starts], (counts - 2).astype(np.intp))
+    return as_indices(np.stack([first, corners[inner], corners[1:][inner[:-1]]], axis=1), np.int32)
 
 
 def segments(corners: NDArray[np.generic], counts: IntArray) -> IntArray:

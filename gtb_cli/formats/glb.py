@@ -3,13 +3,13 @@
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, as_indices, shifted
+from gtb_cli.arrays import FloatArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, segments, single_half_steps, triangles, unreserved
 from gtb_cli.formats.glb_tree import HEADER_BYTES, Scene, accessor_values, glb_chunks, meant
@@ -18,16 +18,6 @@ from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up
 
 VERTICES, INDICES = 34962, 34963  # glTF's numbers for the content of a view of the buffer
-
-
-class Node(NamedTuple):
-    """A node of the file: a group of cells with the vertices that they use, and values at these."""
-
-    name: str
-    vertices: FloatArray
-    cells: IntArray
-    normals: FloatArray | None
-    uv: FloatArray | None
 
 
 _Part: TypeAlias = tuple[int, int, object, FloatArray]  # first vertex, number of vertices, accessor, and turn
@@ -44,15 +34,16 @@ def glb_blocks(
     for label, start, stop in groups:
         whole = len(groups) == 1  # then vertices without cells stay
         used, cells = (slice(None), mesh.cells) if whole else compacted(mesh.cells[start:stop])
-        values = (v if v is None else v[used] for v in (mesh.normals, uv))
-        parts.append(Node(label, mesh.vertices[used], cells, *values))
-    _check_size(sum(4 * np.size(each) for part in parts for each in part[1:] if each is not None))
+        normals, own_uv = (v if v is None else v[used] for v in (mesh.normals, uv))
+        parts.append(Mesh(mesh.vertices[used], cells, own_uv, normals, name=label))
+    held = [each for part in parts for each in (part.vertices, part.cells, part.parameters, part.normals)]
+    _check_size(sum(4 * each.size for each in held if each is not None))
     said = ({} if up == FORMATS["glb"].up else {"up": up}) | ({} if unit is None else {"unit": unit})  # for `read_glb`
     return _lines(parts, said, name) if mesh.is_curve else [_triangles(parts, said, name)]
 
 
-def _triangles(parts: Sequence[Node], said: dict[str, str], root: str) -> bytes:
-    from trimesh import Scene, Trimesh
+def _triangles(parts: Sequence[Mesh], said: dict[str, str], root: str) -> bytes:
+    from trimesh import Scene
     from trimesh.exchange.gltf import export_glb
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
@@ -63,10 +54,10 @@ def _triangles(parts: Sequence[Node], said: dict[str, str], root: str) -> bytes:
     scene = Scene(base_frame=frame)
     # A patch is open, and viewers leave out its back with the default material.
     material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
-    for name, vertices, cells, normals, uv in parts:
-        visual = TextureVisuals(uv=uv, material=material)
-        surface = Trimesh(vertices, cells, vertex_normals=normals, visual=visual, process=False, validate=False)
-        scene.add_geometry(surface, node_name=name, geom_name=name)
+    for part in parts:
+        surface = part.to_trimesh()
+        surface.visual = TextureVisuals(uv=part.parameters, material=material)
+        scene.add_geometry(surface, node_name=part.name, geom_name=part.name)
 
     def finish(tree: dict[str, Any]) -> None:
         """Say which views hold vertices or indices, as graphics cards want to know, and colour the parts."""
@@ -103,7 +94,7 @@ def _gather(tree: dict[str, Any], name: str, said: dict[str, str]) -> None:
         nodes[-1]["scale"] = [UNITS[said["unit"]]] * 3
 
 
-def _lines(parts: Sequence[Node], said: dict[str, str], root: str) -> list[bytes]:
+def _lines(parts: Sequence[Mesh], said: dict[str, str], root: str) -> list[bytes]:
     """Return indexed lines, which trimesh reads as they are; its exporter writes inner vertices of polylines twice."""
     chunks: list[bytes] = []
     meshes, accessors, views, length = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, int]](), 0
@@ -122,8 +113,9 @@ def _lines(parts: Sequence[Node], said: dict[str, str], root: str) -> list[bytes
 
     for part in parts:
         attributes = {"POSITION": add(part.vertices.astype(SINGLE_FLOAT), VERTICES)}
-        if part.uv is not None:
-            upwards = np.column_stack([part.uv[:, 0], 1.0 - part.uv[:, 1]])  # glTF counts from the top
+        if part.parameters is not None:
+            u, v = part.parameters.T
+            upwards = np.column_stack([u, 1.0 - v])  # glTF counts from the top
             attributes["TEXCOORD_0"] = add(upwards.astype(SINGLE_FLOAT), VERTICES)
         indices = add(part.cells.astype("<u4").reshape(-1, 1), INDICES)
         primitive = {"attributes": attributes, "indices": indices, "mode": 1}

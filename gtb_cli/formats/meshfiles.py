@@ -102,12 +102,9 @@ def format_of(data: bytes) -> str | None:
         return "stl"
     words_of_obj = (b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f", b"l")
     beginning = data[:65536].removeprefix(BOM_UTF8)
-    if beginning.startswith(b"glTF"):
-        return "glb"
-    if beginning.startswith(b"PK\3\4"):  # a ZIP archive, which no other mesh is
-        return "3mf"
-    if beginning.startswith((b"ply\n", b"ply\r")):
-        return "ply"
+    starts = {b"glTF": "glb", b"PK\3\4": "3mf", b"ply\n": "ply", b"ply\r": "ply"}  # no other mesh is a ZIP archive
+    if beginning[:4] in starts:
+        return starts[beginning[:4]]
     start = beginning[:4096].lstrip()
     if start[:5].lower() == b"solid" and start[5:6] in b" \t\r\n":
         return "stl"

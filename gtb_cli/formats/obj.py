@@ -177,7 +177,7 @@ class _ObjLines:
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, bytes, str]]]:
     """Return the places of vertices and cells by keyword, and of names with theirs; a tab after one becomes a blank."""
     # Keywords of single points, and of anything but geometry
-    further_keywords = set(b"p mg usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
+    further_keywords = set(b"p mg maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
     # Keywords of free-form curves and surfaces
     free_form_keywords = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
     known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}  # the last with any blank
@@ -196,10 +196,10 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
             name = b" ".join(rest.split()).decode("utf-8", "backslashreplace")
             names.append((place, keyword, "" if keyword == b"s" and name in ("0", "off") else name))
         elif keyword in further_keywords:
-            names.append((place, b"p", lines[place].decode("utf-8", "backslashreplace").strip()))
+            names.append((place, b"p", b" ".join(lines[place].split()).decode("utf-8", "backslashreplace")))
         elif keyword in free_form_keywords:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
-        elif keyword and not keyword.startswith(b"#") and keyword != b"maplib":
+        elif keyword and not keyword.startswith(b"#"):
             raise GtbError(f"unknown keyword {shown(keyword)}")
     return {keyword.strip(): sorted(places) for keyword, places in known.items()}, names
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, two_product
+from gtb_cli.meshes.mesh import Mesh
 
 Words: TypeAlias = NDArray[np.uint32]
 
@@ -33,31 +34,25 @@ def decimals(vertices: FloatArray) -> int:
 
 
 def obj_blocks(
-    vertices: FloatArray,
-    cells: IntArray,
-    normals: FloatArray | None = None,
-    uv: FloatArray | None = None,
-    groups: Sequence[tuple[str, int, int]] = (),
-    normal_of: IntArray | None = None,
+    mesh: Mesh, uv: FloatArray | None = None, groups: Sequence[tuple[str, int, int]] = ()
 ) -> Iterator[bytes]:
     """Return the text of an OBJ file: `v`, `vn`, `vt`, then `f` (or one `l` for each segment), with `g` before groups.
 
     The lines equal those of trimesh's exporter for the same arrays with ``digits=decimals(vertices)``. Numbers are
-    finite; `uv` are (m, 2), a row for each vertex, and so are normals, unless `normal_of` (k, 3) has the normal of each
-    corner. Groups are names without blanks and ranges of cells. Only one block of lines is in memory at a time.
+    finite; `uv` are (m, 2), a row for each vertex. Groups are names without blanks and ranges of cells. Only one block
+    of lines is in memory at a time.
     """
-    digits = decimals(vertices)
-    for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):
+    digits, cells = decimals(mesh.vertices), mesh.cells
+    for prefix, values in (("v", mesh.vertices), ("vn", mesh.normals), ("vt", uv)):
         if values is not None:
             for start in range(0, len(values), BLOCK_ROWS):
                 yield number_lines(prefix, values[start : start + BLOCK_ROWS], digits)
-    prefix = "f" if cells.shape[1] == 3 else "l"
+    prefix = "l" if mesh.is_curve else "f"
     # A reference is v, v/vt, v//vn or v/vt/vn. Segments have no vn.
     leads = [b" "] if uv is None else [b" ", b"/"]
     references = [(leads, cells)]
-    if normals is not None and prefix == "f":
-        lead = b"//" if uv is None else b"/"
-        references = [([*leads, lead], cells)] if normal_of is None else [(leads, cells), ([lead], normal_of)]
+    if mesh.normals is not None and prefix == "f":
+        references.append(([b"//" if uv is None else b"/"], mesh.normal_of))
     for name, first, last in groups or [("", 0, len(cells))]:
         if name:
             yield f"g {name}\n".encode()

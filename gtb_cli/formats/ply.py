@@ -89,7 +89,7 @@ Columns: TypeAlias = dict[str, tuple[NDArray[Any], IntArray]]
 def read_ply(data: bytes) -> FileArrays:
     """Read a PLY file: the elements `vertex` (x, y, z), `face` (a list of corners) and `edge` (vertex1, vertex2)."""
     elements, order, start = _header(data)
-    pictures = tuple(map(os.fsdecode, re.findall(rb"(?m)^comment TextureFile (.*?)\s*$", data[:start])))
+    pictures = tuple(map(os.fsdecode, re.findall(rb"(?im)^comment[ \t]+TextureFile[ \t]+(.*?)\s*$", data[:start])))
     if "vertex" not in elements:
         raise GtbError("has no element vertex")
     tables: dict[str, Columns] = {}
@@ -150,7 +150,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
     for label, (numbers, counts) in [each for each in rest.items() if each[1][1].any()]:  # rows, in any order
         longest, exact, suffix = int(counts.max()), _exact(numbers), ""
         if longest >= 64 and longest * len(counts) > 2 * len(numbers):  # marks take less memory
-            parts = np.split(exact.astype(np.float32) if exact.dtype.kind == "f" else exact, np.cumsum(counts)[:-1])
+            parts = np.split(_single(exact), np.cumsum(counts)[:-1])
             exact, longest = np.array([[int(mark_of(part.tobytes()))] for part in parts]), 1
             counts, suffix = np.ones_like(counts), MARKED
         found = np.full((len(counts), longest), np.nan if exact.dtype.kind == "f" else ABSENT, exact.dtype)
@@ -159,11 +159,18 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         del rest[label]
     for name in tables.keys() - {"vertex", table}:
         for column, (numbers, counts) in tables[name].items() if elements[name].rows else ():
-            rest[f"{column} of {name}"] = numbers.astype(elements[name].properties[column].kind), counts
+            rest[f"{column} of {name}"] = numbers, counts
     for label, (numbers, counts) in rest.items():
-        mark = mark_of(numbers.tobytes(), counts.tobytes())
+        mark = mark_of(_single(_exact(numbers)).tobytes(), counts.tobytes())
         values[f"{OTHER}{label}"] = np.array([[mark]]), np.zeros(cells.shape, dtype=np.int64)
     return values
+
+
+def _single(numbers: NDArray[Any]) -> NDArray[Any]:
+    """Return numbers, those that are not whole to the digits of 32 bits."""
+    with np.errstate(over="ignore"):
+        single = numbers.astype(np.float32) if numbers.dtype.kind == "f" else numbers
+    return numbers if np.isinf(single).any() else single
 
 
 def _exact(numbers: NDArray[Any]) -> NDArray[Any]:
@@ -177,24 +184,22 @@ def _cells(elements: dict[str, Element], tables: dict[str, Columns]) -> IntArray
     if face.rows and edge.rows:
         raise GtbError("has both faces and edges: expected one of them")
     if edge.rows:
-        ends = [_numbers(edge, tables, name, whole=True)[0] for name in ("vertex1", "vertex2")]
+        ends = [_numbers(edge, tables, name)[0] for name in ("vertex1", "vertex2")]
         return np.stack(ends, axis=1).astype(np.int64)
     if not face.rows:
         return np.empty((0, 3), dtype=np.int32)
     name = next((name for name in face.properties if name in POLYGONS), POLYGONS[0])
-    corners, counts = _numbers(face, tables, name, whole=True, lists=True)
+    corners, counts = _numbers(face, tables, name)
     if counts.min() < 3:
         raise GtbError(f"element face: a face has at least 3 corners, got {counts.min()}")
     return triangles(corners, counts)
 
 
-def _numbers(
-    element: Element, tables: dict[str, Columns], name: str, *, whole: bool = False, lists: bool = False
-) -> tuple[NDArray[Any], IntArray]:
-    item = element.properties.get(name)
-    if item is None or bool(item.count_kind) != lists:
-        raise GtbError(f"element {element.name}: has no {'list' if lists else 'property'} {name}")
-    if whole and item.kind.startswith("f"):
+def _numbers(element: Element, tables: dict[str, Columns], name: str) -> tuple[NDArray[Any], IntArray]:
+    item, is_list = element.properties.get(name), element.name == "face"
+    if item is None or bool(item.count_kind) != is_list:
+        raise GtbError(f"element {element.name}: has no {'list' if is_list else 'property'} {name}")
+    if element.name != "vertex" and item.kind.startswith("f"):
         raise GtbError(f"{name}: expected whole numbers, got {item.kind}")
     return tables[element.name][name]
 

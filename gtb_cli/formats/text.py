@@ -23,9 +23,7 @@ def lines_of(data: bytes, start: int = 0, size: int = BLOCK_BYTES) -> Iterator[t
     number = 0
     while start < len(data):
         end = data.find(b"\n", start + size) + 1 or len(data)
-        lines = data[start:end].split(b"\n")
-        if not lines[-1]:
-            lines.pop()
+        lines = data[start:end].splitlines()
         yield number, lines
         number, start = number + len(lines), end
 
@@ -80,7 +78,7 @@ def shown(word: bytes) -> str:
 
 
 def half_step(words: Sequence[bytes], sizes: FloatArray) -> FloatArray:
-    """(3,) largest rounding of a number written as one of these words, at the largest of some sizes.
+    """(3,) largest rounding of a number written as one of these words, at the sizes of three coordinates.
 
     This is half a unit in the last place: of the decimals, if all words have equally many, and these are at least
     six or end in zeros; otherwise of the most significant digits that a word has. It is 0 for numbers with
@@ -88,7 +86,6 @@ def half_step(words: Sequence[bytes], sizes: FloatArray) -> FloatArray:
     """
     default_digits = 6  # fewest digits, or decimals, that programs write by default; numbers with fewer count as exact
     exact_digits = 16  # number of digits from which a double may read back exactly
-    largest = float(sizes.max())
     sample = [word.lower() for word in words]
     mantissas = {word.partition(b"e")[0] for word in sample}
     decimals = {len(mantissa.partition(b".")[2]) for mantissa in mantissas}
@@ -96,7 +93,9 @@ def half_step(words: Sequence[bytes], sizes: FloatArray) -> FloatArray:
         places = decimals.pop()
         if places >= default_digits or (places >= 2 and any(mantissa.endswith(b"0") for mantissa in mantissas)):
             return np.full(3, 0.5 * 10.0 ** -min(places, 300))
-    digits = max((len(mantissa.replace(b".", b"").lstrip(b"+-0")) for mantissa in mantissas), default=0)
-    if not default_digits <= digits < exact_digits or not 0.0 < largest < np.inf:
+    lengths = {len(mantissa.replace(b".", b"").lstrip(b"+-0")) for mantissa in mantissas}
+    is_whole = not any(b"." in word or b"e" in word for word in sample) and lengths - {0} != {default_digits}
+    if is_whole or not default_digits <= max(lengths, default=0) < exact_digits or not np.isfinite(sizes).all():
         return np.zeros(3)
-    return np.full(3, 0.5 * 10.0 ** (np.floor(np.log10(largest)) + 1 - digits))
+    powers = np.floor(np.log10(np.where(sizes > 0, sizes, 1.0))) + 1 - max(lengths)
+    return np.where(sizes > 0, 0.5 * 10.0**powers, 0.0)

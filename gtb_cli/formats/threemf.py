@@ -12,6 +12,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from io import BytesIO
+from itertools import cycle
 from typing import Any, NamedTuple, TypeAlias
 from xml.parsers import expat
 
@@ -69,10 +70,8 @@ def _model(
 ) -> Iterator[bytes]:
     """Yield the description of one object, with a material for each group if there are several."""
     yield f'{_XML}<model unit="{unit}" xml:lang="en-US" xmlns="{_CORE}">\n<resources>\n'.encode()
-    materials = groups if len(groups) > 1 else ()
-    if materials:
-        colours = [PATCH_COLOURS[number % len(PATCH_COLOURS)] for number in range(len(materials))]
-        bases = zip((escape(name) for name, _, _ in materials), colours, strict=True)
+    if len(groups) > 1:
+        bases = zip((escape(name) for name, _, _ in groups), cycle(PATCH_COLOURS), strict=False)
         lines = "".join(f'<base name="{name}" displaycolor="{colour}"/>\n' for name, colour in bases)
         yield f'<basematerials id="2">\n{lines}</basematerials>\n'.encode()
         facts += ' pid="2" pindex="0"'
@@ -157,7 +156,8 @@ class _Reader:
         self.kinds = set[str]()  # of objects that are built; no solids but for ""
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
-        others = ((each.filename, each.CRC) for each in archive.infolist() if each.filename != name)
+        others = [(each.filename, each.CRC) for each in archive.infolist() if each.filename != name]
+        self.parts = {f"/{other}".lower(): crc for other, crc in others}  # by what elements call them
         about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$|.*\.model$")  # pictures, settings, further models
         self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
         parser = expat.ParserCreate()
@@ -239,7 +239,8 @@ class _Reader:
     def note(self, name: str, given: dict[str, str], *known: str) -> None:
         """Take attributes into account that no place here knows, whatever the prefixes and numbers of this file."""
         plain = {key.rpartition(":")[2]: value for key, value in given.items() if key[:5] != "xmlns"}
-        told = {key: self.order.get(value, value) if key.endswith("id") else value for key, value in plain.items()}
+        parts, order = self.parts, self.order  # what is named counts by what it holds, or by its place in the file
+        told = {k: order.get(v, v) if k.endswith("id") else f"{v}{parts.get(v.lower(), '')}" for k, v in plain.items()}
         told = {key: told[key] for key in sorted(told.keys() - {"id", "identifier", "UUID", *known})}
         if told or not known:
             self.extensions.update(f"{name} {told}".encode())

@@ -2,6 +2,7 @@
 
 import math
 import re
+from bisect import bisect_right
 from typing import NoReturn
 
 from gtb_cli.arrays import FloatArray, read_only
@@ -43,14 +44,12 @@ class Words:
         raise SpecError(Fault(message, self.source, self.line if line is None else line))
 
     def peek(self) -> str:
-        """Return the next word, or an empty string at the end."""
-        return self._words[self._next] if self.left else ""
+        """Return the next word, of which there must be one."""
+        return self._words[self._next]
 
     def rest_of_line(self) -> list[str]:
         """Read the remaining words on the line of the next word."""
-        start, line = self._next, self.line
-        while self.left and self._lines[self._next] == line:
-            self._next += 1
+        start, self._next = self._next, bisect_right(self._lines, self.line)
         return self._words[start : self._next]
 
     def need(self, count: int, what: str) -> None:

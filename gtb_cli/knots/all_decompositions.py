@@ -17,7 +17,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.polyhedral_cones import Bits, Vector, extreme_rays, maximal, members, product_of, without_divisor
 from gtb_cli.knots.upper_faces import Simplex, lifted_knots
-from gtb_cli.values import by_value
+from gtb_cli.values import by_value, grouped
 
 TOO_NEAR = "knots are too near to each other, beside their distances from others"
 
@@ -159,13 +159,9 @@ class _Chamber:
 
     def __init__(self, walk: _Walk, cells: Cells) -> None:
         self._walk, self._cells = walk, cells
-        joints: dict[frozenset[int], list[tuple[int, int]]] = {}  # a simplex, and a knot that may join its cell
-        circuits: dict[frozenset[int], _Circuit] = {}
-        self._simplex_at: dict[tuple[int, int], int] = {}
-        for number, knot, circuit in self._conditions():
-            circuits.setdefault(circuit.knots, circuit)
-            joints.setdefault(circuit.knots, []).append((number, knot))
-        self._joints, self._circuits = list(joints.values()), list(circuits.values())
+        conditions = grouped((condition[1].knots, condition) for condition in self._conditions()).values()
+        self._joints = [[joint for joint, _ in each] for each in conditions]
+        self._circuits = [each[0][1] for each in conditions]
         rows = [circuit.row for circuit in self._circuits]
         self._rays = extreme_rays(rows, len(walk.free), walk.rounding)
         self._drops = [[product_of(row, ray, walk.rounding) for row in rows] for ray in self._rays]
@@ -175,8 +171,11 @@ class _Chamber:
         self.flips = tuple(sorted(self._flipped(self._circuits[on.index(facet)]) for facet in self.facets))
         self.names = [walk.numbers.setdefault(self._joined(1 << k), len(walk.numbers)) for k in range(len(self._rays))]
 
-    def _conditions(self) -> Iterator[tuple[int, int, _Circuit]]:
-        """Yield what bounds the chamber: a simplex, by number, and a knot that stays below its plane."""
+    def _conditions(self) -> Iterator[tuple[tuple[int, int, int], _Circuit]]:
+        """Yield what bounds the chamber: a simplex, by number, and a knot that stays below its plane.
+
+        A third number is the simplex of that knot, beside the first, or the first itself for a knot that is in none.
+        """
         circuit, used = self._walk.circuit, {i for cell in self._cells for i in cell}
         beside: dict[Simplex, tuple[int, int]] = {}  # the first simplex at a side, and its opposite knot
         for number, simplex in enumerate(self._cells):
@@ -184,12 +183,11 @@ class _Chamber:
                 side = tuple(j for j in simplex if j != i)
                 if side in beside:
                     other, knot = beside[side]
-                    yield number, knot, circuit(simplex, knot)
-                    self._simplex_at[number, knot] = other
+                    yield (number, knot, other), circuit(simplex, knot)
                 beside[side] = number, i
             for knot in range(self._walk.n):
                 if knot not in used and (found := circuit(simplex, knot)).below == {knot}:
-                    yield number, knot, found
+                    yield (number, knot, number), found
 
     def _flipped(self, circuit: _Circuit) -> Cells:
         old = [circuit.knots - {i} for i in circuit.below]
@@ -201,20 +199,15 @@ class _Chamber:
     def _joined(self, face: Bits) -> Cells:
         """Return the cells of liftings inside a face."""
         group = list(range(len(self._cells)))
-        more: list[tuple[int, int]] = []
-        for row, joints in enumerate(self._joints):
-            if any(self._drops[ray][row] for ray in members(face)):
-                continue
-            for number, knot in joints:
-                if (number, knot) in self._simplex_at:
-                    a, b = group[number], group[self._simplex_at[number, knot]]
-                    group = [a if x == b else x for x in group]
-                else:
-                    more.append((number, knot))
+        flat = [row for row in range(len(self._joints)) if not any(self._drops[ray][row] for ray in members(face))]
+        joints = [joint for row in flat for joint in self._joints[row]]
+        for number, _, other in joints:
+            a, b = group[number], group[other]
+            group = [a if x == b else x for x in group]
         cells: dict[int, set[int]] = {}
-        for number, cell in enumerate(self._cells):
-            cells.setdefault(group[number], set()).update(cell)
-        for number, knot in more:
+        for first, cell in zip(group, self._cells, strict=True):
+            cells.setdefault(first, set()).update(cell)
+        for number, knot, _ in joints:
             cells[group[number]].add(knot)
         return tuple(sorted(tuple(sorted(cell)) for cell in cells.values()))
 
@@ -227,15 +220,12 @@ class _Chamber:
         scale = math.lcm(*(drop.numerator for drop in largest if isinstance(drop, Fraction)))
         lengths = [int(scale / drop) if walk.is_exact else float(1 / drop) for drop in largest]
         parts = [(length, self._rays[ray]) for length, ray in zip(lengths, rays, strict=True)]
-        inner = [sum(length * ray[k] for length, ray in parts) for k in range(len(walk.free))]
+        inner = without_divisor([sum(length * ray[k] for length, ray in parts) for k in range(len(walk.free))])
         lifting = np.zeros(walk.n)
-        if any(inner):
-            inner = [*without_divisor(inner)]
-            lifting[walk.free] = inner
+        lifting[walk.free] = inner
         cells = self._joined(face)
         is_certain = walk.is_exact and lifting[walk.free].tolist() == inner
         if not is_certain and regular_decomposition(walk.points, lifting).cells != cells:
             raise ToleranceError(f"knots: the lifting for {cells} does not induce them, as {TOO_NEAR}")
-        present = {i for cell in cells for i in cell}
-        absent = tuple(i for i in range(walk.n) if i not in present)
+        absent = tuple(sorted(set(range(walk.n)).difference(*cells)))
         return LiftingCone(cells, absent, read_only(lifting), dimension, self.flips if face == self.whole else ())

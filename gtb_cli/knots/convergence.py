@@ -41,8 +41,7 @@ def convergence_rate(decomposition: RegularDecomposition) -> float:
     present = [i for i, bits in enumerate(beside) if bits]
     for i in present:
         apart = [j for j in present if j < i and not beside[i] >> j & 1]
-        if apart:
-            least = min(least, float(_highest_above_segments(gaps[:, i], gaps[:, apart]).min()))
+        least = min(least, float(_highest_above_segments(gaps[:, i], gaps[:, apart]).min(initial=np.inf)))
     for triangle in _hollow_triangles(cells, beside):
         least = min(least, _highest_above(decomposition, gaps, triangle))
     return least

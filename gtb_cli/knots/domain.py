@@ -157,12 +157,10 @@ class Domain:
         """Knots of each edge (or end) in order, their fractions of it, and which knot is the first at its place."""
         found = []
         for edge in range(len(self.vertices)):
-            members, length = self.edge_knots(edge), 1.0
-            fractions = np.zeros(len(members))
-            if self.dimension == 2:
-                fractions = self.along(edge, self.knots[members])
-                length = float(fractions[-1])
-                fractions /= length
+            members = self.edge_knots(edge)
+            fractions = self.along(edge, self.knots[members]) if self.dimension == 2 else np.zeros(len(members))
+            length = float(fractions[-1]) or 1.0
+            fractions /= length
             first = np.flatnonzero(np.diff(fractions, prepend=-1.0) > self.tolerance / length)
             found.append((members, fractions, first))
         return tuple(found)

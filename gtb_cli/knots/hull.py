@@ -67,8 +67,6 @@ def depth_in(polygon: FloatArray, points: FloatArray) -> FloatArray:
     """Return how deep points lie in a polygon: the least signed distance from the lines of its edges, (m,)."""
     if points.shape[1] == 1:
         return np.asarray(np.minimum(points[:, 0] - polygon[0, 0], polygon[1, 0] - points[:, 0]))
-    depth = np.full(len(points), np.inf)
-    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        side = end - start
-        np.minimum(depth, planar_cross(side / np.hypot(*side), points - start), out=depth)
-    return depth
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    sides /= np.hypot(sides[:, 0], sides[:, 1])[:, None]
+    return np.asarray(planar_cross(sides, points[:, None] - polygon).min(axis=1))

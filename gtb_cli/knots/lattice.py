@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from itertools import product
+from itertools import islice, product
 from operator import itemgetter
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray, IntArray, distinct, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
-from gtb_cli.values import frozen
+from gtb_cli.values import frozen, grouped
 
 LATTICE_TOLERANCE = 1e-6  # of a step, by which knots may be off their lattice: thirds typed with seven digits pass
 MAX_BINOMIAL_DEGREE = 1029  # largest degree whose binomial coefficients are all floats
@@ -58,7 +58,15 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
     """
     directions = _directions(domain)
     if not directions:
-        return _edge_binomials(domain)
+        coefficients = np.ones(len(domain.knots))
+        for edge, (members, fractions, _) in enumerate(domain.edge_fractions):
+            degree = _representable(len(members) - 1)
+            if np.abs(degree * fractions - np.arange(degree + 1)).max() > LATTICE_TOLERANCE:
+                places = " ".join(f"{fraction:.4g}" for fraction in fractions[:8])
+                found = f"those of edge {edge} are at {places}{' ...' * (len(members) > 8)} of it"
+                raise DomainError(f"coefficients: binomial needs equally spaced knots along each edge, {found}")
+            coefficients[members] = [math.comb(degree, k) for k in range(degree + 1)]
+        return read_only(coefficients)
     if fault := lattice_fault(domain):
         raise DomainError(f"coefficients: binomial needs {fault}")
     degree = _representable(max(direction.degree for direction in directions))
@@ -70,18 +78,6 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
         return read_only([float(value) for value in values])
     except OverflowError:
         raise DomainError(f"coefficients: binomial of degree {degree} is beyond the range of floats") from None
-
-
-def _edge_binomials(domain: Domain) -> FloatArray:
-    coefficients = np.ones(len(domain.knots))
-    for edge, (members, fractions, _) in enumerate(domain.edge_fractions):
-        degree = _representable(len(members) - 1)
-        if np.abs(degree * fractions - np.arange(degree + 1)).max() > LATTICE_TOLERANCE:
-            places = " ".join(f"{fraction:.4g}" for fraction in fractions[:8])
-            found = f"those of edge {edge} are at {places}{' ...' * (len(members) > 8)} of it"
-            raise DomainError(f"coefficients: binomial needs equally spaced knots along each edge, {found}")
-        coefficients[members] = [math.comb(degree, k) for k in range(degree + 1)]
-    return read_only(coefficients)
 
 
 def _representable(degree: int) -> int:
@@ -129,7 +125,8 @@ def lattice_fault(domain: Domain) -> str:
     if repeat := _repeat(places):
         return f"{once}: {repeat}"
     found = {*map(tuple, places.tolist())}
-    wanted = (sum(parts, ()) for parts in product(*(_points(d.degree, len(d.steps) + 1) for d in directions)))
+    rows = (islice(_points(d.degree, len(d.steps) + 1), n + 1) for d in directions)
+    wanted = (sum(parts, ()) for parts in product(*rows))
     missing = next(place for place in wanted if place not in found)
     steps = np.concatenate([np.vstack([np.zeros(domain.knots[:1].shape), d.steps]) for d in directions])
     knot = domain.vertices[0] + np.array(missing) @ steps
@@ -138,9 +135,7 @@ def lattice_fault(domain: Domain) -> str:
 
 def repeated(rows: NDArray[Any]) -> tuple[tuple[int, ...], ...]:
     """Return groups of indices of equal rows, ascending, in the order of the first of each."""
-    groups: dict[tuple[float, ...], list[int]] = {}
-    for index, row in enumerate(map(tuple, rows.tolist())):
-        groups.setdefault(row, []).append(index)
+    groups = grouped((tuple(row), index) for index, row in enumerate(rows.tolist()))
     return tuple(tuple(group) for group in groups.values() if len(group) > 1)
 
 

@@ -56,11 +56,11 @@ def product_of(a: Vector, b: Vector, rounding: float) -> float:
 
 
 def without_divisor(vector: Vector) -> Vector:
-    """Scale a vector that is not 0: a whole one to no common divisor, any other to a largest entry of 1."""
+    """Scale a vector but for 0: a whole one to no common divisor, any other to a largest entry of 1."""
     if all(isinstance(x, int) for x in vector):
-        divisor = math.gcd(*vector)
+        divisor = math.gcd(*vector) or 1
         return [x // divisor for x in vector]
-    largest = max(map(abs, vector))
+    largest = max(map(abs, vector)) or 1.0
     return [x / largest for x in vector]
 
 

@@ -77,15 +77,13 @@ def triangulation(domain: Domain, resolution: int) -> Triangulation:
     are exactly a grid.
     """
     n, v = resolution, domain.vertices
+    opposite = v[len(v) // 2]
+    lines = v[0] + (opposite - v[0]) * (np.arange(n + 1) / n)[:, None]
+    lines[-1] = opposite
     if domain.dimension == 1:
-        start, end = v[0, 0], v[1, 0]
-        u = start + (end - start) * (np.arange(n + 1) / n)
-        u[-1] = end
         steps = np.arange(n)
-        return Triangulation(u[:, None], np.stack([steps, steps + 1], axis=1), np.array([[0], [n]]))
+        return Triangulation(lines, np.stack([steps, steps + 1], axis=1), np.array([[0], [n]]))
     if len(v) == 4 and (v[1] == [v[2, 0], v[0, 1]]).all() and (v[3] == [v[0, 0], v[2, 1]]).all():
-        lines = v[0] + (v[2] - v[0]) * (np.arange(n + 1) / n)[:, None]
-        lines[-1] = v[2]
         return Triangulation(np.stack(np.meshgrid(*lines.T), axis=-1).reshape(-1, 2), *_squares(n))
     make = {3: _triangle, 4: _quadrilateral}.get(len(v), _sectors)
     return _with_exact_boundary(domain, *make(v, n))

@@ -12,6 +12,7 @@ from gtb_cli.arrays import EPS, FloatArray, finite, one_for_each, planar_cross
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import SIZES, domain
 from gtb_cli.knots.hull import border_of, convex_hull, depth_in, knot_tolerance
+from gtb_cli.values import grouped
 
 POINT_BELOW = -1  # index of the point at infinity below the lifted knots, which makes the lower hull one vertical prism
 
@@ -203,10 +204,8 @@ def _joined(lifted: Lifted, hull: dict[Simplex, Plane]) -> list[UpperFace]:
     """Join the simplices of each face, the largest first; slivers that belong to no face are dropped."""
     faces: list[UpperFace] = []
     taken: set[Simplex] = set()
-    beside: dict[Simplex, list[Simplex]] = {}  # simplices at each side
-    for simplex in hull:
-        for side in combinations(sorted(simplex), lifted.dimension):
-            beside.setdefault(side, []).append(simplex)
+    sides = ((side, each) for each in hull for side in combinations(sorted(each), lifted.dimension))
+    beside: dict[Simplex, list[Simplex]] = grouped(sides)
 
     def region(seed: Simplex, holds: Callable[[int], bool]) -> list[Simplex]:
         found, reached = [seed], {*taken, seed}
@@ -229,12 +228,11 @@ def _joined(lifted: Lifted, hull: dict[Simplex, Plane]) -> list[UpperFace]:
         if seed in taken or is_sliver(seed):
             continue
         face = UpperFace(lifted, seed, hull[seed])
-        joined = region(seed, face.holds)
-        polygon = _outline(lifted, joined)
-        if polygon is None:  # the seed alone, and simplices of its knots, are always convex
-            joined = region(seed, face.knots.__contains__)
-            polygon = _outline(lifted, joined)
-        face.polygon = polygon or face.polygon
+        for holds in (face.holds, face.knots.__contains__):  # the seed and simplices of its knots are always convex
+            joined = region(seed, holds)
+            if polygon := _outline(lifted, joined):
+                face.polygon = polygon
+                break
         face.knots.update(i for simplex in joined for i in simplex)
         taken.update(joined)
         faces.append(face)

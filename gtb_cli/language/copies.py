@@ -63,14 +63,8 @@ def reflected(patch: Patch) -> Patch:
     if not scale.ndim:
         return patch.replace(knots=knots)
     plain = patch.replace(knots=knots, edge_scale=1.0)
-    old = {frozenset(ends): number for number, ends in enumerate(_edge_ends(patch))}
-    return plain.replace(edge_scale=scale[[old[frozenset(ends)] for ends in _edge_ends(plain)]])
-
-
-def _edge_ends(patch: Patch) -> list[tuple[int, int]]:
-    """Return the first knot at either end of each edge of Δ."""
-    corners = [int(np.flatnonzero((patch.knots == corner).all(axis=1))[0]) for corner in patch.domain.vertices]
-    return list(zip(corners, corners[1:] + corners[:1], strict=True))
+    common = plain.domain.incidence.T.astype(np.int64) @ patch.domain.incidence  # number of knots on both edges
+    return plain.replace(edge_scale=scale[common.argmax(axis=1)])
 
 
 def read_copy(entries: dict[str, Any], path: Path, values: Values, allowed: int) -> Copy | None:
@@ -234,9 +228,7 @@ def carried_out(
     made: dict[int, list[Patch]] = {}
     for number in order:
         copy, original = copies[number], found.get(copies[number].original)
-        if original is None or not copy.moves.moves:
-            continue
-        made[number] = copy.moves.made(original, copy.names, values, copy.path)
-        if made[number]:
-            found |= zip(copy.names, made[number], strict=True)
+        if original is not None and copy.moves.moves:
+            made[number] = copy.moves.made(original, copy.names, values, copy.path)
+            found |= zip(copy.names, made[number], strict=False)  # of all copies, or of none
     return made

@@ -38,24 +38,20 @@ class Library:
             raise SpecError(f"{name}: includes itself: {' -> '.join(map(os.path.basename, circle))}")
         if self._count == MAX_FILES:
             raise SpecError(f"{name}: at most {MAX_FILES} files can be included")
-        data = _content(name, real)
+        # Of a regular file, at most one byte more than allowed; no other file is waited for.
+        flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        try:
+            with open(os.open(real, flags), "rb") as file:
+                if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                    raise SpecError(f"{name}: is not a file")
+                data = file.read(MAX_BYTES + 1)
+        except OSError as error:
+            raise SpecError(f"{name}: {error.strerror or error}") from None
         self._bytes += len(data)
         if self._bytes > MAX_BYTES:
             raise SpecError(f"{name}: is too large, files of a spec have at most {MAX_BYTES // 10**6} MB together")
         self._count += 1
         return path, data
-
-
-def _content(name: str, real: str) -> bytes:
-    """Return the bytes of a regular file, at most one more than allowed; no other file is waited for."""
-    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-    try:
-        with open(os.open(real, flags), "rb") as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise SpecError(f"{name}: is not a file")
-            return file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise SpecError(f"{name}: {error.strerror or error}") from None
 
 
 def sources(path: str, format: SpecFormat | None = None) -> tuple[str, ...]:

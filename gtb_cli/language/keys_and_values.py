@@ -165,12 +165,6 @@ class Table:
         self.fault(key, f"must be {others}{expected}, got {shown(value)}{hint}")
         return None
 
-    def flag(self, key: str) -> bool:
-        """Read true or false, which is what an absent key means."""
-        if not isinstance(value := self.entries.get(key, False), bool):
-            self.fault(key, f"must be true or false, got {shown(value)}")
-        return value is True
-
     def number(self, key: str, check: Check) -> float | None:
         """Read a number."""
         return self.values.number(self.entries[key], (*self.path, key), check) if key in self.entries else None

@@ -13,7 +13,7 @@ from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES, Document, Faults, error_about, read, spec_format_of
 from gtb_cli.language.includes import Library
 from gtb_cli.language.keys_and_values import Budget, Values, valid_name
-from gtb_cli.language.model_reader import ModelReader
+from gtb_cli.language.model_reader import read_spec
 from gtb_cli.language.reading import NO_LET, Let, Reading
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
@@ -88,7 +88,7 @@ def parse(
 
         given = let if len(readers) == 1 else NO_LET
         values = Values(faults, budget)
-        found = ModelReader(values, include, row, given).spec(document.data, stem_of(readers[-1]))
+        found = read_spec(values, include, document.data, stem_of(readers[-1]), row, given)
         if isinstance(document.data, dict) and document.data.get("let") and values.names:
             from gtb_cli.language.sliders import check_ranges
 
@@ -137,7 +137,7 @@ def from_dict(data: Mapping[str, Any]) -> Patch | Model:
     """
     document = Document(_plain(data), "", "json", ())
     faults = Faults(document, "from_dict")
-    result = ModelReader(Values(faults, Budget()), _nothing_included).spec(document.data, None)
+    result = read_spec(Values(faults, Budget()), _nothing_included, document.data, None)
     if result is None or faults.count:
         raise error_about([faults])
     return result

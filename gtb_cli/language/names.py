@@ -18,19 +18,18 @@ MAX_NUMBER_NAME = 60  # longest name of a number, in characters
 MAX_NAMES = 1000  # named numbers
 
 
-def named_numbers(table: dict[str, Any], values: Values, given: Let) -> dict[str, float]:
+def read_numbers(table: dict[str, Any], values: Values, given: Let) -> None:
     """Read ``let``, if present, with the `given` numbers in place of those of the same names."""
-    names: dict[str, float] = {}
-    values.names = names
+    values.names = names = dict[str, float]()
     # Without one, a table with another name is probably meant
     others = [entry for key, entry in table.items() if isinstance(entry, dict) and key not in PATCH_KEYS | MODEL_KEYS]
     let = table.get("let", others[0] if others else names)
     if not isinstance(let, dict):
         values.faults.add(("let",), f"must be a table of numbers, got {shown(let)}")
-        return names
+        return
     if len(let) > MAX_NAMES:
         values.faults.add(("let",), f"must have at most {MAX_NAMES} names, got {len(let)}")
-        return names
+        return
     for name in given:
         if name not in let:
             likely = suggestion(name, let) or f"; there are {', '.join(list(let)[:30]) or 'none'}"
@@ -43,7 +42,6 @@ def named_numbers(table: dict[str, Any], values: Values, given: Let) -> dict[str
         elif number is None:
             number = values.number(value, ("let", name), FINITE)
         names[name] = 1.0 if number is None else number  # so that its users are not reported as well
-    return names
 
 
 def numbers_in_no_let(table: dict[str, Any]) -> dict[str, Any]:

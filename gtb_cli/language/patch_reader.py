@@ -57,11 +57,9 @@ class Reader:
             table.fault("log_weights", "stands in place of weights, leave out one of them")
             logs = None
         lifting = _row(table, "lifting", n, COORDINATE)
-        coefficients, named = None, None
-        if isinstance(entries.get("coefficients"), str):
-            named = table.choice("coefficients", tuple(COEFFICIENTS), "a list of numbers, ")
-        else:
-            coefficients = _row(table, "coefficients", n, POSITIVE)
+        is_named = isinstance(entries.get("coefficients"), str)
+        named = table.choice("coefficients", tuple(COEFFICIENTS), "a list of numbers, ") if is_named else None
+        coefficients = None if is_named else _row(table, "coefficients", n, POSITIVE)
         normals = table.choice("edge_normals", get_args(EdgeNormals))
         is_list = isinstance(entries.get("edge_scale"), list)
         scale = table.numbers("edge_scale", SCALE) if is_list else table.number("edge_scale", SCALE)

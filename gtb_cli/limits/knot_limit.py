@@ -163,8 +163,8 @@ class KnotLimit:
                 along = shape.along(face.index, patch.knots[targets[members]])
             elif shape.dimension == 2:
                 # If all arrive along one line, the film of the corner is a border of its edges' films.
-                values = np.linalg.svd(speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT), compute_uv=False)
-                if len(values) < 2 or values[1] <= parallel_ratio * values[0]:
+                shares = speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT)
+                if np.linalg.matrix_rank(shares, rtol=parallel_ratio) < 2:
                     continue
             units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
             speeds = read_only(speeds / np.array(units))

@@ -81,9 +81,8 @@ def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
     for mesh in (a, b):
         spans = np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1)
         directions.append(unit(spans[0] if mesh.is_curve else cross(*spans)).round(4))
-    number = numbered_places(np.concatenate(directions))[1].astype(np.int64)[:, None] * (
-        int(places[1].max()) + len(a.vertices) + 1
-    )
+    direction, most = numbered_places(np.concatenate(directions))[1], int(places[1].max()) + len(a.vertices) + 1
+    number = direction.astype(np.int64)[:, None] * most
     both = [place + each for place, each in zip(places, np.split(number, [len(a.cells)]), strict=True)]
     return [[each.ravel() for each in both], [each.ravel() for each in places]]
 
@@ -159,7 +158,7 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
     far = 100  # times as large as all others, a value stands for none, as -9999 and 1e30 do
     allowed = VALUES_TOLERANCE * next((one for one, less in pairwise(sizes) if not 0 < far * less < one), 0.0)
     allowed = max(allowed, 1e-15 * min(sizes[0], 1e6))  # rounding beside a value that stands for itself
-    if rows.dtype.kind == others.dtype.kind == "i":
+    if all(each.dtype.kind == "i" or _are_whole(each) for each in (rows, others)):
         allowed = 0.0
     with np.errstate(invalid="ignore"):
         beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
@@ -167,3 +166,11 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
     most = int(beyond.argmax())
     told = f"up to {apart[most].max():.3g} apart (tolerance {allowed:.3g})"
     return [f"{name}: {told}, most at vertex {vertex[most]}"] if beyond[most] > 0 else []
+
+
+def _are_whole(rows: FloatArray) -> bool:
+    """Tell whether numbers are whole, and so small that floats of their size hold the next whole ones, too."""
+    numbers = rows[np.isfinite(rows)]
+    with np.errstate(over="ignore"):
+        most = 1 << (24 if (numbers.astype(np.float32) == numbers).all() else 53)
+    return bool((np.abs(numbers) < most).all() and (numbers == np.rint(numbers)).all())

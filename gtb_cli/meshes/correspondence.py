@@ -51,8 +51,6 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
     has_numbers = a.has_indices and b.has_indices
     are_short = not {a.format, b.format} <= {"obj", "spec"}  # numbers of 32 bits
     for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short):
-        if turned is not None and _are_renamed(turned.cells, (cells, other_cells)):
-            continue
         found = _matched(a, b, cells, other_cells)
         if found is None:
             continue
@@ -68,15 +66,6 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
         if is_certain and len(here) == len(there) and np.abs(here - there).max() > tolerance:
             break  # no vertices can be near all their own ones
     return turned or first
-
-
-def _are_renamed(ways: tuple[IntArray, IntArray], others: tuple[IntArray, IntArray]) -> bool:
-    """Tell whether the same places of two meshes with the same faces have one number in both ways of counting."""
-    names = np.full(int(ways[0].max()) + 1, -1, dtype=others[0].dtype)
-    names[ways[0]] = others[0]
-    used = np.sort(names[names >= 0])
-    are_one = (np.array_equal(taken(names, way), other) for way, other in zip(ways, others, strict=True))
-    return all(are_one) and bool((used[1:] != used[:-1]).all())
 
 
 def _is_likely(a: Mesh, b: Mesh, found: Matching, tolerance: float) -> bool:
@@ -143,17 +132,14 @@ def by_nearness(
 class _Faces:
     """Faces of two meshes in common numbers."""
 
-    face: IntArray  # (k,) numbers
-    other: IntArray
-    side: IntArray  # (k,) to which they look, 1 or −1; 0 if nowhere
-    other_side: IntArray
+    numbers: Slots  # (k,)
+    sides: Slots  # (k,) to which they look, 1 or −1; 0 if nowhere
     here: IntArray  # (f,) how often each occurs
     there: IntArray
 
     def turned(self, usual: int = 1) -> int:
         """How many of the faces that both have equally often are turned over; −1 says that the usual ones are."""
-        one = np.bincount(self.face, self.side, len(self.here))
-        other = np.bincount(self.other, self.other_side, len(self.here))
+        one, other = (np.bincount(*each, len(self.here)) for each in zip(self.numbers, self.sides, strict=True))
         return int(np.abs(one - usual * other)[self.here == self.there].sum()) // 2
 
 
@@ -165,15 +151,9 @@ def _faces(cells: IntArray, others: IntArray) -> _Faces:
     if rows.shape[1] == 3:
         a, b, c = rows.T
         side = np.where((a < b) ^ (b < c) ^ (c < a), np.int8(-1), np.int8(1)) * are_proper(rows)
-    here, there = (np.bincount(part, minlength=int(labels.max()) + 1) for part in (labels[:count], labels[count:]))
-    return _Faces(labels[:count], labels[count:], side[:count], side[count:], here, there)
-
-
-def _may_be_equal(cells: IntArray, others: IntArray) -> bool:
-    """Tell whether sums of random marks are equal, as they are for equal cells in any order, from any corner on."""
-    marks = np.random.default_rng(0).integers(1 << 62, size=1 + int(max(cells.max(), others.max())))
-    one, other = (reduce(np.add, marks[each.T]) for each in (cells, others))
-    return int((one ^ one >> 29).sum()) == int((other ^ other >> 29).sum())
+    numbers = labels[:count], labels[count:]
+    here, there = (np.bincount(part, minlength=int(labels.max()) + 1) for part in numbers)
+    return _Faces(numbers, (side[:count], side[count:]), here, there)
 
 
 def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> Matching | None:
@@ -182,24 +162,18 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
     turned = 0
     slots = np.arange(cells.size), np.arange(cells.size)
     if not np.array_equal(cells, others):
-        if not _may_be_equal(cells, others):
-            return None
         faces = _faces(cells, others)
         if not np.array_equal(faces.here, faces.there):
             return None
         turned = faces.turned()
-        starts, width = np.arange(0, cells.size, cells.shape[1])[:, None], cells.shape[1]
+        starts = np.arange(0, cells.size, cells.shape[1])[:, None]
+        both = zip((a.mesh, b.mesh), (cells, others), faces.numbers, faces.sides, strict=True)
         one, other = (
-            (np.argsort(places, axis=1, kind="stable") + starts)[_order(mesh, face, side < 0)].ravel()
-            for mesh, places, face, side in (
-                (a.mesh, cells, faces.face, faces.side),
-                (b.mesh, others, faces.other, faces.other_side),
-            )
+            (np.argsort(places, axis=1, kind="stable") + starts)[_order(mesh, face, side < 0)]
+            for mesh, places, face, side in both
         )
-        slots = one, other
-        corners, other_corners = (
-            each.ravel()[slot].reshape(-1, width) for each, slot in ((corners, one), (other_corners, other))
-        )
+        corners, other_corners = corners.ravel()[one], other_corners.ravel()[other]
+        slots = one.ravel(), other.ravel()
     used, others_used = (len(each.mesh.used) for each in (a, b))
     if np.array_equal(corners, other_corners):
         vertices = there = np.flatnonzero(are_used(corners, len(a.mesh.vertices)))
@@ -254,12 +228,12 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
     cells, others, points = a.cells, b.cells, a.vertices
     if a.vertices.shape != b.vertices.shape or np.abs(a.vertices - b.vertices).max() > tolerance:
         cells, others, points, _ = by_nearness(a, b, tolerance)
-    rows, other_rows = _unequal(cells, others, len(points))
-    faces = _faces(cells[rows], others[other_rows])
+    faces = _faces(cells, others)
     if (faces.there < faces.here).any() and (faces.here < faces.there).any():
         return None
     is_first = len(cells) > len(others)
-    absent = rows[faces.there[faces.face] == 0] if is_first else other_rows[faces.here[faces.other] == 0]
+    number, other = faces.numbers
+    absent = np.flatnonzero(faces.there[number] == 0 if is_first else faces.here[other] == 0)
     extra = np.abs(faces.here - faces.there)
     doubled = int(((np.minimum(faces.here, faces.there) == 1) & (extra == 1)).sum())
     repeated = int(extra.sum()) - len(absent) - doubled
@@ -272,18 +246,6 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
         one, other = (np.flatnonzero(reduce(np.bitwise_and, beyond[each.T]) == 0) for each in (cells, others))
         near = one, other
     return Lone(is_first, absent, faces.turned(), doubled, repeated, near)
-
-
-def _unequal(cells: IntArray, others: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """The cells but equal ones at both ends of the lists, and those which may be there twice, by their corners."""
-    least = min(len(cells), len(others))
-    ends = []
-    for one, other in ((cells, others), (cells[::-1], others[::-1])):
-        unequal = (one[:least] != other[:least]).any(axis=1)
-        ends.append(int(unequal.argmax()) if unequal.any() else least)
-    start, end = ends[0], min(ends[1], least - ends[0])
-    is_in = are_used(np.concatenate([each[start : len(each) - end] for each in (cells, others)]), count)
-    return np.flatnonzero(is_in[cells].all(axis=1)), np.flatnonzero(is_in[others].all(axis=1))
 
 
 def unlike(
@@ -319,7 +281,7 @@ def unlike(
         told.append(f"{extent:.9g} against {others_extent:.9g} in {'length' if first.is_curve else 'area'}")
     cells, others, *_ = by_nearness(a.mesh, b.mesh, close)
     faces = _faces(cells, others)
-    only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0
+    only, others_only = faces.there[faces.numbers[0]] == 0, faces.here[faces.numbers[1]] == 0
     if only.any() != others_only.any():
         told.append(f"{int(only.sum())} against {int(others_only.sum())} {cell}s that the other has not")
     sides = sides_of(np.concatenate([cells, others])).edge

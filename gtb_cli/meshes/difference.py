@@ -37,7 +37,7 @@ class Difference:
     """
 
     method: Method
-    distance: float  # the largest found
+    distance: float  # the largest found, or what is proved of patches: at most this
     bound: float  # of the true one, from above; for vertices, the distance
     tolerance: float  # the largest distance allowed
     asked: float | None  # the tolerance asked for; None for the default
@@ -52,7 +52,8 @@ class Difference:
     meshes: tuple[Mesh, Mesh] | None = None  # None if not surfaces of meshes were compared
     same_kind: bool = True  # a curve and a surface are never the same
     spaces: tuple[str, str] | None = None  # units and vertical axes, where two files of one format say others
-    turned: int = 0  # faces that look to the other side, where everything is in the same place
+    is_searched: bool = False  # whether the distance was found by a search that may miss nearest points
+    turned: int = 0  # faces, or patches, that look to the other side, where everything is in the same place
     remarks: tuple[str, ...] = ()  # how else cells in the same place differ
     ignored: tuple[Aspect, ...] = ()  # which of these are not differences
     words: tuple[str, ...] = ()  # what was done to the first mesh, if that explains the difference
@@ -85,8 +86,9 @@ class Difference:
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """A remark on faces that are turned over, if there are any."""
-        return (f"{self.turned} {'face is' if self.turned == 1 else 'faces are'} turned over",) if self.turned else ()
+        """A remark on faces or patches that are turned over, if there are any."""
+        what = ("patch", "patches") if self.method == "patches" else ("face", "faces")
+        return (f"{are(self.turned, *what)} turned over",) if self.turned else ()
 
     @cached_property
     def measures(self) -> tuple[Measures, ...]:
@@ -96,7 +98,7 @@ class Difference:
     @property
     def is_proved(self) -> bool:
         """Whether the answer is proved: a distance of meshes that there is, or that none can exceed the tolerance."""
-        return self.method != "patches" and not self.is_loose
+        return not self.is_searched and not self.is_loose
 
     @property
     def is_loose(self) -> bool:
@@ -237,20 +239,21 @@ def _decided(a: Mesh, b: Mesh, allowed: float) -> Distance:
 
 def _told(lone: Lone, mesh: Mesh) -> tuple[str, ...]:
     words, count = [], len(lone.absent)
-    cell = "segment" if mesh.is_curve else "face"
-
-    def are(count: int) -> str:
-        return f"{count} {cell} is" if count == 1 else f"{count} {cell}s are"
-
+    cell = ("segment", "segments") if mesh.is_curve else ("face", "faces")
     if count:
         middle = mesh.vertices[mesh.cells[lone.absent[0]]].mean(axis=0)
         near = f"near ({' '.join(f'{x:.9g}' for x in middle)})"
-        words.append(f"{are(count)} {'missing' if lone.is_first else 'new'}, {near}")
+        words.append(f"{are(count, *cell)} {'missing' if lone.is_first else 'new'}, {near}")
     if lone.doubled:
-        words.append(f"{are(lone.doubled)} {'no longer ' if lone.is_first else ''}there twice")
+        words.append(f"{are(lone.doubled, *cell)} {'no longer ' if lone.is_first else ''}there twice")
     if lone.repeated:
-        words.append(f"{are(lone.repeated)} there {'less' if lone.is_first else 'more'} often")
+        words.append(f"{are(lone.repeated, *cell)} there {'less' if lone.is_first else 'more'} often")
     return tuple(words)
+
+
+def are(count: int, one: str, many: str) -> str:
+    """Say how many there are, as the beginning of a sentence."""
+    return f"{count} {one} is" if count == 1 else f"{count} {many} are"
 
 
 def allowed_for(tolerance: float | str | None, diagonal: float, resolution: float) -> tuple[float | None, float]:

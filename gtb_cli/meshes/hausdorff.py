@@ -116,8 +116,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     effort = min(cut_batch, effort) if by_sample else effort
     while True:
         worst = np.argsort(-pieces.bounds, kind="stable")[:64]  # the pieces of which corners are measured in each round
-        if len(worst):
-            search.look_at(pieces.corners[worst, pieces.worst[worst]])
+        search.look_at(pieces.corners[worst, pieces.worst[worst]])
         pieces = search.needed(pieces)
         if not len(pieces.bounds) or effort <= 0:
             break
@@ -148,8 +147,6 @@ class _FarthestPoint:
     def needed(self, pieces: CellParts) -> CellParts:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
         low = pieces.bounds <= self.enough
-        if not low.any():
-            return pieces
         self.bound = max(self.bound, float(pieces.bounds[low].max(initial=0.0)))
         return rows_of(pieces, ~low)
 
@@ -161,15 +158,13 @@ class _FarthestPoint:
 
     def bounded(self, pieces: CellParts) -> CellParts:
         """Bound pieces by cells near their middles, and keep those that need more; the middles are also samples."""
-        if not len(pieces.bounds):
-            return pieces
         samples, likely = self.look_at(middles(pieces.corners), pieces.likely)
         return self.needed(pieces.bounded(self.tree, likely, samples))
 
     def bounded_well(self, pieces: CellParts) -> CellParts:
         """Like `bounded`, with the cells nearest to the middles."""
         for find in (self.tree.nearby, self.tree.search):
-            if len(pieces.bounds):
+            if len(pieces.bounds):  # else a search, which arranges all cells, is not needed
                 samples, likely = find(middles(pieces.corners), pieces.samples, pieces.likely)
                 pieces = self.needed(pieces.bounded(self.tree, likely, samples))
         return pieces

@@ -222,14 +222,7 @@ class Mesh:
         if self.normals is None or len(self.normals) == len(self.vertices):
             return self
         vertex = self.vertex_of_normal
-        return Mesh(
-            self.vertices[vertex],
-            self.normal_of,
-            normals=self.normals,
-            exact_normals=self.exact_normals,
-            groups=self.groups,
-            **self.carried(vertex),
-        )
+        return replace(self, vertices=self.vertices[vertex], cells=self.normal_of, **self.carried(vertex))
 
     def carried(self, rows: IntArray) -> dict[str, Any]:
         """Arguments of a mesh with these (m,) vertices: their parameters, attributes and origin, and the name."""

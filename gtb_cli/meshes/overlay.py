@@ -59,12 +59,11 @@ class CellParts(NamedTuple):
         is_cut = _pass_between(over_middle, depth)
         heights[is_cut] = over_middle[is_cut]
         rest = np.flatnonzero(~is_cut)
-        if len(rest):
-            worst = self.corners[rest, self.worst[rest]]
-            _, cells = tree.nearby(worst, *tree.start(worst))
-            over_worst = _heights(self.corners[rest], worst, tree.corners[cells])
-            is_cut = _pass_between(over_worst, depth[rest])
-            heights[rest[is_cut]] = over_worst[is_cut]
+        worst = self.corners[rest, self.worst[rest]]
+        _, cells = tree.nearby(worst, *tree.start(worst))
+        over_worst = _heights(self.corners[rest], worst, tree.corners[cells])
+        is_cut = _pass_between(over_worst, depth[rest])
+        heights[rest[is_cut]] = over_worst[is_cut]
         return self._divided(heights)
 
     def _divided(self, heights: FloatArray) -> CellParts:
@@ -79,8 +78,7 @@ class CellParts(NamedTuple):
         ends = corners[:, :1] + share[:, :, None] * (corners[:, 1:] - corners[:, :1])
         parts = np.array([[0, 2], [2, 1]] if number == 2 else [[0, 3, 4], [3, 1, 2], [3, 2, 4]])
         kept = np.ones((len(heights), len(parts)), dtype=bool)
-        if number == 3:  # a cut through a corner makes two parts
-            kept[:, 1:] = share < 1
+        kept[:, 1:] = share < 1  # a cut through the corner of a triangle makes two parts
         rows = np.nonzero(kept)[0]
         return CellParts(
             np.concatenate([corners, ends], axis=1)[:, parts][kept],

@@ -1,10 +1,9 @@
 """Curves of edges beside each other: proofs that two are equal, and distances; `joined_edges` decides."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, ascending, column_dot, distinct
+from gtb_cli.models.rational_equality import Rational, corners_of, difference, least_difference
 from gtb_cli.theory.corner_powers import alike, summed
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve
 from gtb_cli.values import by_value
@@ -46,90 +45,32 @@ def equal(one: Curve, other: Curve, tolerance: float) -> Match | None:
     """Prove that two curves have the same points in the same order, within a distance; None if there is no proof.
 
     Curves P and Q with Q(α s + β) = P(s), as after a change of degree, of weights by κ e^{σ a} or of knots by an affine
-    map, are recognised by the control points of their difference; parts of a line by control points on it.
-    ``P(s) − Q(α s + β)`` is itself a rational curve: its knots are a_i + α b_j, its weights w_i v_j e^{β b_j}, its
-    control points p_i − q_j, and those of equal knots act as one (Thm 4.1). Exponentials are linearly independent, so
-    that the difference is 0 if, and only if, these control points all are; and it is nowhere longer than the longest
-    of them. So no place is missed, however narrow. The first control points that differ from an end give α and β.
+    map, are recognised by their `difference`, so that no place is missed, however narrow; parts of a line by control
+    points on it. The first control points that differ from an end give α and β.
     Curves related by another change of parameters, which only curves run through at a speed of higher degree have,
     are not recognised unless they are straight.
     """
     if np.linalg.norm(one.ends - other.ends, axis=1).max() > tolerance:
         return None
-    for scale, shift in _scales(one, other, tolerance):
-        least = np.inf
-        while True:  # Newton's method for the shift: rounding of the first points' differences is magnified
-            distance, fractions, step = _difference(one, other, scale, shift)
+    first, second = (
+        Rational(each.knots[:, None], each.log_weights, each.points, np.stack([each.knots, 1 - each.knots], axis=1))
+        for each in (one, other)
+    )
+    rounding = 64 * EPS * float(max(np.abs(one.points).max(), np.abs(other.points).max()))
+    for least in (tolerance, rounding):
+        for end, other_end in zip(corners_of(first, least), corners_of(second, least), strict=False):
+            turn, start = end.carried(other_end, [0])
+            distance, shift = least_difference(first, second, turn, start, tolerance)
             if distance <= tolerance:
-                even = bool(fractions <= CURVE_TOLERANCE * np.diff(one.knots).min())
-                return Match(distance, True, even, torus=np.array([scale, shift]))
-            if not distance < least / 2:
-                break
-            least, shift = distance, shift - step
+                fractions, others = (each._replace(points=each.knots) for each in (first, second))
+                apart, _ = difference(fractions, others, turn, shift)
+                is_even = bool(apart <= CURVE_TOLERANCE * np.diff(one.knots).min())
+                return Match(distance, True, is_even, torus=np.array([turn[0, 0], shift[0]]))
     uneven = [_unevenness(curve, one.ends, tolerance / 2) for curve in (one, other)]
     if sum(uneven) <= tolerance:
         return Match(tolerance, True, True)
     found = matched(one, other, tolerance) if sum(uneven) < np.inf else None
     return found and Match(tolerance, True, False, found.places)
-
-
-def _scales(one: Curve, other: Curve, tolerance: float) -> Iterator[tuple[float, float]]:
-    """Yield scales α and shifts β of the torus coordinate that the first terms at an end suggest."""
-    rounding = 64 * EPS * float(max(np.abs(one.points).max(), np.abs(other.points).max()))
-    tried: set[tuple[float, float]] = set()
-    for least in (tolerance, rounding):
-        for way, sides in ((1, (one, other)), (-1, (one.reversed(), other.reversed()))):
-            terms = []
-            for curve in sides:
-                offsets = np.linalg.norm(curve.points - curve.points[0], axis=1)
-                row = int((offsets > least).argmax())
-                log_term = curve.log_weights[row] + np.log(max(offsets[row], least))
-                terms.append((float(curve.knots[row]), float(log_term)))
-            (a, first), (b, second) = terms
-            if a and b and (pair := (a / b, way * (first - second) / b)) not in tried:
-                tried.add(pair)
-                yield pair
-
-
-def _difference(one: Curve, other: Curve, scale: float, shift: float) -> tuple[float, float, float]:
-    """Bound ``P(s) − Q(α s + β)`` and the difference of fractions; also return a step to subtract from β."""
-    knots = (one.knots[:, None] + scale * other.knots).ravel()
-    logs = (one.log_weights[:, None] + other.log_weights + shift * other.knots).ravel()
-    values = (one.points[:, None] - other.points).reshape(-1, 3)
-    rates = np.tile(other.knots, len(one.knots))
-    values = np.column_stack([values, np.repeat(one.knots, len(other.knots)) - rates])
-    order = np.argsort(knots, kind="stable")
-    knots, logs, values, rates = knots[order], logs[order], values[order], rates[order]
-    starts = np.flatnonzero(np.diff(knots, prepend=-1.0) > 16 * EPS * (1 + scale))
-    group = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(knots)))
-    shares = np.exp(logs - np.maximum.reduceat(logs, starts)[group])
-    shares = (shares / np.add.reduceat(shares, starts)[group])[:, None]
-    means = np.add.reduceat(shares * values, starts)
-    means_of_rates = np.add.reduceat(shares[:, 0] * rates, starts)[group, None]
-    slopes = np.add.reduceat(shares * (rates[:, None] - means_of_rates) * values[:, :3], starts)
-    step = float((slopes * means[:, :3]).sum() / max((slopes**2).sum(), np.finfo(float).tiny))
-    return *_longest(values, means, knots, logs, knots - knots[starts][group]), step
-
-
-def _longest(
-    values: FloatArray, means: FloatArray, knots: FloatArray, logs: FloatArray, gaps: FloatArray
-) -> tuple[float, float]:
-    """Return the longest control points of differences of points and of fractions, with knots merged over gaps."""
-    # A share grows by e^{|s| gap} at most, which does not count where all shares but an end's are below a rounding.
-    bounds = [float(np.linalg.norm(means[:, :3], axis=1).max()), float(np.abs(means[:, 3]).max())]
-    if gaps.any():
-        least, tiny = -np.log(EPS), np.finfo(float).tiny
-        reaches = [
-            np.maximum(logs[1:] - logs[0] + least, least) / np.maximum(knots[1:] - knots[0], tiny),
-            np.maximum(logs[:-1] - logs[-1] + least, least) / np.maximum(knots[-1] - knots[:-1], tiny),
-        ]
-        reach = float(np.max(reaches))
-        growth = np.expm1(min(float(gaps.max()) * reach, 1.0))
-        if growth > 1:
-            return np.inf, np.inf
-        parts = np.linalg.norm(values[:, :3], axis=1), values[:, 3]
-        bounds = [bound + growth * float(np.abs(part).max()) for bound, part in zip(bounds, parts, strict=True)]
-    return bounds[0], bounds[1]
 
 
 def _unevenness(curve: Curve, ends: FloatArray, tolerance: float) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, cached_property
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from gtb_cli.models.joints import Joint, Joints
 from gtb_cli.models.near_ends import touching
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, edge_curves
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import grouped
 
 ALMOST = 2e-2  # of the smaller edge's size: open edges nearer than this are reported
 FAR_ROUNDING = 16 * EPS  # of the largest coordinate: far away, points computed in two ways are rounded in each
@@ -71,11 +72,10 @@ class _EdgeCurves:
         """For each edge with data of its own: the later edges with the same data, and whether each runs backwards."""
         found: dict[int, list[tuple[int, bool]]] = {}
         extended = sorted(set(range(len(self.curves))).difference(self.collapsed))
-        near: dict[int, list[int]] = {i: [] for i in extended}
         pairs, _ = touching([self.curves[i] for i in extended], np.full(len(extended), self.tolerance))
-        for one, other in pairs.tolist():
-            near[extended[other]].append(extended[one])
-        for i, earlier in near.items():
+        near = grouped((extended[other], extended[one]) for one, other in pairs.tolist())
+        for i in extended:
+            earlier = near.get(i, ())
             for turned, curve in ((False, self.curves[i]), (True, self.curves[i].reversed())) if earlier else ():
                 firsts = (k for k in earlier if k in found and curve.same_as(self.curves[k], self.tolerance))
                 if (first := next(firsts, None)) is not None:
@@ -154,16 +154,13 @@ class _EdgeCurves:
 
 def _orientation(count: int, shared: Sequence[Joint]) -> tuple[tuple[bool, ...], tuple[Joint, ...]]:
     """Walk over the joints, and flip the smaller half of each connected component (the later half if equal)."""
-    neighbours: list[list[tuple[int, bool]]] = [[] for _ in range(count)]
-    for joint in shared:
-        (a, _), (b, _) = joint.first, joint.second
-        neighbours[a].append((b, not joint.opposite))
-        neighbours[b].append((a, not joint.opposite))
+    ways = ((joint, ends) for joint in shared for ends in permutations((joint.first[0], joint.second[0])))
+    neighbours = grouped((a, (b, not joint.opposite)) for joint, (a, b) in ways)
     flipped: dict[int, bool] = {}
     for start in (k for k in range(count) if k not in flipped):
         flipped[start], part = False, [start]
         for a in part:
-            for b, differs in neighbours[a]:
+            for b, differs in neighbours.get(a, ()):
                 if b not in flipped:
                     flipped[b] = flipped[a] != differs
                     part.append(b)

@@ -24,8 +24,8 @@ def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
         f"{edge_name(patches, one)} is open: {why.format(edge_name(patches, other))}" for one, other, why in misses
     ]
     lines += _rings([ref for ref in joints.open if ref not in told], patches)
-    for refs in joints.crowded:
-        lines.append(f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve: more than two meet there")
+    crowds = [", ".join(edge_name(patches, ref) for ref in refs) for refs in joints.crowded]
+    lines += [f"{names} are one curve: more than two meet there" for names in crowds]
     pairs = [[edge_name(patches, ref) for ref in (joint.first, joint.second)] for joint in joints.one_sided]
     return lines + [f"{one} and {other} cannot be given the same orientation" for one, other in pairs]
 
@@ -36,12 +36,9 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
         return []
     tolerance = CURVE_TOLERANCE * diagonal_of(patches)
     curves = dict(zip(joints.open, edge_curves(patches, joints.open), strict=True))
+    found = [(one, two, str(_difference(curves[one], curves[two], tolerance, gap))) for one, two, gap in joints.almost]
+    told = {ref for first, second, _ in found for ref in (first, second)}
     part = parts_of(joints, len(patches))
-    found: list[tuple[EdgeRef, EdgeRef, str]] = []
-    told = set()
-    for first, second, distance in sorted(joints.almost, key=lambda pair: pair[2]):
-        found.append((first, second, str(_difference(curves[first], curves[second], tolerance, distance))))
-        told |= {first, second}
     left = [ref for ref in joints.open if ref not in told]
     for one, other in touching([curves[ref] for ref in left], np.full(len(left), tolerance))[0].tolist():
         first, second = left[one], left[other]

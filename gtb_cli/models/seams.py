@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, angles_between
-from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.face import Face
 from gtb_cli.models.joints import Joints
 from gtb_cli.moment.torus import block_length
 from gtb_cli.theory.basis import Location
@@ -18,8 +16,8 @@ from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.normals import on_edge
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.rational_basis import LinearParametrization, RationalBasis
-from gtb_cli.values import frozen
+from gtb_cli.theory.rational_basis import LinearParametrization
+from gtb_cli.values import frozen, grouped
 
 SEAM_PLACES = 49  # along each seam, denser near its ends, which are left out: corners have normals of their own
 CORNERS = 0.02  # part of a seam at each end where curvatures are not compared: at a corner they may be infinite
@@ -113,9 +111,8 @@ def seams_of(patches: Sequence[Patch], joints: Joints) -> tuple[Seam, ...]:
 
 def bends(seams: Sequence[Seam]) -> list[tuple[float, int]]:
     """Return `Seam.bend` of each seam, and the number of its place; rims at the same places of one basis together."""
-    alike: dict[tuple[RationalBasis, Face, bytes], list[_SeamRim]] = {}
-    for rim in (rim for seam in seams if seam._smooth.any() for rim in seam._rims):
-        alike.setdefault((rim.patch.rational_basis, rim.place.face, rim.place.s.tobytes()), []).append(rim)
+    smooth = (rim for seam in seams if seam._smooth.any() for rim in seam._rims)
+    alike = grouped(((rim.patch.rational_basis, rim.place.face, rim.place.s.tobytes()), rim) for rim in smooth)
     mean: dict[int, FloatArray] = {}
     for rims in alike.values():
         step = max(1, block_length(len(rims[0].patch.knots)) // SEAM_PLACES)
@@ -125,9 +122,7 @@ def bends(seams: Sequence[Seam]) -> list[tuple[float, int]]:
             mean |= {id(rim): rim.sign * values for rim, values in zip(part, found, strict=True)}
 
     def bend(seam: Seam) -> tuple[float, int]:
-        if not seam._smooth.any():
-            return math.nan, 0
-        ours, theirs = (mean[id(rim)] for rim in seam._rims)
+        ours, theirs = (mean.get(id(rim), np.array(math.nan)) for rim in seam._rims)
         across = np.where(seam._smooth, 2 * np.abs(ours - theirs), math.nan)
         if not np.isfinite(across).any():
             return math.nan, 0
@@ -141,9 +136,7 @@ def _rims(
     patches: Sequence[Patch], flipped: Sequence[bool], uses: Sequence[tuple[EdgeRef, FloatArray]]
 ) -> tuple[dict[int, _SeamRim], FloatArray]:
     """Return rims at fractions of edges, and (q, m, 3) unit normals there; found together on one edge of a domain."""
-    alike: dict[tuple[Domain, int], list[int]] = {}
-    for number, ((index, edge), _) in enumerate(uses):
-        alike.setdefault((patches[index].domain, edge), []).append(number)
+    alike = grouped(((patches[p].domain, edge), number) for number, ((p, edge), _) in enumerate(uses))
     rims, normals = {}, np.empty((len(uses), SEAM_PLACES, 3))
     for (shape, edge), numbers in alike.items():
         face, first, last = shape.faces.edge(edge), shape.vertices[edge], shape.vertices[edge + 1 - len(shape.vertices)]

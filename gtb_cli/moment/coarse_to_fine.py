@@ -75,16 +75,11 @@ class VertexLattices:
         if self.is_worth_it:
             start = _between(self.lines(solve))[..., : self.last + 1].reshape(2, -1).take(place, axis=1)
         values = np.zeros((2, math.prod(shape)))
-        values[:, place] = solve(self._points(place), start)
-        return values.reshape(2, *shape)
-
-    def _points(self, place: IntArray) -> FloatArray:
-        """Return the points at places numbered by lattice, y and x: (m,) → (m, 2)."""
-        rest, x = np.divmod(place, self.last + 1)
-        sheet, y = np.divmod(rest, self.last + 1)
-        x, y = x[:, None], y[:, None]
+        sheet, *steps = np.unravel_index(place, shape)
+        y, x = (step[:, None] for step in steps)
         o, a, b, t = (each.take(sheet, axis=0) for each in (self.origin, self.along, self.across, self.twist))
-        return np.asarray(o + x * a + y * (b + x * t))
+        values[:, place] = solve(o + x * a + y * (b + x * t), start)
+        return values.reshape(2, *shape)
 
     def lines(self, solve: Solver) -> FloatArray:
         """Return values at every `STRIDE`-th place of all rows, from a coarser lattice: (2, c, y, nodes)."""
@@ -107,13 +102,9 @@ class VertexLattices:
         chosen = lines[:, :, self.last + 1 - end : self.last + 1 - first][:, :, ::-1] if rings else lines[:, :, rows]
         nodes = -(-int(self.counts[rows].max()) // (STRIDE * len(self.origin)))
         between = _between(chosen[..., : nodes + ORDER])
-        result = np.empty((2, int(self.counts[rows].sum())))
-        begin = 0
-        for row, count in enumerate(self.counts[rows].tolist()):
-            part = result[:, begin : begin + count].reshape(2, -1, max(count // len(self.origin), 1))
-            part[...] = between[:, : part.shape[1], row, : part.shape[2]]
-            begin += count
-        return result
+        shapes = [(count, max(count // len(self.origin), 1)) for count in self.counts[rows].tolist()]
+        parts = [between[:, : m // width, k, :width].reshape(2, m) for k, (m, width) in enumerate(shapes)]
+        return np.concatenate(parts, axis=1)
 
 
 def vertex_lattices(domain: Domain, resolution: int) -> VertexLattices:
@@ -133,9 +124,7 @@ def _extended(values: FloatArray, last: IntArray) -> FloatArray:
     weights_before = _lagrange(0, np.arange(-NODES_BEFORE, 0))
     # Weights that extend a line beyond its ends, by the polynomials of its first and of its last nodes
     weights_after = _lagrange(0, np.arange(ORDER, ORDER + NODES_AFTER))
-    nodes = values.shape[-1]
-    lines = np.zeros((*values.shape[:-1], nodes + ORDER))
-    lines[..., NODES_BEFORE : NODES_BEFORE + nodes] = values
+    lines = np.pad(values, [(0, 0)] * 3 + [(NODES_BEFORE, NODES_AFTER)])
     lines[..., :NODES_BEFORE] = lines[..., NODES_BEFORE : NODES_BEFORE + ORDER] @ weights_before
     long = np.flatnonzero(last >= ORDER - 1)
     end = NODES_BEFORE + 1 + last[long, None]

@@ -37,15 +37,13 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
     basis_points = 480  # number of points at which a basis is evaluated; knots and their neighbours are among them
     indices = chosen(look, curves[0])
     symbol = "β" if look.unnormalised else "T"
-    number = 0
     for variant, curve in enumerate(curves):
         low, high = (float(x) for x in curve.domain.vertices[:, 0])
         even = (1 - np.cos(np.linspace(0, np.pi, basis_points + 1))) / 2
         t = np.union1d(low + (high - low) * even, curve.knots[:, 0]).clip(low, high)
         values = basis_values(curve, t, look.unnormalised)
-        for index in indices:
+        for number, index in enumerate(indices, variant * len(indices)):
             colour, dashes = line_style(number)
-            number += 1
             ax.plot(t, values[:, index], dashes, color=colour, lw=1.6, zorder=3, clip_on=False)
             top = int(np.argmax(values[:, index]))
             text = names[variant] if names else subscript(symbol, index)
@@ -75,12 +73,15 @@ def draw_bases(
     fine = look.resolution or (64 if len(indices) * len(variants) <= 4 else 48)
     # A pixel is enough for a segment.
     fine = min(fine, math.ceil(max(look.size) * look.dpi / math.sqrt(len(indices) * len(variants))))
+    share = (1 - np.cos(np.linspace(0, np.pi, 65)[:-1, None])) / 2  # of an edge, at places denser towards its ends
     surfaces, titles, rims = [], [], []
     for patch, name in zip(variants, names, strict=True):
         flat = Patch(patch.knots, patch.knots, patch.weights, patch.coefficients, log_weights=patch.log_weights)
         mesh = tessellate(flat, fine, parametrization="toric", normals=False)
         assert mesh.parameters is not None
-        around = _rim(patch)
+        corners = patch.domain.vertices
+        ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+        around = np.concatenate([*(a + (b - a) * share for a, b in ends), corners[:1]])
         for index in indices:
             values, rim = (basis_values(patch, u, look.unnormalised)[:, index] for u in (mesh.parameters, around))
             highest = values.max()
@@ -103,11 +104,3 @@ def draw_bases(
         spots = np.column_stack([knots, np.zeros(len(knots))])
         view.points(np.delete(spots, index, axis=0), edge=FAINT, size=2.6)
         view.points(spots[[index]], colour=INK, edge="white", size=4.2)
-
-
-def _rim(patch: Patch) -> FloatArray:
-    """Return parameters around Δ, (m, 2), denser towards its corners."""
-    corners = patch.domain.vertices
-    share = (1 - np.cos(np.linspace(0, np.pi, 65)[:-1, None])) / 2
-    ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    return np.concatenate([*(a + (b - a) * share for a, b in ends), corners[:1]])

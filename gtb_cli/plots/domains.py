@@ -1,7 +1,7 @@
 """Pictures of domains, of one decomposition or all, and of lifted knots with their upper hull."""
 
 from collections.abc import Sequence
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from gtb_cli.plots import scene
 from gtb_cli.plots.look import Axes, Figure, Look, subscript
 from gtb_cli.plots.palette import FAINT, INK, LINE_COLOURS, patch_colour, rgb
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import grouped
 
 
 def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
@@ -79,9 +80,7 @@ def _inward(place: FloatArray, shape: Domain) -> FloatArray:
 
 def _gathered(knots: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float, ...], str]]:
     """Return the place of each knot, and the texts of all that are there."""
-    lines: dict[tuple[float, ...], list[str]] = {}
-    for knot, text in zip(knots.tolist(), texts, strict=False):
-        lines.setdefault(tuple(knot), []).append(text)
+    lines = grouped(zip(map(tuple, knots.tolist()), texts, strict=False))
     return [(place, "\n".join(several)) for place, several in lines.items()]
 
 
@@ -99,12 +98,11 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
         ax.fill_between(t[[a, b]], heights[[a, b]], floor, color=patch_colour(cell), alpha=0.35, lw=0, zorder=1)
         ax.plot(t[[a, b]], heights[[a, b]], "-", color=INK, lw=1.5, zorder=3)
         ax.plot(t[[a, b]], [floor, floor], "-", color=patch_colour(cell), lw=5, zorder=2, solid_capstyle="butt")
-    for x, height in zip(t.tolist(), heights.tolist(), strict=True):
-        ax.plot([x, x], [floor, height], ":", color=FAINT, lw=0.9, zorder=2)
     for level in (heights, np.full(len(t), floor)):
         _draw_knots(scene.View(ax), np.column_stack([t, level]), found.absent)
-    if numbered:
-        for i, (x, height) in enumerate(zip(t.tolist(), heights.tolist(), strict=True)):
+    for i, (x, height) in enumerate(zip(t.tolist(), heights.tolist(), strict=True)):
+        ax.plot([x, x], [floor, height], ":", color=FAINT, lw=0.9, zorder=2)
+        if numbered:
             climbs = any(t[a] <= x < t[b] and heights[b] > heights[a] for a, b in found.polygons)
             rising = climbs and i not in found.absent
             scene.note(ax, f"{height:.4g}", (x, height), (-5 if rising else 5, 4), ha="right" if rising else "left")
@@ -123,10 +121,9 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     domain_gap = 0.4  # distance of Δ below the lowest lifted knot, relative to the width of Δ
     heights = domain_gap + scene.GRAPH_HEIGHT * (found.lifting - found.lifting.min()) / rise
     lifted, ground = np.column_stack([flat, heights]), np.column_stack([flat, np.zeros(len(flat))])
-    fans = [[(p[0], p[k], p[k + 1]) for k in range(1, len(p) - 1)] for p in found.polygons]
-    upper = np.array([face for fan in fans for face in fan])
-    cell = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
-    colours = np.array([rgb(patch_colour(k)) for k in cell.tolist()])
+    fans = [(k, (p[0], *pair)) for k, p in enumerate(found.polygons) for pair in pairwise(p[1:])]
+    upper = np.array([face for _, face in fans])
+    colours = np.array([rgb(patch_colour(cell)) for cell, _ in fans])
     vertices = np.concatenate([lifted, ground])
     faces = np.concatenate([upper, upper + len(lifted)])
     surface = scene.ShadedTriangles(vertices, faces, None, np.concatenate([colours, colours]))

@@ -15,9 +15,9 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.plots.bases import draw_bases, draw_basis
 from gtb_cli.plots.domains import draw_all_decompositions, draw_decomposition, draw_domain, draw_lifted
-from gtb_cli.plots.look import Axes, Figure, Look, empty_figure, look_of, panels, settings, subscript, with_numbers
+from gtb_cli.plots.look import Axes, Figure, Look, empty_figure, panels, settings, subscript, with_numbers
 from gtb_cli.plots.net_lines import is_flat
-from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_frames
+from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_distances, figure_of_members
 from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import PLOT_KINDS, SHAPE_PICTURES
@@ -99,7 +99,9 @@ def picture_of(thing: Patch | Model | Mesh, what: str | None, options: Mapping[s
         raise DomainError(f"options: expected some of {', '.join(known)}, got {unknown[0]!r}")
     variation = vary if vary is None or isinstance(vary, Variation) else _variation_of(vary)
     what = what or ("sequence" if len(approach.x) or approach.merge else default_picture(thing))
-    picture = Picture(what, look_of(rest), approach, variation)
+    look = Look(**{name: value for name, value in rest.items() if name != "stretch"})
+    camera = replace(look.camera, stretch=rest.get("stretch", look.camera.stretch))
+    picture = Picture(what, replace(look, camera=camera), approach, variation)
     _check(thing, picture)
     return picture
 
@@ -153,7 +155,9 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
     """Draw a spec or a mesh."""
     what, look, _, vary = picture
     if what in ("sequence", "distance"):
-        return figure_of_frames(frames_of_picture(thing, picture), what, look)
+        frames = frames_of_picture(thing, picture)
+        members = range(len(frames.meshes))
+        return figure_of_distances(frames, look) if what == "distance" else figure_of_members(frames, members, look)
     with settings():
         figure = empty_figure(look)
         if what == "decompositions" and isinstance(thing, Patch):
@@ -213,11 +217,8 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
         raise DomainError(f"{option}: a knot of a surface is a point, and `merge` moves it")
     if vary.knot >= len(patch.knots):
         raise DomainError(f"{option}: expected an index below {len(patch.knots)}")
-    variants = []
-    for value in vary.values:
-        numbers = getattr(patch, vary.key).copy()
-        numbers[vary.knot] = value
-        variants.append(patch.replace(**{vary.key: numbers}))
+    numbers, varies = getattr(patch, vary.key).ravel(), np.arange(len(patch.knots)) == vary.knot
+    variants = [patch.replace(**{vary.key: np.where(varies, value, numbers)}) for value in vary.values]
     symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
     pretty = [re.sub(r"sqrt\((\d+)\)", r"√\1", text) for text in vary.texts]
     return variants, [f"{symbol} = {text}" for text in pretty]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -106,12 +106,6 @@ class Look:
     def draws_net(self, patches: int) -> bool:
         """Tell whether the nets of this many patches are drawn."""
         return patches == 1 if self.net is None else self.net
-
-
-def look_of(options: Mapping[str, Any]) -> Look:
-    """Return the look with these options, of which `stretch` belongs to the camera."""
-    look = Look(**{name: value for name, value in options.items() if name != "stretch"})
-    return replace(look, camera=replace(look.camera, stretch=options.get("stretch", look.camera.stretch)))
 
 
 def settings() -> AbstractContextManager[None]:

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray
 from gtb_cli.knots.decomposition import control_net, regular_decomposition
 from gtb_cli.knots.domain import Domain
-from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.patch import Patch
 
 
@@ -33,16 +32,10 @@ def bowl(domain: Domain) -> FloatArray:
     """Return the (n,) lifting that induces Delaunay's decomposition, with triangle and parallelogram made regular."""
     centred = (domain.knots - domain.center) / domain.size
     corners = domain.vertices - domain.vertices[0]
-    if domain.dimension == 2 and len(corners) == 3:
-        centred = centred @ np.linalg.solve(corners[1:], [[1.0, 0.0], [0.5, np.sqrt(0.75)]]) * domain.size
-    elif domain.dimension == 2 and len(corners) == 4:
-        centred = centred @ np.linalg.solve(corners[[1, 3]], np.eye(2)) * domain.size
+    regular = {3: np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]]), 4: np.eye(2)}.get(len(corners))
+    if regular is not None:
+        centred = centred @ np.linalg.solve(corners[[1, -1]], regular) * domain.size
     return np.asarray(-(centred**2).sum(axis=1))
-
-
-def edge_path(patch: Patch, edge: int) -> FloatArray:
-    """Return (m, 3) points along an edge, at the vertices of a mesh: evenly spread in the linear parametrisation."""
-    return edge_points_at(patch, edge, np.linspace(0, 1, 97))
 
 
 def curve_path(curve: Patch) -> FloatArray:

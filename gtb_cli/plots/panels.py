@@ -3,12 +3,12 @@
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, shifted
+from gtb_cli.arrays import FloatArray, distinct, shifted
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.files import read_file
 from gtb_cli.limits.degeneration import heights_of
@@ -20,7 +20,7 @@ from gtb_cli.plots.net_lines import is_flat, net_of
 from gtb_cli.plots.palette import LINE_COLOURS, NET
 from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, plain, plane_view, space_views
 from gtb_cli.plots.shape_figures import triangles_of, with_normals
-from gtb_cli.sequences.sequence import MeshSequence, degeneration, knot_sequence
+from gtb_cli.sequences.sequence import degeneration, knot_sequence
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import SEQUENCE_RECORD
@@ -36,9 +36,9 @@ class Frames:
     distances: tuple[float, ...] = ()  # from the limit; empty where they are not known
     film_distances: tuple[float, ...] | None = None  # from the limit with its film
     net_points: FloatArray = field(default_factory=lambda: np.empty((0, 3)))  # control points of the limit's net
-    net: tuple[tuple[int, int], ...] = ()  # pairs of these
+    net: tuple[FloatArray, ...] = ()  # its lines, as paths
     film: Mesh | None = None  # the part of the limit that the last mesh lacks
-    own_net: tuple[FloatArray, ...] = ()  # the net of the patch before any knot moves, as paths
+    own_net: tuple[FloatArray, ...] = ()  # the lines of the net of the patch before any knot moves
 
     @property
     def titles(self) -> list[str]:
@@ -46,27 +46,11 @@ class Frames:
         return [*(f"{self.key} = {value:.6g}" for value in self.values[:-1]), "limit"]
 
 
-def frames_of(sequence: MeshSequence, patch: Patch, net: Sequence[tuple[int, int]]) -> Frames:
-    """Return the meshes of a sequence, with a net: pairs of indices of a patch's control points."""
-    used = sorted({i for pair in net for i in pair})
-    place = {i: k for k, i in enumerate(used)}
-    points, pairs = patch.control_points[used], tuple((place[a], place[b]) for a, b in net)
-    distances = sequence.distances, sequence.film_distances
-    return Frames(sequence.key, sequence.values, sequence.meshes, *distances, points, pairs, sequence.film)
-
-
-def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
-    """Draw the meshes of a "sequence" side by side, all with one camera and one scale; or their "distance"."""
-    if what == "distance":
-        return _figure_of_distances(frames, look)
-    max_panels = 24  # panels of one figure
-    if len(frames.meshes) > max_panels:
-        raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
-    return figure_of_members(frames, range(len(frames.meshes)), look)
-
-
 def figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Figure:
-    """Draw some meshes of a sequence side by side, with a scale that suits all of them."""
+    """Draw some meshes of a sequence side by side, all with one camera, and a scale that suits the whole sequence."""
+    max_panels = 24  # panels of one figure
+    if len(members) > max_panels:
+        raise DomainError(f"a sequence of {len(members)} meshes: a figure has room for {max_panels} panels")
     clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points, *frames.own_net]
     limit, film = frames.meshes[-1], frames.film
     flat = limit.is_curve and is_flat(clouds)
@@ -85,7 +69,7 @@ def figure_of_members(frames: Frames, members: Sequence[int], look: Look) -> Fig
         for member, view, mesh in zip(members, views, meshes, strict=True):
             if look.net is not False:
                 is_own = frames.own_net and mesh is not limit and frames.values[member] == 0
-                net = frames.own_net if is_own else [frames.net_points[list(pair)] for pair in frames.net]
+                net = frames.own_net if is_own else frames.net
                 spots = np.unique(np.concatenate(net), axis=0) if is_own else frames.net_points
                 view.lines(net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
                 view.points(spots, edge=NET, size=3.6 if mesh.is_curve else 2.6)
@@ -185,14 +169,17 @@ class Approach:
             limit = knot_limit(patch, self.merge).merged
             values = steps if self.steps is None else self.steps
             found = knot_sequence(patch, self.merge, values, resolution, distances=distances)
-            own = tuple(patch.control_points[list(pair)] for pair in net_of(patch))
-            return replace(frames_of(found, limit, net_of(limit)), own_net=own)
-        heights = heights_of(patch, self.lifting)
-        found = degeneration(patch, self.x if len(self.x) else x, heights, resolution, distances=distances)
-        return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
+            net, own = net_of(limit), tuple(patch.control_points[np.array(net_of(patch))])
+        else:
+            heights = heights_of(patch, self.lifting)
+            found = degeneration(patch, self.x if len(self.x) else x, heights, resolution, distances=distances)
+            limit, net, own = patch, net_of(patch, heights if found.values[-1] else -heights), ()
+        points, lines = limit.control_points[distinct(np.ravel(net))], tuple(limit.control_points[np.array(net)])
+        known = found.key, found.values, found.meshes, found.distances, found.film_distances
+        return Frames(*known, points, lines, found.film, own)
 
 
-def _figure_of_distances(frames: Frames, look: Look) -> Figure:
+def figure_of_distances(frames: Frames, look: Look) -> Figure:
     """Draw the distances from the limit, both axes logarithmic: against x, or against what is left of the way."""
     if not frames.distances:
         raise DomainError("its distances were not measured: make it again without `distances=False`")
@@ -202,7 +189,6 @@ def _figure_of_distances(frames: Frames, look: Look) -> Figure:
         values = np.array(frames.values[:-1])
         steps = frames.key == "step"
         across = 1 - values if steps else values
-        drawn = False
         for label, distances, colour, dashes in (
             ("from the limit", frames.distances, LINE_COLOURS[0], "o-"),
             ("from the limit with its film", frames.film_distances, LINE_COLOURS[1], "s--"),
@@ -211,9 +197,8 @@ def _figure_of_distances(frames: Frames, look: Look) -> Figure:
                 continue
             up = np.array(distances[:-1])
             shown = (across > 0) & (up > 0)
-            drawn |= bool(shown.any())
             ax.plot(across[shown], up[shown], dashes, color=colour, lw=1.5, ms=4.5, mec="white", mew=0.6, label=label)
-        if not drawn:
+        if not any(np.size(line.get_xydata()) for line in ax.lines):
             raise DomainError("no distance is other than 0: a figure needs some x, or steps, before the limit")
         ax.set(xscale="log", yscale="log", xlabel="1 − step" if steps else "x", ylabel="distance, in model units")
         if steps:

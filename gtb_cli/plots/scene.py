@@ -228,6 +228,7 @@ def _shaded(surface: ShadedTriangles, camera: Camera, raster: Raster) -> FloatAr
     # Unit vector towards the light: to the right, upwards, towards the eye
     light = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
     map_brightness = 0.68  # least brightness, from 0 to 1, where colours mean numbers and must be recognised
+    lamps = 4.0  # that stripes mirror, between the ceiling and the horizon
     back_brightness = 0.78  # brightness of the side away from the normals, relative to the other
     if surface.scalars is not None:
         from matplotlib import colormaps
@@ -241,7 +242,10 @@ def _shaded(surface: ShadedTriangles, camera: Camera, raster: Raster) -> FloatAr
         away = normals[:, 2] < 0
         normals = np.where(away[:, None], -normals, normals)
         if surface.stripes:
-            return np.repeat(_striped(normals)[:, None], 3, axis=1)
+            upwards = np.clip(2 * normals[:, 2] * normals[:, 1], -1, 1)  # of the mirrored direction of the eye
+            place = lamps * np.arccos(upwards) / (np.pi / 2)
+            bright = np.where(np.abs(place % 1 - 0.5) > 0.25, 0.92, 0.16) * (0.75 + 0.25 * normals[:, 2])
+            return np.repeat(bright[:, None], 3, axis=1)
         halfway = light + np.array([0.0, 0.0, 1.0])
         halfway /= np.linalg.norm(halfway)
         ambient = 0.5 if surface.scalars is None else map_brightness
@@ -250,14 +254,6 @@ def _shaded(surface: ShadedTriangles, camera: Camera, raster: Raster) -> FloatAr
         shine = 0.2 * np.clip(normals @ halfway, 0, None) ** 28 * np.where(away, 0.3, 1.0)
         base = base * bright[:, None] + shine[:, None]
     return base
-
-
-def _striped(normals: FloatArray) -> FloatArray:
-    """(p,) brightness of mirrors in a room with lamps, by (p, 3) unit normals: to the right, upwards, to the eye."""
-    lamps = 4.0  # between the ceiling and the horizon
-    upwards = np.clip(2 * normals[:, 2] * normals[:, 1], -1, 1)  # of the mirrored direction of the eye
-    place = lamps * np.arccos(upwards) / (np.pi / 2)
-    return np.asarray(np.where(np.abs(place % 1 - 0.5) > 0.25, 0.92, 0.16) * (0.75 + 0.25 * normals[:, 2]))
 
 
 def _image(raster: Raster, colours: FloatArray) -> FloatArray:

@@ -10,12 +10,12 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import facet_normals, filled_normals
 from gtb_cli.models.model import Model
 from gtb_cli.plots.look import Axes, Look, subscript
-from gtb_cli.plots.net_lines import curve_path, edge_path, is_flat, net_of
+from gtb_cli.plots.net_lines import curve_path, is_flat, net_of
 from gtb_cli.plots.palette import INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
 from gtb_cli.plots.scene import HIDDEN_STRENGTH, ShadedTriangles, View, plain, plane_view, space_views
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.edges import edge_name
+from gtb_cli.theory.edges import edge_name, edge_points_at
 from gtb_cli.theory.patch import Patch
 
 
@@ -98,8 +98,9 @@ def with_normals(mesh: Mesh, *, smooth: bool = False) -> Mesh:
 def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return paths along edges that patches share, and along open edges, which are all edges of a single patch."""
     joints = shape.joints.shared if isinstance(shape, Model) else ()
-    shared = [edge_path(shape.patches[k], edge) for k, edge in (joint.first for joint in joints)]
-    return shared, [edge_path(patch, edge) for _, patch, edge in free_edges(shape)]
+    even = np.linspace(0, 1, 97)
+    shared = [edge_points_at(shape.patches[k], edge, even) for k, edge in (joint.first for joint in joints)]
+    return shared, [edge_points_at(patch, edge, even) for _, patch, edge in free_edges(shape)]
 
 
 def free_edges(shape: Patch | Model) -> list[tuple[str, Patch, int]]:

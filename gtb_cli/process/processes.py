@@ -95,9 +95,8 @@ def _start_worker() -> None:
     if not os.environ.get("GTB_TRACEBACK"):
         sys.stderr = None  # where memory runs out, the trace of what failed goes there: this process's parent says it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for name in ("SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_DFL)
+    for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        signal.signal(number, signal.SIG_DFL)
     parent = parent_process()
 
     def end_with_parent() -> None:

@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import platform
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -17,9 +18,13 @@ def versions() -> dict[str, str | None]:
 
     ``sources`` is a checksum of this program's own files, as its version stays through many changes.
     """
+    sources = hashlib.sha256()
+    for file in sorted(Path(__file__).parents[1].rglob("*.*")):
+        if file.is_file() and file.suffix != ".pyc":
+            sources.update(f"{file.name}:{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
     return {
         "gtb": __version__,
-        "sources": _checksum_of_sources(),
+        "sources": sources.hexdigest(),
         **{package: package_version(package) for package in PACKAGES},
         "python": platform.python_version(),
         "system": "-".join((platform.system(), *platform.libc_ver())).rstrip("-"),
@@ -29,18 +34,9 @@ def versions() -> dict[str, str | None]:
 
 def package_version(package: str) -> str | None:
     """Return the version of a package, without importing it."""
-    try:
+    with suppress(PackageNotFoundError):
         return version(package)
-    except PackageNotFoundError:
-        return None
-
-
-def _checksum_of_sources() -> str:
-    found = hashlib.sha256()
-    for file in sorted(Path(__file__).parents[1].rglob("*.*")):
-        if file.is_file() and file.suffix != ".pyc":
-            found.update(f"{file.name}:{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
-    return found.hexdigest()
+    return None
 
 
 def _checksum_of_arithmetic() -> str:

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,16 +57,20 @@ class Change:
         return self.verdict.found
 
     @property
+    def meshes(self) -> list[Mesh]:
+        """What is shown of both, where there is anything."""
+        return [side.mesh for side in (self.old, self.new) if side is not None and side.mesh is not None]
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """What differs, in sentences."""
         return (*self.verdict.reasons, *([self.scale] if self.scale else []))
 
     @property
-    def coloured(self) -> Literal["old", "new", ""]:
-        """The side that has the point farthest from the other, and distances; empty if there are none."""
-        if self.old is not None and self.old.distances is not None:
-            return "old"
-        return "new" if self.new is not None and self.new.distances is not None else ""
+    def coloured(self) -> str:
+        """The side that has the point farthest from the other, and distances, old or new; empty if there are none."""
+        sides = {"old": self.old, "new": self.new}
+        return next((key for key, side in sides.items() if side is not None and side.distances is not None), "")
 
     @property
     def amount(self) -> float:
@@ -121,14 +125,13 @@ def change(verdict: Verdict) -> Change:
     These are the distances of two curves, or surfaces, or the turned faces of those within the tolerance.
     """
     (old, new), found = verdict.meshes, verdict.found
-    first, second = old, new
     if found is None or not found.same_kind or not (found.distance > found.tolerance or found.turned):
-        first = second = None
+        sides = _side(old), _side(new)
     elif found.distance > found.tolerance and found.forward.distance > found.backward.distance:
-        first = None
+        sides = _side(old, new, found), _side(new)
     else:
-        second = None
-    return _framed(Change(replace(verdict, meshes=(None, None)), _side(old, second, found), _side(new, first, found)))
+        sides = _side(old), _side(new, old, found)
+    return _framed(Change(replace(verdict, meshes=(None, None)), *sides))
 
 
 def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
@@ -139,18 +142,14 @@ def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
             same += 1
             continue
         kept.append(_at_most(each, most) if most < MAX_SHOWN_FACES else each)  # cells that were divided stay so
-        while (
-            most > 1
-            and sum(len(side.mesh.cells) for one in kept for side in (one.old, one.new) if side and side.mesh)
-            > MAX_ALL_FACES
-        ):
+        while most > 1 and sum(len(mesh.cells) for one in kept for mesh in one.meshes) > MAX_ALL_FACES:
             most //= 2
             kept = [_at_most(one, most) for one in kept]
     kept.sort(key=lambda each: (REPORTED.index(each.verdict.word), -each.amount, each.verdict.name))
     return Review(names, tuple(kept), same)
 
 
-def _side(mesh: Mesh | None, other: Mesh | None, found: Difference | None) -> Side | None:
+def _side(mesh: Mesh | None, other: Mesh | None = None, found: Difference | None = None) -> Side | None:
     """Return what is shown of a mesh, coloured by its distances from another if there is one."""
     if mesh is None:
         return None
@@ -176,7 +175,7 @@ def _side(mesh: Mesh | None, other: Mesh | None, found: Difference | None) -> Si
 def _framed(change: Change) -> Change:
     """Return a change with the frames in which it is drawn: two where a mesh would be a dot beside the other."""
     dot = 0.05  # extent of a mesh in a frame that holds both
-    points = [side.mesh.vertices for side in (change.old, change.new) if side is not None and side.mesh is not None]
+    points = [mesh.vertices for mesh in change.meshes]
     if not points:
         return change
     common = Frame.around(*points)

@@ -2,7 +2,7 @@
 
 import re
 
-from gtb_cli.review.changes import Review
+from gtb_cli.review.changes import Review, Row
 from gtb_cli.vocabulary import printable
 
 MAX_BYTES = 60_000  # which GitHub takes as a comment, at most 65,536 characters
@@ -26,9 +26,8 @@ def markdown(review: Review, page: str = "") -> str:
     for k, (change, numbers) in enumerate(zip(review.changes, tables, strict=True)):
         cells = [_code(change.verdict.name).replace("|", "\\|"), change.verdict.word, *change.amounts]
         for label in labels:
-            row = numbers.get(label)
-            changed = row is not None and row.old != row.new
-            cells.append("" if row is None else f"{row.old or '–'} → **{row.new or '–'}**" if changed else row.old)
+            row = numbers.get(label, Row(label, "", ""))
+            cells.append(row.old if row.old == row.new else f"{row.old or '–'} → **{row.new or '–'}**")
         line = f"| {' | '.join(cells)} |\n"
         lines = [_code(reason) for reason in change.reasons]  # what the table does not hold
         lines += [f"most at ({' '.join(f'{x:.6g}' for x in change.largest)})"] if change.largest is not None else []

@@ -58,12 +58,11 @@ def _data(change: Change) -> dict[str, Any]:
     }
     if change.frames is None:
         return data
-    frames = dict(zip(("old", "new"), change.frames, strict=True))
     data["alone"] = change.frames[0] is not change.frames[1]
-    for key, side in (("old", change.old), ("new", change.new)):
+    for key, side, frame in zip(("old", "new"), (change.old, change.new), change.frames, strict=True):
         if side is None or side.mesh is None:
             continue
-        vertices, cells = frames[key].inside(side.mesh.vertices), side.mesh.cells
+        vertices, cells = frame.inside(side.mesh.vertices), side.mesh.cells
         full = float(np.abs(vertices).max()) or 1.0 if data["alone"] else 1.0
         data[key] = {
             "positions": encoded(vertices / full, "<f4"),
@@ -82,7 +81,7 @@ def _data(change: Change) -> dict[str, Any]:
                 "vertices": change.found.method == "vertices",
                 "values": encoded(np.rint((side.distances / top).clip(0, 1) * 255), "<u1"),
                 "top": f"{top:.3g}",
-                "at": (frames[key].inside(np.array(change.largest)) / full).tolist(),
+                "at": (frame.inside(np.array(change.largest)) / full).tolist(),
                 "place": " ".join(f"{x:.6g}" for x in change.largest),
             }
     return data

@@ -150,15 +150,14 @@ def film_mesh(limit: KnotLimit) -> Mesh:
     segment, square = [0, 1], [[0, 0], [1, 0], [1, 1], [0, 1]]
     levels, n = (segment, 1024) if limit.patch.dimension == 1 else (square, 64)  # and cells along each side of a film
     part = triangulation(domain(levels), n)
-    points, cells, count = [], [], 0
+    points = []
     for film in limit.films:
         if film.along is None:
             points.append(film.points(part.parameters[:, ::-1]))
         else:
             log_weights = film.log_weights((np.arange(n + 1) / n)[:, None])
             points.append(_section_points(film.along, log_weights, film.control_points, n))
-        cells.append(shifted(part.cells, count))
-        count += len(points[-1])
+    cells = [shifted(part.cells, k * len(part.parameters)) for k in range(len(points))]
     vertices, triangles = np.concatenate(points), np.concatenate(cells)
     # Sections share the corners that no knot reaches, so there is no cell there.
     distinct = (vertices[triangles] != vertices[np.roll(triangles, 1, axis=1)]).any(axis=2)

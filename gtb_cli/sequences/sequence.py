@@ -125,10 +125,10 @@ class MeshSequence:
             return None
         return found if 0 < found < math.inf else None
 
-    def entry(self, member: Member, name: str, kind: str = "file") -> dict[str, Any]:
-        """Return the entry of a mesh in `sequence.json`, by the name of its file, or of what `kind` says."""
+    def entry(self, member: Member, name: str) -> dict[str, Any]:
+        """Return the entry of a mesh in `sequence.json`, by the name of its file."""
         entry: dict[str, Any] = {
-            kind: name,
+            "file": name,
             # A whole number below 2⁵³ as an int, which JSON writes without a point
             self.key: "inf" if (x := member.value) == math.inf else int(x) if x.is_integer() and abs(x) < 2**53 else x,
             "vertices": len(member.mesh.vertices),

@@ -72,13 +72,12 @@ def located(fault: Fault, names: Collection[str] = ()) -> Fault:
     file, message = fault.file, fault.message
     if file is None:
         ending = re.compile(r"(?::(\d+))?(?::(\d+))?: (?:line (\d+): )?")
-        starts = [message[:i] for i, c in enumerate(message) if c == ":" and ending.match(message, i)]
+        starts = {message[:i]: found for i, c in enumerate(message) if c == ":" and (found := ending.match(message, i))}
         named = [start for start in starts if start in names or start == "<stdin>"]
         if not (known := named or [start for start in starts if os.path.lexists(start)]):
             return fault
         file = known[-1]
-        found = ending.match(message, len(file))
-        assert found is not None
+        found = starts[file]
         line, column = found[1] or found[3], found[2]
         message = message[found.end() :]
         fault = Fault(message, file, int(line) if line else None, int(column) if column else None)

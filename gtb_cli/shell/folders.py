@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 
 from gtb_cli.errors import Fault, GtbError, SpecError
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, SPEC_FORMATS, suffix_of
@@ -120,14 +121,12 @@ def _is_manifest(path: str) -> bool:
     """Tell whether a file is the manifest of others."""
     import json
 
-    if suffix_of(path) != "json" or not os.path.isfile(path):
-        return False
-    try:
-        with open(path, "rb") as file:
-            content = json.load(file)
-    except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(content, dict) and {"versions", "options", "files"} <= content.keys()
+    with suppress(OSError, ValueError, RecursionError):
+        if suffix_of(path) == "json" and os.path.isfile(path):
+            with open(path, "rb") as file:
+                content = json.load(file)
+            return isinstance(content, dict) and {"versions", "options", "files"} <= content.keys()
+    return False
 
 
 def _specs(files: dict[str, str]) -> dict[str, str]:

@@ -6,6 +6,7 @@ import math
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 
 import click
@@ -33,11 +34,10 @@ class Manifest:
         self._entries: dict[str, Mapping[str, Any] | None] = {}
         self._known = _known_entries(path, settings) if resume else {}
         self._written = -math.inf
-        folder = os.path.dirname(path) or os.curdir
-        self._folder = os.curdir if self.is_direct else folder
+        self._folder = os.curdir if self.is_direct else os.path.dirname(path) or os.curdir
         # Checked before the work, not after it; the folder of the meshes is made if missing.
-        if not self.is_direct and not os.path.isdir(folder) and os.path.abspath(folder) != os.path.abspath(output):
-            raise ExportError(f"cannot write {path}: the folder {folder} does not exist")
+        if not os.path.isdir(self._folder) and os.path.abspath(self._folder) != os.path.abspath(output):
+            raise ExportError(f"cannot write {path}: the folder {self._folder} does not exist")
 
     def kept(self, output: str, spec: str) -> Mapping[str, Any] | None:
         """Record a file with its old entry and return this; None if the file has to be made again."""
@@ -111,7 +111,7 @@ def input_sums(path: str, spec_format: SpecFormat | None) -> dict[str, str]:
 
 def _known_entries(manifest: str, options: Mapping[str, object]) -> dict[str, Any]:
     """Read the entries of an old manifest by file name; just the checksum where other versions or options made one."""
-    try:
+    with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         with open(manifest, "rb") as file:
             record = json.load(file)
         is_like = record["versions"] == versions() and record["options"] == json.loads(json.dumps(options))
@@ -121,8 +121,7 @@ def _known_entries(manifest: str, options: Mapping[str, object]) -> dict[str, An
                 case {"file": str(name), "sha256": str(found)}:
                     known[name] = entry if is_like and "versions" not in entry else {"sha256": found}
         return known
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        return {}  # a manifest that cannot be read shows nothing
+    return {}  # a manifest that cannot be read shows nothing
 
 
 def _is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
@@ -139,10 +138,8 @@ def _is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
 
 def _sum_of(path: str) -> str | None:
     """Return the sha256 of a regular file, or None if there is no such file."""
-    if not os.path.isfile(path):
-        return None
-    try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return None
+    with suppress(OSError):
+        if os.path.isfile(path):
+            with open(path, "rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()
+    return None

@@ -89,15 +89,13 @@ class SequenceOutput:
         if member.doubt:
             doubt = f"the distance is between coarse meshes: {member.doubt}"
             self.streams.console.warn(f"{sequence.key} {member.value:g}: {doubt}")
-        for warning in warnings:
-            self.streams.console.warn(f"{place}: {warning}")
         text, filmed = "", member.film_distance
         if member.value != sequence.values[-1]:
             text += f", {member.distance:.3g} from the limit" if member.distance is not None else ""
             text += f", {filmed:.3g} from the limit with its film" if filmed is not None else ""
         elif filmed is not None:
             text = f", its film reaches {filmed:.3g} from it"
-        self.streams.console.note(f"{place}: {summary(member.mesh)}{text}")
+        self.streams.console.report(place, f"{summary(member.mesh)}{text}", warnings)
 
 
 def _output(
@@ -139,7 +137,6 @@ def sequence_options(spec_help: str) -> Option:
 def number_text(value: float) -> str:
     """Return a number for a file name, such as 0.4 or 1e6: six digits, or as many as tell it from all others."""
     value += 0.0  # not -0
-    least_digits = 6
-    digits = next(n for n in range(1, 18) if float(f"{value:.{n}g}") == value)
-    mantissa, e, exponent = f"{value:.{max(digits, least_digits)}g}".partition("e")
+    digits = next(n for n in range(6, 18) if float(f"{value:.{n}g}") == value)
+    mantissa, e, exponent = f"{value:.{digits}g}".partition("e")
     return mantissa + (f"e{int(exponent)}" if e else "")

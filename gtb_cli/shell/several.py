@@ -89,12 +89,12 @@ class ReportRequest:
     ) -> None:
         """Write the reports as JSON, in full, or with a line for each of several specs; `gap` stands between texts."""
         several = are_several(self.specs)
-        if not self.as_json:  # "::" at the beginning of a line, also after spaces, is a command of GitHub's
-            rows = [(f"./{name}" if name.lstrip().startswith("::") else name, found) for name, found in rows]
         if self.as_json:
             data = [({"file": name} if several else {}) | record(found) for name, found in rows]
-            write_json(self.streams.output, data if several else data[0])
-        elif self.in_lines:
+            return write_json(self.streams.output, data if several else data[0])
+        # "::" at the beginning of a line, also after spaces, is a command of GitHub's
+        rows = [(f"./{name}" if name.lstrip().startswith("::") else name, found) for name, found in rows]
+        if self.in_lines:
             self.streams.write("".join(f"{line(printable(name), found)}\n" for name, found in rows))
         else:
             texts = [(f"{printable(name)}\n" if several else "") + text(found) for name, found in rows]
@@ -103,18 +103,17 @@ class ReportRequest:
 
 def report_options(metavar: str = "SPEC...") -> Option:
     """Add the specs and options of a report; the command gets them as `request`."""
-    long_option = click.option(
-        "--long",
-        "in_full",
-        is_flag=True,
-        help="Print everything, not just a line for each of several specs or an extract of a large model.",
-    )
     return gathered(
         "request",
         ReportRequest,
         click.argument("specs", metavar=metavar, nargs=-1, required=True, type=INPUT),
         json_option,
-        long_option,
+        click.option(
+            "--long",
+            "in_full",
+            is_flag=True,
+            help="Print everything, not just a line for each of several specs or an extract of a large model.",
+        ),
         weld_option,
         jobs_option,
         streams_options,

@@ -22,15 +22,6 @@ class Intervals(NamedTuple):
     end: FloatArray
 
 
-class _Chords(NamedTuple):
-    """The control points as seen from each of m chords: places along it, from its first end, and vectors across."""
-
-    length: FloatArray
-    along: FloatArray  # (n, m)
-    across: FloatArray  # (3, n, m)
-    rounding: FloatArray  # (m,) how much too small a bound of the distance may be
-
-
 class _Ends(NamedTuple):
     """One end of each interval: T there, and the place of the curve along and across the chord."""
 
@@ -106,11 +97,8 @@ class ChordProofs:
         start, end = intervals.start, intervals.end
         with np.errstate(invalid="ignore"):  # infinities of opposite signs
             places = (start + end) / 2
-        for sign, near, far, reach, step in (
-            (1.0, start, end, self.reach[0], self.steps[0]),
-            (-1.0, end, start, self.reach[1], self.steps[1]),
-        ):
-            shorter = np.where(sign * far > sign * reach, reach, far - sign * step)
+        for side, sign, near, far in ((0, 1, start, end), (1, -1, end, start)):
+            shorter = np.where(sign * far > sign * self.reach[side], self.reach[side], far - sign * self.steps[side])
             places = np.where(np.isinf(near), shorter, places)
         return np.asarray(np.where(np.isinf(start) & np.isinf(end), self.reach[0], places))
 
@@ -121,7 +109,11 @@ class ChordProofs:
         others = self.log_weights[~at] - total + np.log(2.0 * len(at))
         return float((-1 if side else 1) * (-others / self.gaps[side][~at]).min())
 
-    def _seen_from(self, chords: FloatArray) -> _Chords:
+    def _seen_from(self, chords: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return lengths of chords, (m,), the control points as seen from each, and the rounding of distances, (m,).
+
+        The points are places along the chord, (n, m), from its first end, and vectors across, (3, n, m).
+        """
         origin, corner = chords[:, 0], chords[:, 1]
         direction = corner - origin
         length = np.sqrt((direction**2).sum(axis=1))
@@ -130,9 +122,9 @@ class ChordProofs:
         along = (relative * direction.T[:, None]).sum(axis=0)
         size = np.maximum(np.abs(origin).max(axis=1), np.abs(self.points).max())
         rounding = EPS * (8 * size + (len(self.knots) + 16) * np.abs(relative).max())
-        return _Chords(length, along, relative - along * direction.T[:, None], rounding)
+        return length, along, relative - along * direction.T[:, None], rounding
 
-    def _at(self, s: FloatArray, chords: _Chords) -> _Ends:
+    def _at(self, s: FloatArray, along: FloatArray, across: FloatArray) -> _Ends:
         """Evaluate T and the curve at (m,) torus coordinates."""
         at = np.where(np.isfinite(s), s, 0.0)
         # Relative to the knot with the largest T, differences of exponents are exact to rounding.
@@ -150,33 +142,33 @@ class ChordProofs:
         slopes = steps - (steps * t).sum(axis=0) / total
         logs = e - np.log(total)
         shares = np.exp(np.maximum(logs, UNDERFLOW_EXPONENT))
-        return _Ends(logs, shares, slopes, (shares * chords.along).sum(axis=0), (shares * chords.across).sum(axis=1))
+        return _Ends(logs, shares, slopes, (shares * along).sum(axis=0), (shares * across).sum(axis=1))
 
     def _compared(self, intervals: Intervals, chords: FloatArray, tolerance: float) -> tuple[BoolArray, BoolArray]:
         """Tell which parts of the curve are farther than the tolerance from (m, 2, 3) chords, and which are open."""
         spent_share = 0.02  # of the tolerance: a bound that is known this well, yet does not hold, will not hold
-        seen_from = self._seen_from(chords)
-        first, last = ends = [self._at(s, seen_from) for s in (intervals.start, intervals.end)]
+        length, *points, rounding = self._seen_from(chords)
+        first, last = ends = [self._at(s, *points) for s in (intervals.start, intervals.end)]
         across = np.stack([np.linalg.norm(end.y, axis=0) for end in ends])
-        beyond = np.stack([np.maximum(np.maximum(-end.x, end.x - seen_from.length), 0.0) for end in ends])
+        beyond = np.stack([np.maximum(np.maximum(-end.x, end.x - length), 0.0) for end in ends])
         # By how much the points between may be farther than both ends, across and along the chord.
-        more = self._between(intervals, first, last, seen_from)
+        more = self._between(intervals, first, last, points)
         for side, (at, other) in enumerate(((first, last), (last, first))):
             tail = np.flatnonzero(np.isinf((intervals.start, intervals.end)[side]))
             if len(tail):
-                along = (seen_from.along - at.x)[:, tail]
-                off = np.linalg.norm((seen_from.across - at.y[:, None])[:, :, tail], axis=0)
+                along = (points[0] - at.x)[:, tail]
+                off = np.linalg.norm((points[1] - at.y[:, None])[:, :, tail], axis=0)
                 more[:, tail] = self._tail(side, other.shares[:, tail], other.slopes[:, tail], along, off)
-        bound = np.hypot(*(np.stack([across.max(axis=0), beyond.max(axis=0)]) + more)) + seen_from.rounding
+        bound = np.hypot(*(np.stack([across.max(axis=0), beyond.max(axis=0)]) + more)) + rounding
         holds = bound <= tolerance
         is_seen = np.hypot(across, beyond).max(axis=0) > tolerance
         far = ~holds & (is_seen | (np.hypot(*more) <= spent_share * tolerance))
         return far, ~holds & ~far
 
-    def _between(self, intervals: Intervals, first: _Ends, last: _Ends, chords: _Chords) -> FloatArray:
+    def _between(self, intervals: Intervals, first: _Ends, last: _Ends, points: list[FloatArray]) -> FloatArray:
         """Bound distances, (2, m), of parts of the curve from their chords, across and along; infinite for tails."""
-        along = chords.along - (first.x + last.x) / 2
-        off = np.linalg.norm(chords.across - (first.y + last.y)[:, None] / 2, axis=0)
+        along = points[0] - (first.x + last.x) / 2
+        off = np.linalg.norm(points[1] - (first.y + last.y)[:, None] / 2, axis=0)
         width = intervals.end - intervals.start
         finite = np.isfinite(width)
         width = np.where(finite, width, 0.0)

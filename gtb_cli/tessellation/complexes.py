@@ -46,9 +46,8 @@ class Complex:
     @property
     def is_simplicial(self) -> bool:
         """Tell whether all cells of a uniform complex, and all of their sides, differ in their vertices."""
-        if not are_proper(self.cells).all() or _repeated(self.cells).any():
-            return False
-        return self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides
+        differ = are_proper(self.cells).all() and not _repeated(self.cells).any()
+        return bool(differ and (self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides))
 
     @property
     def without_collapsed(self) -> tuple[IntArray, BoolArray | slice]:
@@ -137,10 +136,9 @@ def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
     tips = []
     for joint in joints.shared:
         (index, edge), (other, following) = joint.first, joint.second
-        count = len(patches[index].domain.vertices)
-        for a, b in ((edge, following), (following, edge)):
-            if index == other and joint.opposite and b == (a + 1) % count and patches[index].dimension == 2:
-                tips.append((index, b))
+        if index == other and joint.opposite and patches[index].dimension == 2:
+            count = len(patches[index].domain.vertices)
+            tips += [(index, b) for a, b in ((edge, following), (following, edge)) if b == (a + 1) % count]
     return tips
 
 

@@ -53,8 +53,6 @@ def _exchanged(corners: FloatArray, indices: IntArray) -> str:
 
 def _crosses(corners: FloatArray) -> bool:
     """Tell whether a closed polygon crosses itself, seen so that its area is largest or, without area, in its plane."""
-    if len(corners) < 4:
-        return False
     after = [*range(1, len(corners)), 0]
     around = corners - corners[0]
     size = np.abs(around).max()

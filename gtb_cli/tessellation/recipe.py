@@ -90,7 +90,7 @@ class Recipe:
         self.check_size(spec)
         spec = with_weld(spec, self.weld)
         surface, tolerance = self._surface(spec, rounding)
-        remarks = self._remarks(spec)
+        remarks = self._remarks(spec, surface)
         mesh = surface
         if self.attributes:
             from gtb_cli.tessellation.attributes import with_attributes
@@ -98,7 +98,15 @@ class Recipe:
             mesh, lost = with_attributes(spec, surface, self.attributes, self.parametrization)
             where = f"at {lost} of {len(mesh.vertices)} vertices, which get the mean of their neighbours'"
             remarks += [f"the curvature has no finite limit {where}"] * bool(lost)
-        maker = self._maker(spec, tolerance)
+        maker: TubeMaker | WallMaker | None = None
+        if self.radius is not None:
+            from gtb_cli.tessellation.solid_making import TubeMaker
+
+            maker = TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
+        elif self.thickness is not None:
+            from gtb_cli.tessellation.solid_making import WallMaker
+
+            maker = WallMaker(spec, self.rim)
         size = self.radius or self.thickness or 0.0
         faults, folds, thin = list[str](), list[str](), list[str]()
         if maker is not None:
@@ -150,31 +158,22 @@ class Recipe:
             raise ToleranceError(f"{error}: {more}") from None
         return mesh, tolerance
 
-    def _remarks(self, spec: Patch | Model) -> list[str]:
+    def _remarks(self, spec: Patch | Model, surface: Mesh) -> list[str]:
         """Return remarks on corners, on the seams of a model, and on how its mesh is spread."""
         from gtb_cli.models.model import Model
         from gtb_cli.tessellation.doubtful_corners import doubtful_corners
 
-        remarks = doubtful_corners(spec)
-        if isinstance(spec, Model):
+        remarks, model = doubtful_corners(spec), spec if isinstance(spec, Model) else None
+        if model is not None:
             from gtb_cli.models.openings import seam_remarks
 
-            remarks += seam_remarks(spec)
-        if self.tolerance is None and self.parametrization == "toric":
-            from gtb_cli.tessellation.remarks import crowding
+            remarks += seam_remarks(model)
+        if self.tolerance is None and (self.parametrization == "toric" or self.resolution <= 2):
+            from gtb_cli.tessellation.remarks import coarse_sides, crowding
 
-            remarks += crowding(spec, self.resolution)
+            remarks += coarse_sides(model, surface, self.resolution) if model is not None else []
+            remarks += crowding(spec, self.resolution) if self.parametrization == "toric" else []
         return remarks
-
-    def _maker(self, spec: Patch | Model, tolerance: float | None) -> TubeMaker | WallMaker | None:
-        """Return what makes a tube or a wall, if one is asked for."""
-        if self.radius is None and self.thickness is None:
-            return None
-        from gtb_cli.tessellation.solid_making import TubeMaker, WallMaker
-
-        if self.radius is None:
-            return WallMaker(spec, self.rim)
-        return TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:
         """Return the tolerance in model units; a percentage is of the spec's size, as `percentage_of_size` says."""

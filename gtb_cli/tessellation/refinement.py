@@ -192,10 +192,14 @@ class _Refinement:
         np.maximum.at(mesh.edges.error, sides[row], cell_distances(sample, *mesh.ends(sides[row])))
 
     def steps_at(self, rows: IntArray) -> IntArray:
-        """Return the steps of the lattices on which some cells are sampled, (k,)."""
+        """Return the steps of the lattices on which some cells are sampled, (k,): many if cells are few or wide."""
+        most = 32 / SIDE_STEPS
         columns = self.mesh.cells.corners.take(rows, axis=0).reshape(-1, 6).T
         extents = (reduce(np.maximum, columns[axis::2]) - reduce(np.minimum, columns[axis::2]) for axis in (0, 1))
-        return steps_for(np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows]), self.points_in_all)
+        width = np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows])
+        few = np.clip(np.sqrt(2 * self.points_in_all / len(rows)) / SIDE_STEPS, 1, most)
+        parts: FloatArray = np.exp2(np.ceil(np.log2(np.maximum(most * width, 1.0)) - 1e-9))
+        return SIDE_STEPS * np.maximum(int(few), parts.astype(np.int64))
 
     def sample_on_lattices(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
         """Sample cells at peaks and lattices; return cells that fail, and cells in doubt, where no quadratic fits."""
@@ -293,16 +297,6 @@ class _Refinement:
             inner = sides[(edges.patch[sides] == index) & (edges.face[sides] == INTERIOR)]
             edges.error[inner] = edges.bend[inner]
         return marked
-
-
-def steps_for(width: FloatArray, samples: int) -> IntArray:
-    """Return the steps of the lattices of cells of (k,) widths in Δ: many if cells are few or wide."""
-    most = 32 / SIDE_STEPS
-    few = np.clip(np.sqrt(2 * samples / len(width)) / SIDE_STEPS, 1, most)
-    steps, parts = np.full(len(width), int(few)), width * most
-    wide = np.flatnonzero(parts > 1)
-    steps[wide] = np.maximum(steps[wide], np.exp2(np.ceil(np.log2(parts[wide]) - 1e-9)))
-    return SIDE_STEPS * steps
 
 
 def quadratic_heights(places: FloatArray) -> FloatArray:

@@ -110,10 +110,9 @@ class Subdivision:
         chord = end - start
         return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
 
-    def has_mark(self, marked: BoolArray, rows: IntArray | None = None) -> BoolArray:
+    def has_mark(self, marked: BoolArray, rows: IntArray | slice = slice(None)) -> BoolArray:
         """Mark cells, all or the (k,) given, that have a marked side."""
-        sides = self.cells.sides if rows is None else self.cells.sides.take(rows, axis=0)
-        return reduce(np.logical_or, [marked.take(side) for side in sides.T])
+        return reduce(np.logical_or, [marked.take(side) for side in self.cells.sides[rows].T])
 
     def mark_thin(self, marked: BoolArray) -> None:
         """Mark the longest edge of triangles that are thin, in space or in Δ, and have a marked edge.
@@ -142,8 +141,7 @@ class Subdivision:
         vertex[chosen] = len(self.points) + np.arange(len(chosen))
         child = np.full((count, 2), -1)  # its halves at its first and at its second end
         child[chosen] = count + np.arange(2 * len(chosen)).reshape(2, -1).T
-        if len(self.collapsed):
-            self._collapse(old, vertex[chosen])
+        self._collapse(old, vertex[chosen])
         self.vertices = joined([self.vertices, Vertices(old.patch, old.middles, old.face, old.middle, old.guess)])
         self.points = self.vertices.points
         ends = [np.stack([end, vertex[chosen]], axis=1) for end in old.ends.T]

@@ -24,13 +24,12 @@ Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
 
 def shape_of(shape: Shape) -> Patch | Model:
     """Return a patch or model as it is, load the file of a spec, and make a model of several patches."""
-    match shape:
-        case Patch() | Model():
-            return shape
-        case str() | os.PathLike():
-            return load(shape)
-        case list() | tuple():
-            return Model(tuple(shape))
+    if isinstance(shape, Patch | Model):
+        return shape
+    if isinstance(shape, str | os.PathLike):
+        return load(shape)
+    if isinstance(shape, list | tuple):
+        return Model(tuple(shape))
     expected = "a Patch, a Model, several patches or the name of a spec file"
     raise DomainError(f"shape: expected {expected}, got {type(shape).__name__}")
 

@@ -67,8 +67,7 @@ class CornerLimits:
         Largest principal curvature, in absolute value, to which a way leads: infinite if it grows; NaN if the control
         points of the knots that lead are in line with the corner, so that nothing is known.
     curvature_exponent : float
-        0 where curvature is bounded, else the negative power of the distance with which it grows: −inf if it is
-        infinite all along an edge.
+        0 where curvature is bounded, else the negative power of the distance with which it grows; −inf along an edge.
     gaussian, mean : float
         Limits of the curvatures; NaN where different ways lead to different ones.
     folds : bool
@@ -338,8 +337,7 @@ def _curvatures(knots: CornerKnots, area: Powers, sector: _Sector, forms: Sequen
 class CornerLayer(NamedTuple):
     """The length of the shorter edge at a corner, and the second form II at p places near it: principal curvatures.
 
-    `distances` from the corner are of the edge. Along (p, 3) `normals`, `table` @ points has II_11, √2 II_12 and II_22
-    in orthogonal axes: (p, 3, n).
+    `distances` are of the edge; along (p, 3) `normals`, `table` @ points is II_11, √2 II_12 and II_22, orthogonal axes.
     """
 
     edge: float

@@ -53,8 +53,7 @@ class Patch:
     Raises
     ------
     DomainError
-        Arrays do not fit, are not finite, or are not positive; weights and their logarithms disagree; or the hull of
-        the knots is flat.
+        Arrays do not fit, are not finite or not positive; weights and their logarithms disagree; or knots are in line.
 
     Notes
     -----

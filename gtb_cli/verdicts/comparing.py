@@ -48,11 +48,12 @@ class Comparing:
         a, b = self.read(first), self.read(second)
         found = compared(a, b, self.tolerance, self.kind, self.ignore)
         notes = []
-        if self.kind == "auto" and found.method == "surface" and found.same_kind and self.recipe.tolerance is None:
-            made, (spec, mesh) = made_with(a, b), shown if a.spec is not None else shown[::-1]
+        (one, spec), (file, mesh) = sorted(zip((a, b), shown, strict=True), key=lambda side: side[0].spec is None)
+        if found.method == "surface" != self.kind and found.same_kind and one.spec and self.recipe.tolerance is None:
+            made = made_with(one.spec, len(file.known.mesh.cells))
             if made not in (None, self.recipe.resolution):
                 notes = [f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices"]
-            elif not found.same and (a.spec is None) != (b.spec is None):
+            elif not found.same:
                 command = f"gtb mesh {spec} OPTIONS -f ply --ascii | gtb diff {mesh} -"
                 notes = [f"what other options, as --fill and --weld, make of {spec} is compared by {command}"]
         verdict = replace(verdict, found=found, warnings=found.limits, notes=tuple(notes))
@@ -60,13 +61,10 @@ class Comparing:
 
     def each(self, a: str, b: str) -> Iterator[Verdict]:
         """Compare all files of two folders that have the same name, sorted by name; or two files."""
-        if os.path.isdir(a) and os.path.isdir(b):
-            yield from self._folders(a, b)
-        else:
+        if not os.path.isdir(a) or not os.path.isdir(b):
             shown = shown_input(a), shown_input(b)
             yield self._attempted(os.path.basename(shown[1]), shown, partial(self.files, a, b))
-
-    def _folders(self, a: str, b: str) -> Iterator[Verdict]:
+            return
         matched, unreadable = pairs(a, b)
         has_meshes = any(suffix_of(path) in FORMATS for pair in matched.values() for path in pair if path)
         same_as = _renamed(matched)
@@ -135,15 +133,14 @@ def _are_alike(first: str, second: str) -> bool:
         return dict(pairs)
 
     none = 0.0  # the largest distance that is rounding
-    try:
+    with suppress(ValueError, RecursionError):
         texts = [read_file(path, MAX_BYTES) for path in (first, second)]
         with suppress(GtbError, LookupError, TypeError):  # a sequence without files of meshes
             mesh = os.path.join(os.path.dirname(first), os.path.basename(json.loads(texts[0])["meshes"][-1]["file"]))
             none = 1e-14 * float(abs(read_mesh(mesh).bounds).max()) if os.path.isfile(mesh) else none
         one, other = (json.loads(text, object_pairs_hook=near) for text in texts)
-    except (ValueError, RecursionError):
-        return False
-    return bool(one == other)
+        return bool(one == other)
+    return False
 
 
 def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:
@@ -185,5 +182,5 @@ def _are_equal_meshes(first: str, second: str) -> bool:
     if not is_mesh or not filecmp.cmp(first, second, shallow=False):
         return False
     with opened(first) as file:  # in another folder there may be other materials and pictures
-        names = re.compile(rb'mtllib|TextureFile|"uri"')
+        names = re.compile(rb'mtllib|(?i:texturefile)|"uri"')
         return os.path.dirname(first) == os.path.dirname(second) or not any(map(names.search, file))

@@ -55,7 +55,10 @@ def difference_text(found: Difference) -> str:
     if found.method == "patches":
         apart = f"{found.distance:.3g} apart{' where they were looked at' if found.is_loose else ''}"
         proof = f"not proved{f': at most {found.bound:.3g}' if found.is_loose else ''}"
-        text = f"{what} {apart}, themselves (by a search, {proof}), {tolerance}{faults}"
+        proof = f"by a search, {proof}" if found.is_searched else "proved"
+        apart = apart if found.is_searched or not found.distance else f"at most {apart}"
+        tolerance = tolerance.replace("\n", ", but\n") if faults and found.distance <= found.tolerance else tolerance
+        text = f"{what} {apart}, themselves ({proof}), {tolerance}{faults}"
         return text if found.distance <= found.tolerance else text + _farthest(found)
     is_known = found.bound <= max(found.distance * 1.01, found.tolerance * 1e-3)
     at_most = "" if is_known else f" (at most {found.bound:.3g})"

@@ -15,7 +15,7 @@ from gtb_cli.cad.bspline_surfaces import spline_surfaces
 from gtb_cli.cad.cad_seams import Seams, along_edge
 from gtb_cli.cad.exact_surfaces import exact_surfaces
 from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
-from gtb_cli.cad.sewing import KERNEL_UNITS, Body, encode_cad
+from gtb_cli.cad.sewing import KERNEL_UNITS, encode_cad
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.threemf import UNIT_NAMES
 from gtb_cli.importers import cad_files
@@ -87,7 +87,7 @@ def box() -> Model:
 @cache
 def encoded(name: str, kind: str) -> bytes:
     spec = box() if name == "pillow" else load(SPECS / f"{name}.toml")
-    return encode_cad(spline_surfaces(spec).surfaces, kind, name=name).data
+    return encode_cad(spline_surfaces(spec).surfaces, kind, name=name)[0]
 
 
 @pytest.mark.parametrize("kind", mostly_long(CAD_FORMATS, 0))
@@ -106,7 +106,7 @@ def test_steep_weights_are_balanced_with_the_same_image(tmp_path: Path) -> None:
     points = np.column_stack([corners, [-0.4, 1.3, -1.2, -1.9, -1.4]])
     patch = Patch(corners, points, [1.7e-4, 4.6e5, 3.1e-3, 5.5, 2.4e-5])
     surfaces = spline_surfaces(patch).surfaces
-    assert is_valid(read(encode_cad(surfaces, "step").data, "step", tmp_path))
+    assert is_valid(read(encode_cad(surfaces, "step")[0], "step", tmp_path))
     places = np.array([0.001, 0.1, 0.3, 0.5, 0.8, 0.99])
     for before, after in zip(exact_surfaces(patch), surfaces, strict=True):
         moved = np.log(after.net[..., 3] / before.net[..., 3])
@@ -133,7 +133,7 @@ def test_a_closed_model_is_a_solid_of_the_meshs_volume(kind: str, tmp_path: Path
     assert expected is not None
     assert volume(shape) == pytest.approx(abs(expected), rel=VOLUME)
     surfaces = [one._replace(net=one.net.transpose(1, 0, 2)) for one in spline_surfaces(box()).surfaces]
-    turned = read(encode_cad(surfaces, kind).data, kind, tmp_path)
+    turned = read(encode_cad(surfaces, kind)[0], kind, tmp_path)
     assert volume(turned) == pytest.approx(volume(shape), rel=VOLUME)  # outwards, however its surfaces lie
 
 
@@ -143,7 +143,7 @@ def test_names_of_patches_and_the_unit_are_in_the_file(tmp_path: Path) -> None:
     assert "ADVANCED_FACE('bottom'" in text
     assert "PRODUCT('pillow','pillow'" in text
     assert "SI_UNIT(.MILLI.,.METRE.)" in text
-    inches = encode_cad(spline_surfaces(box()).surfaces, "step", "in").data.decode()
+    inches = encode_cad(spline_surfaces(box()).surfaces, "step", "in")[0].decode()
     found = read(inches.encode(), "step", tmp_path)
     assert np.ptp(cad_files.box_of(found), axis=0)[0] == pytest.approx(3 * 25.4)
     assert "'INCH'" in inches
@@ -158,7 +158,7 @@ def test_an_iges_file_does_not_have_the_users_name() -> None:
 
 @pytest.mark.parametrize("kind", CAD_FORMATS)
 def test_the_same_surfaces_make_the_same_bytes(kind: str) -> None:
-    again = encode_cad(spline_surfaces(box()).surfaces, kind, name="pillow").data
+    again = encode_cad(spline_surfaces(box()).surfaces, kind, name="pillow")[0]
     assert again == encoded("pillow", kind)
 
 
@@ -174,7 +174,7 @@ def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:
     assert found.fitted == len(found.surfaces) == 5
     assert "has Bézier pieces of degree 70 only" in found.reasons[0][1]
     assert 0 < found.error <= 2e-3
-    shape = read(encode_cad(found.surfaces, "brep").data, "brep", tmp_path)
+    shape = read(encode_cad(found.surfaces, "brep")[0], "brep", tmp_path)
     assert is_valid(shape)
     assert len(parts(shape, "SHELL")) == 1
     v = patch.domain.vertices
@@ -222,7 +222,7 @@ def test_exact_patches_stay_exact_beside_fitted_ones(
     model = pillow(top, turned=turned)
     found = spline_surfaces(model)
     assert (len(found.surfaces) - found.fitted, [name for name, _ in found.reasons]) == (faces, ["bottom"])
-    shape = read(encode_cad(found.surfaces, "step").data, "step", tmp_path)
+    shape = read(encode_cad(found.surfaces, "step")[0], "step", tmp_path)
     assert (is_valid(shape), len(parts(shape, "SOLID")), len(unlike(parts(shape, "EDGE")))) == (True, 1, edges)
     v, size = top.domain.vertices, float(np.ptp(top.control_points, axis=0).max())
     points = top.evaluate(np.random.default_rng(1).dirichlet(np.ones(len(v)), 12) @ v)
@@ -276,7 +276,7 @@ def test_seams_are_measured_to_a_hundred_thousandth_of_an_edge() -> None:
 def test_the_angle_at_inner_seams_is_the_one_the_kernel_measures(spec: Patch | Model, tmp_path: Path) -> None:
     """Fitted pieces that meet exactly have tangent planes that differ, by up to the angle that the warning says."""
     found = spline_surfaces(spec)
-    measured = bends(read(encode_cad(found.surfaces, "brep").data, "brep", tmp_path))
+    measured = bends(read(encode_cad(found.surfaces, "brep")[0], "brep", tmp_path))
     assert len(measured) == found.fitted  # a seam for each corner
     assert 1e-3 < max(measured) < 0.15
     assert 0.9 * found.bend < max(measured) < 1.01 * found.bend
@@ -285,7 +285,7 @@ def test_the_angle_at_inner_seams_is_the_one_the_kernel_measures(spec: Patch | M
 def test_an_exact_patch_of_high_degree_stays_exact_beside_a_fitted_one(tmp_path: Path) -> None:
     found = spline_surfaces(pillow(rectangle(17)))
     assert (found.fitted, len(found.surfaces)) == (4, 5)
-    shape = read(encode_cad(found.surfaces, "brep").data, "brep", tmp_path)
+    shape = read(encode_cad(found.surfaces, "brep")[0], "brep", tmp_path)
     assert (is_valid(shape), len(parts(shape, "SOLID"))) == (True, 1)
 
 
@@ -301,7 +301,7 @@ def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
 def test_faces_that_turn_back_at_seams_of_a_part_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     part = kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 1, 1).Shape()
     for place in (0, 2):
-        made = [Body(b"", 0, 1, Seams(*np.eye(4)[place] * most)) for most in (90.1, 0.5)]
+        made = [(b"", 0, 1, Seams(*np.eye(4)[place] * most)) for most in (90.1, 0.5)]
         monkeypatch.setattr("gtb_cli.cad.kinds_of_surfaces.encode_cad", lambda *_, left=made, **__: left.pop(0))
         with pytest.raises(ToleranceError, match=r"planes at seams differ by 90.1 degrees, more than 90"):
             encode_surfaces(bicubic(), "step", "mm", None, part=part)

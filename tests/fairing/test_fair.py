@@ -1,12 +1,14 @@
 """Fair patches: less energy with the same boundary, and formulas of energy against differences."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import is_fairer
 from gtb_cli.fairing.energy import energy_at, energy_samples
-from gtb_cli.fairing.fair import agreed, fair, kept_knots
+from gtb_cli.fairing.fair import agreed, agreed_text, fair, kept_knots
 from gtb_cli.language.loading import parse
 from gtb_cli.models.model import Model
 from gtb_cli.theory.curvature import curvature
@@ -42,11 +44,7 @@ def test_energy_agrees_with_differences(name, kind):
     inside = patch.domain.heights_of_columns(p).min(axis=0) / patch.domain.normal_lengths.min() > 0.05
     size = np.sqrt(areas.sum())
     x, y = (h := 1e-4 * size) * np.eye(2)
-
-    def at(q: np.ndarray) -> np.ndarray:
-        return patch.evaluate(q, "linear")
-
-    q = p[inside][::7]
+    q, at = p[inside][::7], partial(patch.evaluate, parametrization="linear")
     form = np.zeros((len(patch.knots),) * 2)
     for where in patch.rational_basis.locations(q, "linear"):
         form += energy_at(where.knots / size, patch.log_products, where.s * size, np.ones(where.s.shape[1]), kind)
@@ -264,9 +262,7 @@ def test_any_size_and_place_of_knots_and_points():
 def test_repeated_knots_stay_where_they_are_indistinct():
     patch = load(SPECS / "pentagon.toml")
     inner = int(np.flatnonzero(~patch.domain.incidence.any(axis=1))[0])
-    double = Patch(
-        np.vstack([patch.knots, patch.knots[inner]]), np.vstack([patch.control_points, patch.control_points[inner]])
-    )
+    double = Patch(*(np.vstack([each, each[inner]]) for each in (patch.knots, patch.control_points)))
     assert np.isfinite(fair(double).patch.control_points).all()
 
 
@@ -292,6 +288,8 @@ def test_quadratures_are_refined_until_they_agree_to_three_thousandths():
     """Of the pentagon the first two differ by 0.0035 outside its corners."""
     patch = load(PENTAGON)
     assert agreed(patch, [patch.control_points])[1][0] <= 3e-3
+    said = [agreed_text(4712.3, error) for error in (1e-3, 1e-2, 0.085, 0.6)]  # in whose last digits they do
+    assert said == ["4.71e+03", "4.7e+03", "5e+03", "unknown"]
 
 
 def test_fairer_is_what_is_less_by_a_tenth():

@@ -16,8 +16,9 @@ from gtb_cli.arrays import unit
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.fairing.folds import folds, sharp_turns
-from gtb_cli.filling import certificate, net, one_patch
-from gtb_cli.filling.certificate import Filling, edge_of
+from gtb_cli.fairing.variation import Bending
+from gtb_cli.filling import certificate, fairest, net, one_patch
+from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.corner_forms import CornerForms
 from gtb_cli.filling.fairest import FairSearch
 from gtb_cli.filling.fill import fill
@@ -26,7 +27,7 @@ from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.loops import loop_from_text, read_loop
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.rows import Rows, _Form, _multipliers
-from gtb_cli.filling.sides import HoleSide, bezier_form, points_and_tangents, raised, side_normals, stations
+from gtb_cli.filling.sides import HoleSide, bezier_form, edge_of, points_and_tangents, raised, side_normals, stations
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.language.loading import parse
@@ -250,7 +251,7 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert max(each.curvature + 20 * each.folds for each in found) < 20
 
 
-@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 130), (7, 2, 145), (8, 7, 185)]))
+@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 130), (7, 2, 145), (8, 7, 145)]))
 def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     """Rows that run along their edges have a layer of 24,000 beside limits of 100 in the first."""
     filling = fill_loop(random_sides(n, seed))
@@ -259,7 +260,7 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     lengths = np.linalg.norm([np.ptp(side.ends, axis=0) for side in filling.sides], axis=1)
     edges = np.minimum(lengths, np.roll(lengths, 1))
     assert (told * edges).max() < most
-    assert filling.bending.energy < {6: 8, 7: 9, 8: 22}[n]  # 45 in (6, 5) and 248 in (7, 2) with their first plans
+    assert filling.bending.energy < {6: 8, 7: 9, 8: 16}[n]  # 45 and 248 with first plans, and 20 in the first metric
     fan, far = 1 / (1 + np.exp(np.linspace(-14, 14, 46)))[:, None], np.geomspace(1e-4, 0.3, 30)[:, None, None]
     for corner in range(n):
         ways = patch.knots[[corner - 1 + n * (corner == 0), (corner + 1) % n]] - patch.knots[corner]
@@ -286,7 +287,7 @@ def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
     search._domain, search._least = SimpleNamespace(vertices=[0]), lambda *_, **__: next(made)
     search._layers = lambda points: [SimpleNamespace(edge=1.0, curvatures=np.array([curved[points]]))]
     search.scores = lambda found: [(scores[found[0]], 0)]
-    assert search._calmed(1.0, 0.9, scores[0], 0)[1] == taken
+    assert search._calmed(1.0, scores[0], 0)[1] == taken
 
 
 @pytest.mark.parametrize("count", [4, 12])  # fewer than the coordinates of free points, or more
@@ -324,26 +325,28 @@ def test_equations_of_corners_hold_after_pulls():
     assert np.abs(equations.residuals(points)).max() < 1e-11
 
 
-@long
-def test_rows_are_free_where_a_patch_is_fairer_so(monkeypatch):
-    bound, sides = Rows.fairest, random_sides(3, 0)
-    fair = fill_loop(sides, raises=2).bending.variation
+@pytest.mark.parametrize(
+    ("scores", "figure", "taken"),
+    [([9, 8, 7, 6, 5], [1] * 5, [3]), ([9, 8, 7, 6], [3, 2, 1, 1.1], [2]), ([9, 8.99], [1, 1], [])],
+)
+def test_sharp_surfaces_are_made_again_while_no_figure_rises(scores, figure, taken, monkeypatch):
+    """Three times at most; neither where corners get worse, nor if smooth, nor if they bend far more than a sphere."""
+    monkeypatch.setattr(fairest, "forms", lambda *_: (0, 0))
+    for excess, curved, bent, kept in ((1, 4.1, 29, taken), (1.2, 4.1, 29, []), (1, 3.9, 29, []), (1, 4.1, 31, [])):
+        search, made, body = object.__new__(FairSearch), iter(range(1, 7)), Bending(4 * math.pi, bent, 1, curved)
+        search._inside, search._outside, search._zones, search._excess = [], [], [0, 0], lambda _, e=excess: ([], e)
+        monkeypatch.setattr(fairest, "bendings", lambda *_, b=body: [[b]])
+        search.scores = lambda pair: ([scores[k] for k in pair], np.array([[1, figure[k]] for k in pair]))
+        assert [points for _, points in search._again(9, 0, lambda _, m=made: next(m))] == kept
 
-    def spoiled(*rows, share=0.9, **given):
-        points = bound(*rows, share=share, **given)
-        points[-9::2] += share / 18
-        return points
 
-    monkeypatch.setattr(Rows, "fairest", spoiled)
-    assert fill_loop(sides, raises=2).bending.variation < 1.1 * fair
-
-
-def test_narrow_ridges_near_corners_are_found(monkeypatch):
-    """One of height 2 along an edge, at .09 of its length, beside a broad one of 1, where distances are .4 of terms."""
+@pytest.mark.parametrize(("place", "width"), [(1.05, 0.26), (1.0, 0.05)])
+def test_narrow_ridges_near_corners_are_found(place, width, monkeypatch):
+    """One of height 2 along an edge, at .09 or .1 of its length, beside a broad one; distances are .4 of terms."""
 
     def layer(_, __, ___, ____, at):
         u, far = at[0] / np.log(600 / -np.minimum(at[1], -1)), at[1] / np.log(10) + np.log10(0.4)
-        ridge = 2 * np.exp(-(((u - 0.925) / 0.026) ** 2) - ((far + 1.05) / 0.26) ** 2)
+        ridge = 2 * np.exp(-(((u - 0.925) / 0.026) ** 2) - ((far + place) / width) ** 2)
         ridge += np.exp(-4 * u**2 - (far + 3) ** 2) + 9 * (far > -1)
         return SimpleNamespace(distances=10**far, curvatures=ridge)
 
@@ -488,8 +491,7 @@ def test_corners_where_ribbons_disagree_are_said():
     turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
     filling = fill_loop([turned, *sides[1:]], raises=ONCE)
     assert filling.angle < PLANES
-    assert filling.corner_angles[0] > 5
-    assert filling.corner_angles[1] > 5
+    assert filling.corner_angles[:2].min() > 5
     assert np.nanmax(filling.corner_angles[2:]) < 1e-6
     angles = np.array([limits.angle for limits in filling.corners])
     assert (angles[:2] >= filling.corner_angles[:2] * (1 - 1e-9)).all()
@@ -841,8 +843,7 @@ def test_the_certificate_is_what_curvature_and_normals_say_at_its_places(tmp_pat
     check_json("gtb fill --json", done)
     found = json.loads(done.out)
     patch = fill(path, raises=0).patch
-    assert found["folds"] == 0
-    assert len(found["sides"]) == 3
+    assert (found["folds"], len(found["sides"])) == (0, 3)
     for k, side in enumerate(found["sides"]):
         assert side["angle"] < PLANES
         start, end = patch.domain.vertices[[k, (k + 1) % 3]]

@@ -7,12 +7,12 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.filling.certificate import Filling, contact as contact_at, edge_of
+from gtb_cli.filling.certificate import Filling, contact as contact_at
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.holes import ring_sides
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.osculation import osculating, patch_bend
-from gtb_cli.filling.sides import HoleSide, bernstein, edge_places, side_normals, stations
+from gtb_cli.filling.sides import HoleSide, bernstein, edge_of, edge_places, side_normals, stations
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.models.model import Model
 from gtb_cli.theory.curvature import curvatures_at

@@ -92,8 +92,6 @@ def test_an_ordinary_mesh_has_no_warnings():
         for mesh in (surface(), model()):
             assert warnings_for(mesh, format, normals=True) == []
     assert warnings_for(curve(), "obj") == []
-    nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 2)))
-    assert [warnings_for(nothing, format, uv=True) for format in ("obj", "ply", "glb")] == [[], [], []]
 
 
 def test_warned_where_32_bits_move_or_merge_vertices():

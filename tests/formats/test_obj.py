@@ -51,14 +51,14 @@ def as_percent(values: np.ndarray, digits: int) -> str:
 
 
 def as_obj(values: np.ndarray) -> str:
-    return b"".join(obj_blocks(values, np.zeros((0, 3), dtype=np.int64))).decode()
+    return b"".join(obj_blocks(Mesh(values, np.empty((0, 3), int)))).decode()
 
 
 def with_decimals(values: np.ndarray, digits: int) -> str:
     """Write numbers with a chosen number of decimals: as the normals of a vertex of the size that asks for it."""
-    size = np.full((1, 3), 10.0 ** (8 - digits))
+    size, none = np.full((1, 3), 10.0 ** (8 - digits)), np.empty((0, 3), int)
     assert decimals(size) == digits
-    text = b"".join(obj_blocks(size, np.zeros((0, 3), dtype=np.int64), normals=values)).decode()
+    text = b"".join(obj_blocks(Mesh(size, none, normals=values, normal_of=none))).decode()
     return "".join(line.replace("vn", "v", 1) + "\n" for line in lines(text, "vn"))
 
 
@@ -120,8 +120,8 @@ def test_obj_formats_edge_cases(value, text):
 def test_obj_references_of_every_length(columns, extras):
     ends = [10**k + d for k in range(12) for d in (-1, 0, 1)]
     cells = np.array([[n, n + 1, 1][:columns] for n in ends])
-    some = {name: np.zeros((1, 3 if name == "normals" else 2)) for name in extras}
-    text = b"".join(obj_blocks(np.ones((1, 3)), cells, **some)).decode()
+    mesh = Mesh(np.ones((1, 3)), cells, normals=np.zeros((1, 3)) if "normals" in extras else None)
+    text = b"".join(obj_blocks(mesh, np.zeros((1, 2)) if "uv" in extras else None)).decode()
     pattern = {(): "{0}", ("uv",): "{0}/{0}", ("normals",): "{0}//{0}", ("uv", "normals"): "{0}/{0}/{0}"}[extras]
     if columns == 2:  # a segment has no normals
         pattern = {"{0}//{0}": "{0}", "{0}/{0}/{0}": "{0}/{0}"}.get(pattern, pattern)
@@ -134,7 +134,8 @@ def test_obj_references_of_every_length(columns, extras):
 @pytest.mark.parametrize("uv", [None, np.zeros((4, 2))])
 def test_obj_corners_have_normals_of_their_own(uv):
     cells, normal_of = np.array([[0, 1, 2], [2, 1, 3]]), np.array([[0, 1, 2], [12345, 4, 9]])
-    text = b"".join(obj_blocks(np.eye(4)[:, :3], cells, np.eye(3), uv, normal_of=normal_of)).decode()
+    mesh = Mesh(np.eye(4, 3), cells, normals=np.zeros((12346, 3)), normal_of=normal_of)
+    text = b"".join(obj_blocks(mesh, uv)).decode()
     join = "{0}//{1}" if uv is None else "{0}/{0}/{1}"
     assert lines(text, "f") == [
         " ".join(["f", *(join.format(v + 1, n + 1) for v, n in zip(*rows, strict=True))])
@@ -169,7 +170,7 @@ def test_obj_groups_stand_before_their_faces():
 def test_obj_references_up_to_the_largest_number_of_32_bits():
     last = 2**31 - 2  # counted from 1 it is one more
     for cells in ([[last - 2, last - 1, last]], [[0, last // 2, last]]):
-        text = b"".join(obj_blocks(np.ones((1, 3)), np.array(cells, dtype=np.int32))).decode()
+        text = b"".join(obj_blocks(Mesh(np.ones((1, 3)), cells))).decode()
         assert lines(text, "f") == [" ".join(["f", *(str(n + 1) for n in row)]) for row in cells]
 
 

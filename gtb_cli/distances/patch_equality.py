@@ -1,0 +1,67 @@
+"""Patches that are proved to be one surface, or curve, in other words: other axes, degrees, knots or weights."""
+
+from collections.abc import Sequence
+from itertools import permutations, product
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, bounds_of
+from gtb_cli.models.rational_equality import Rational, corners_of, least_difference
+from gtb_cli.theory.patch import Patch
+
+
+class Pair(NamedTuple):
+    """Patches of two lists that are one surface, or curve."""
+
+    first: int
+    second: int
+    distance: float  # between corresponding points, at most
+    is_mirrored: bool  # whether normals look to the other side
+
+
+def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> tuple[list[Pair], list[list[int]]]:
+    """Pair patches of two lists that are proved to have the same points, within a distance.
+
+    Each is in one pair, of equal names if that can be. Also return those of each list that are no patch of the other.
+    Patches P and Q with Q(M s + β) = P(s), as after a change of degree, of axes, of weights by κ e^{<σ, a>} or of knots
+    by an affine map, are recognised by their `difference`, so that no place is missed, however narrow; the terms that
+    they begin with at a corner give M and β. Others that are one surface, such as parts of one that is cut, are not,
+    nor are patches all of whose corners are on edges that are points.
+    """
+    from scipy.spatial import cKDTree
+
+    corners = [[patch.evaluate(patch.domain.vertices) for patch in each] for each in (a, b)]
+    boxes = [cKDTree([np.concatenate(bounds_of(points)) for points in each]) for each in corners]
+    near = boxes[0].query_ball_tree(boxes[1], tolerance, p=np.inf)
+    tried = ((first, second, _same(a[first], b[second], tolerance)) for first, k in enumerate(near) for second in k)
+    found = [Pair(first, second, *same) for first, second, same in tried if same]
+    pairs = list[Pair]()
+    for pair in sorted(found, key=lambda pair: (a[pair.first].name != b[pair.second].name, pair.distance, pair)):
+        if all(pair.first != each.first and pair.second != each.second for each in pairs):
+            pairs.append(pair)
+    lone = [sorted({*range(len(each))} - {pair[way] for pair in found}) for way, each in enumerate((a, b))]
+    return pairs, lone
+
+
+def _same(a: Patch, b: Patch, tolerance: float) -> tuple[float, bool] | None:
+    """Return the distance of corresponding points, at most, and whether the sides are exchanged; None without proof."""
+    if a.replace(name=None) == b.replace(name=None):
+        return 0.0, False
+    if a.dimension != b.dimension:
+        return None
+    one, other = map(_rational, (a, b))
+    rounding = EPS * float(np.abs(a.control_points).max())
+    for least in (tolerance, 64 * rounding):
+        ends = product(corners_of(one, least), corners_of(other, least), permutations(range(a.dimension)))
+        for here, there, order in ends:
+            if np.linalg.norm(here.point - there.point) <= tolerance:
+                found, _ = least_difference(one, other, *here.carried(there, order), tolerance)
+                if found <= tolerance:
+                    return found + 16 * rounding, order[0] == 1
+    return None
+
+
+def _rational(patch: Patch) -> Rational:
+    heights = patch.domain.heights / patch.domain.normal_lengths
+    return Rational(patch.knots - patch.domain.center, patch.log_products, patch.control_points, heights)
