@@ -6,7 +6,6 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import one_of_alike
-from gtb_cli.meshes.topology import components_of
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
@@ -54,8 +53,12 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
 
 def parts_of(joints: Joints, count: int) -> IntArray:
     """(n,) the first patch of the part, joined by shared edges, to which each of n patches belongs."""
-    pairs = [(joint.first[0], joint.second[0]) for joint in joints.shared]
-    return components_of(np.array(pairs, dtype=np.int64).reshape(-1, 2), count)
+    pairs = np.array([(joint.first[0], joint.second[0]) for joint in joints.shared], dtype=np.int64).reshape(-1, 2)
+    part = np.arange(count)
+    while ((ends := part[pairs]).min(axis=1) < ends.max(axis=1)).any():
+        np.minimum.at(part, ends.max(axis=1), ends.min(axis=1))
+        part = part[part]
+    return part
 
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:

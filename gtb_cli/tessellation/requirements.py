@@ -123,8 +123,7 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
 
 def _inward_faces(mesh: Mesh) -> list[str]:
     """Say where faces of a closed mesh do not look out of the solid."""
-    inward = inward_faces(mesh)
-    return [f"faces look into the solid, {where(mesh, inward)}"] if len(inward) else []
+    return [f"faces look into the solid, {where(mesh, inward)}"] if len(inward := inward_faces(mesh)) else []
 
 
 def _merged_faces(mesh: Mesh) -> list[str]:
@@ -132,5 +131,4 @@ def _merged_faces(mesh: Mesh) -> list[str]:
     cells = numbered_places(mesh.vertices)[1][mesh.faces]
     if len(collapsed := np.flatnonzero(~are_proper(cells))):
         return [f"faces collapse, {where(mesh, collapsed)}"]
-    crowded = len(sides_of(cells).open)
-    return [f"{crowded} sides of faces fall upon others"] if crowded else []
+    return [f"{crowded} sides of faces fall upon others"] if (crowded := len(sides_of(cells).open)) else []
