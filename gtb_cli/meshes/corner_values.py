@@ -169,8 +169,9 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
 
 
 def _are_whole(rows: FloatArray) -> bool:
-    """Tell whether numbers are whole, and so small that floats of their size hold the next whole ones, too."""
+    """Tell whether numbers are whole, floats of their size hold the next ones, too, and some could be others."""
     numbers = rows[np.isfinite(rows)]
     with np.errstate(over="ignore"):
         most = 1 << (24 if (numbers.astype(np.float32) == numbers).all() else 53)
-    return bool((np.abs(numbers) < most).all() and (numbers == np.rint(numbers)).all())
+    sizes = np.abs(numbers)
+    return bool(sizes.max(initial=0) < most > 2 * sizes.min(initial=most) and (numbers == np.rint(numbers)).all())
