@@ -133,7 +133,7 @@ class Filling:
     @property
     def doubts(self) -> list[str]:
         """What is to be seen: a hole in parts, the corner where planes differ most, and what is `sharp`."""
-        angles, why = np.nan_to_num(self.corner_angles), "as it has to be where corners point into the hole"
+        angles, why = np.nan_to_num(self.corner_angles), "as corners point into the hole"
         said = [f"filled in {len(self.parts)} parts, {why}"] * bool(self.parts)
         if (most := float(angles.max())) > DISAGREEING:
             at = self.at(self.sides[int(angles.argmax())].ends[0])

@@ -188,7 +188,7 @@ def test_a_fill_says_in_one_line_in_how_many_parts_it_is_and_where_planes_differ
         monkeypatch.setattr(room, "filled", lambda *_, found=found, **__: found)
         room.with_fills(model, [("0,0,0", "g1")], said.append, said.append)
     planes = "neighbours' planes differ by up to 26.7 degrees at their corner (0, 0, 1)"
-    parted = "filled in 2 parts, as it has to be where corners point into the hole"
+    parted = "filled in 2 parts, as corners point into the hole"
     assert said == [f"`fills` 0,0,0: {text}; `fill` says all" for text in (parted, planes)]
 
 
