@@ -20,7 +20,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import CURVE_TOLERANCE
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
+from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep, check_word
 
 RIDGE_FRACTION = 1e-12  # of the mean energy is added: a control point without influence on it stays where it is
 
@@ -102,10 +102,8 @@ def fair(
     found = loaded(spec, Patch, Model)
     if found.dimension == 1:
         raise DomainError("fair: expected a surface, this is a curve")
-    if energy not in ENERGIES:
-        raise DomainError(f"energy: expected {', '.join(ENERGIES[:-1])} or {ENERGIES[-1]}, got {energy!r}")
-    if keep not in KEEPS:
-        raise DomainError(f"keep: expected {', '.join(KEEPS[:-1])} or {KEEPS[-1]}, got {keep!r}")
+    check_word("energy", energy, ENERGIES)
+    check_word("keep", keep, KEEPS)
     if isinstance(found, Patch):
         return _faired(found, energy, [keep] * len(found.domain.vertices))
     made: list[Fairing] = []
