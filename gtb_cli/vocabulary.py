@@ -26,12 +26,17 @@ def percentage(text: str) -> float:
     return value
 
 
+def check_word(name: str, word: object, known: Sequence[str]) -> None:
+    """Raise `DomainError`, with the name of an option, for a word that is not known."""
+    if word not in known:
+        raise DomainError(f"{name}: expected {', '.join(known[:-1])} or {known[-1]}, got {word!r}")
+
+
 def check_fineness(resolution: int, tolerance: float | str | None, parametrization: str) -> None:
     """Raise `DomainError` for numbers that make no sense, and for a tolerance in toric parameters."""
     if isinstance(resolution, bool) or not hasattr(resolution, "__index__") or resolution < 1:
         raise DomainError(f"resolution: expected a whole number of at least 1, got {resolution!r}")
-    if parametrization not in PARAMETRIZATIONS:
-        raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
+    check_word("parametrization", parametrization, ("toric", "linear"))
     if isinstance(tolerance, str):
         percentage(tolerance)
     elif tolerance is not None and not 0 < tolerance < math.inf:

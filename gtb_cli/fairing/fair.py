@@ -20,7 +20,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import CURVE_TOLERANCE
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
+from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep, check_word
 
 RIDGE_FRACTION = 1e-12  # of the mean energy is added: a control point without influence on it stays where it is
 
@@ -102,9 +102,8 @@ def fair(
     found = loaded(spec, Patch, Model)
     if found.dimension == 1:
         raise DomainError("fair: expected a surface, this is a curve")
-    for name, value, known in (("energy", energy, ENERGIES), ("keep", keep, KEEPS)):
-        if value not in known:
-            raise DomainError(f"{name}: expected {', '.join(known[:-1])} or {known[-1]}, got {value!r}")
+    check_word("energy", energy, ENERGIES)
+    check_word("keep", keep, KEEPS)
     if isinstance(found, Patch):
         return _faired(found, energy, [keep] * len(found.domain.vertices))
     made: list[Fairing] = []

@@ -1,6 +1,7 @@
 """The quadric, cubic or quartic on which sides of a hole lie with their planes; where there is one, fills follow it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -8,30 +9,13 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.filling.sides import points_and_tangents, stations
 from gtb_cli.filling.tangent_rows import EdgeRows
-from gtb_cli.values import frozen
 
 
-@frozen
-class AlgebraicSurface:
-    """The zeros of F, the sum of monomials with (k, 3) powers of coordinates times (k,) factors."""
-
-    powers: IntArray
-    factors: FloatArray
-
-    def ways(self, points: FloatArray) -> FloatArray:
-        """Return (m, 3) ways from (m, 3) points near the surface to it, along gradients."""
-        found = points
-        for _ in range(5):  # of Newton's method, which has converged after three
-            value, *slope = _monomials(found, self.powers) @ self.factors
-            with np.errstate(all="ignore"):  # where it has no gradient, NaN is far away
-                found = found - (value / np.square(slope).sum(axis=0) * np.array(slope)).T
-        return found - points
-
-
-def algebraic_surface(edges: Sequence[EdgeRows]) -> AlgebraicSurface | None:
+def ways_to_surface(edges: Sequence[EdgeRows]) -> Callable[[FloatArray], FloatArray] | None:
     """Find F of least degree that has the curves and planes of all edges of a hole of size 1, if there is one.
 
-    It has the least Σ F² + ⟨∇F, N × T⟩², T the tangent, for a given Σ ⟨∇F, N⟩².
+    Return the function that returns (m, 3) ways from (m, 3) points near its zeros to them, along gradients. F has the
+    least Σ F² + ⟨∇F, N × T⟩², T the tangent, for a given Σ ⟨∇F, N⟩².
     """
     apart = 1e-3  # singular values of it and of others: what it may be off inside, of the hole's size
     least_slope = 0.1  # of the largest slope across: with less, the surface is singular near an edge
@@ -54,8 +38,18 @@ def algebraic_surface(edges: Sequence[EdgeRows]) -> AlgebraicSurface | None:
         factors = (best[-1] / singular) @ basis
         rises = rise @ factors
         if off[-1] <= apart * off[-2] and np.min(rises * np.sign(rises.sum())) > least_slope * np.abs(rises).max():
-            return AlgebraicSurface(powers, factors)
+            return partial(_ways, powers, factors)
     return None
+
+
+def _ways(powers: IntArray, factors: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the ways from points to the zeros of the sum of monomials with (k, 3) powers times (k,) factors."""
+    found = points
+    for _ in range(5):  # of Newton's method, which has converged after three
+        value, *slope = _monomials(found, powers) @ factors
+        with np.errstate(all="ignore"):  # where it has no gradient, NaN is far away
+            found = found - (value / np.square(slope).sum(axis=0) * np.array(slope)).T
+    return found - points
 
 
 def _monomials(points: FloatArray, powers: IntArray) -> FloatArray:

@@ -250,6 +250,6 @@ def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]
     starts, ends = np.full((2, len(sides)), math.nan)
     for k, (side, n) in enumerate(zip(sides, normals, strict=True)):
         if side.bend is not None and n is not None:
-            rim = Rim.of(side.curve, n)
+            rim = Rim(side.curve, n)
             starts[k], ends[k] = at_corners((side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2)
     return np.asarray(np.abs(np.roll(ends, 1) - starts))

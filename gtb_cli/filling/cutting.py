@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from operator import itemgetter
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,20 +22,11 @@ from gtb_cli.filling.certificate import SPIKE, Filling
 from gtb_cli.filling.hole_corners import Corner, across_at, corners
 from gtb_cli.filling.sides import HoleSide, bernstein, points_and_tangents, stations
 from gtb_cli.models.model import Model
-from gtb_cli.values import frozen
 
 MAX_CUTS = 6
 Parts: TypeAlias = tuple[list[Filling], list[str]]  # fillings of the parts of a hole, and where it is cut
-
-
-@frozen
-class _Cut:
-    """Two loops, left and right of a curve between two corners, and how good it is: the less `cost`, the better."""
-
-    left: list[HoleSide]
-    right: list[HoleSide]
-    cost: float
-    remark: str
+# How bad a curve between two corners is, the loops left and right of it, and where it is
+_Cut: TypeAlias = tuple[float, list[HoleSide], list[HoleSide], str]
 
 
 def fill_parts(
@@ -63,12 +55,12 @@ def fill_parts(
         widest = max(concave, default=0)
         if widest < straight and (one := one_part(sides)):
             return one
-        candidates = sorted(_cuts(sides, cut_sides, cuts), key=lambda cut: cut.cost) if concave and cuts else []
-        for cut in candidates[:3]:
-            left = divided(cut.left, cuts - 1)
-            right = left and divided(cut.right, cuts - len(left[0]))
+        candidates = sorted(_cuts(sides, cut_sides, cuts), key=itemgetter(0)) if concave and cuts else []
+        for _, before, after, remark in candidates[:3]:
+            left = divided(before, cuts - 1)
+            right = left and divided(after, cuts - len(left[0]))
             if left and right:
-                return left[0] + right[0], [cut.remark, *left[1], *right[1]]
+                return left[0] + right[0], [remark, *left[1], *right[1]]
         return one_part(sides) if straight <= widest < hopeless else None
 
     found = divided(sides, MAX_CUTS) or _star(sides, fill)
@@ -126,8 +118,8 @@ def _cuts(sides: Sequence[HoleSide], cut_sides: bool, number: int) -> Iterator[_
             first = i if i <= j else i + 1
             end = corners(loop)[j + 1]
             text = f"to {point_text(end.place, places)}, which cuts {side.name} in two"
-            for cut in _cut(loop, first, j + 1, start, end, name, text):
-                yield replace(cut, cost=cut.cost + 1.0)
+            for cost, left, right, remark in _cut(loop, first, j + 1, start, end, name, text):
+                yield cost + 1.0, left, right, remark
 
 
 def _halves(side: HoleSide, t: float) -> list[HoleSide]:
@@ -177,10 +169,10 @@ def _cut(sides: Sequence[HoleSide], i: int, j: int, start: Corner, end: Corner, 
     cut = HoleSide(name, np.column_stack([curve, np.ones(4)]), across)
     back = replace(cut.reversed(), across=-across[::-1])
     places = np.array([side.ends[0] for side in sides])
-    yield _Cut(
+    yield (
+        4 * left_open + sharp + bend + length / size + 0.1 / clearance,
         [*around[i : j if j > i else j + len(sides)], back],
         [*around[j : i if i > j else i + len(sides)], cut],
-        4 * left_open + sharp + bend + length / size + 0.1 / clearance,
         f"the hole is cut from its concave corner {point_text(start.place, places)} {to}",
     )
 

@@ -14,7 +14,7 @@ from gtb_cli.fairing.energy import Samples
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import bendings
-from gtb_cli.filling.algebraic import algebraic_surface
+from gtb_cli.filling.algebraic import ways_to_surface
 from gtb_cli.filling.certificate import hundredth_inside
 from gtb_cli.filling.rows import CROSSING
 from gtb_cli.filling.sides import edge_of
@@ -42,7 +42,7 @@ class FairSearch:
         self, domain: Domain, at: Samples, depths: FloatArray, least: Any, edges: Sequence[EdgeRows], is_led: bool
     ) -> None:
         self._domain, self._places, self._least = domain, at, least
-        self._known = algebraic_surface(edges) if is_led else None
+        self._known = ways_to_surface(edges) if is_led else None
         self._given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         self._power = 0 if self._given else BENDING_POWER
@@ -192,15 +192,15 @@ class FairSearch:
     def _led(self, score: float, fairest: FloatArray, strength: float = 0.0) -> list[_Scored]:
         """Return the fairest, moved smoothly onto a surface that is known and bends more; none if it ends elsewhere."""
         rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
-        if (surface := self._known) is None:
+        if (ways := self._known) is None:
             return []
         t, led = shares(exponents(*self._places[:3])), fairest
         form = (t * self._zones[1]) @ t.T + stiffness * self._stiff
         even = partial(self._even, strength * stiffness * self._stiff) if strength else None
         for _ in range(rounds):
-            origin = led + np.linalg.solve(form, (t * self._zones[1]) @ surface.ways(t.T @ led))
+            origin = led + np.linalg.solve(form, (t * self._zones[1]) @ ways(t.T @ led))
             led = self._least(form, origin=origin, pull=even)
-        farther = np.abs([surface.ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
+        farther = np.abs([ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
         is_nearer = farther[0] < farther[1] and self.scores([led])[0][0] <= worst * score
         return [(score, led)] if is_nearer else []
 

@@ -33,7 +33,7 @@ from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
 from gtb_cli.theory.corners import corner_limits, limits_of_normals
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import CONTINUITIES
+from gtb_cli.vocabulary import CONTINUITIES, check_word
 
 FLAT_BEND = 1e-9  # curvature of a flat neighbour, by rounding, of 1 / size
 
@@ -69,8 +69,7 @@ def fill_loop(
     tangent planes or curvatures.
     """
     sides = met_with(continuity, sides)
-    if inner not in ("fair", "flat"):
-        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
+    check_word("inner", inner, ("fair", "flat"))
     if not 0 < fullness <= 1000:
         raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
     if fullness != 1 and all(side.across is None for side in sides):
@@ -157,8 +156,7 @@ def met_with(continuity: str | Mapping[str, str], sides: Sequence[HoleSide]) -> 
     kinds = {"": continuity} if isinstance(continuity, str) else continuity
     names = [side.name for side in sides]
     for name, met in kinds.items():
-        if met not in CONTINUITIES:
-            raise DomainError(f"continuity: expected {', '.join(CONTINUITIES[:-1])} or {CONTINUITIES[-1]}, got {met!r}")
+        check_word("continuity", met, CONTINUITIES)
         if name and name not in names:
             raise DomainError(f"continuity: no side is called {name!r}: they are {', '.join(names)}")
     return [side.met_with(kinds.get(side.name, kinds.get("", CONTINUITIES[0]))) for side in sides]

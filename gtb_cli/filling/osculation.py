@@ -17,7 +17,6 @@ from gtb_cli.errors import DomainError
 from gtb_cli.filling.sides import HoleSide, bernstein, binomials, edge_places, points_and_tangents, raised, stations
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
-from gtb_cli.values import frozen
 
 MIN_CROSSING = 1e-3  # of the mean length of a field: its component across an edge that it crosses
 NEAREST = 1e-2  # relative size of singular values for a row that is not exact: nearer ones are far away
@@ -45,33 +44,21 @@ def fields_by_height(values: FloatArray, normals: FloatArray) -> tuple[FloatArra
     return basis.reshape(len(basis), -1, 3), heights
 
 
-@frozen
 class Rim:
-    """A curve of (m + 1, 4) homogeneous Bézier points at the `stations`.
+    """A curve of (m + 1, 4) homogeneous Bézier points, with known normals, at the `stations`.
 
     There are (96, 3) points P, derivatives P', unit normals N and unit directions across, N × P'; (96,) weights; and
-    ⟨N, P''⟩.
+    ⟨N, P''⟩, `bend`.
     """
 
-    degree: int
-    points: FloatArray
-    rates: FloatArray
-    normals: FloatArray
-    across: FloatArray
-    weights: FloatArray
-    bend: FloatArray
-
-    @classmethod
-    def of(cls, curve: FloatArray, normals: FloatArray) -> "Rim":
-        """Sample a curve whose normals are known at the stations."""
-        t, degree = stations(), len(curve) - 1
-        weights = bernstein(degree, t) @ curve[:, 3]
-        points, tangents = points_and_tangents(curve, t)
-        rates = tangents * (degree / weights[:, None])
-        across = np.cross(normals, rates / np.linalg.norm(rates, axis=1, keepdims=True))
-        second = degree * (degree - 1) * bernstein(degree - 2, t) @ np.diff(curve, n=2, axis=0)
-        bend = ((second[:, :3] - points * second[:, 3:]) * normals).sum(axis=1) / weights
-        return cls(degree, points, rates, normals, across, weights, bend)
+    def __init__(self, curve: FloatArray, normals: FloatArray) -> None:
+        t, self.degree, self.normals = stations(), len(curve) - 1, normals
+        self.weights = bernstein(self.degree, t) @ curve[:, 3]
+        self.points, tangents = points_and_tangents(curve, t)
+        self.rates = tangents * (self.degree / self.weights[:, None])
+        self.across = np.cross(normals, self.rates / np.linalg.norm(self.rates, axis=1, keepdims=True))
+        second = self.degree * (self.degree - 1) * bernstein(self.degree - 2, t) @ np.diff(curve, n=2, axis=0)
+        self.bend = ((second[:, :3] - self.points * second[:, 3:]) * normals).sum(axis=1) / self.weights
 
     def parts(self, fields: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (…, 96) components a and g of (…, 96, 3) tangent vectors a P' + g across."""
@@ -90,7 +77,7 @@ def patch_bend(patch: Patch, edge: int, curve: FloatArray, normals: FloatArray) 
     The curve is that of the edge, and the (96, 3) normals are the patch's, or opposite to them.
     """
     place, count = edge_places(patch, edge, stations()), len(normals)
-    rim = Rim.of(curve, normals)
+    rim = Rim(curve, normals)
     signs = np.sign((patch.normals_at([place], count) * normals).sum(axis=1))
     mean = curvatures_at([patch], [place], count).mean[0]  # positive where the patch bends away from its normal
     return np.asarray(-2 * signs * mean - rim.bend / (rim.rates**2).sum(axis=1))
@@ -203,7 +190,7 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
     near = list[tuple[float, SecondRow]]()
     for count in counts:
         curve = raised(side.curve, count, side.multiplier)
-        rim, most = Rim.of(curve, normals), len(curve) - 2
+        rim, most = Rim(curve, normals), len(curve) - 2
         if side.strip is not None:
             degree = (most - 1 + side.degree) // 2
             if degree >= side.degree and crosses((strip := StripRow(rim, side, curve, degree)).across[1:]):

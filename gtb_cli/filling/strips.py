@@ -38,7 +38,7 @@ def strip_side(name: str, rows: Sequence[FloatArray], degree: int) -> HoleSide:
     if len(rows) == 2:
         return side
     try:
-        rim = Rim.of(rows[0], side_normals(side))
+        rim = Rim(rows[0], side_normals(side))
     except DomainError:  # where the field across does not span planes; said when it is filled
         return side
     across2 = degree * (degree - 1) * (rows[2] - 2 * rows[1] + rows[0])

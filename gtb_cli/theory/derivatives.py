@@ -47,7 +47,8 @@ class DerivativeField:
         if order not in (1, 2):
             raise DomainError(f"order: expected 1 or 2, got {order!r}")
         shape, work_arrays = self.basis.domain, 24  # as large as T, alive at once
-        result = np.empty((*(shape.dimension,) * order, self._count, len(u)))
+        count = len(shape.knots) if self.values is None else self.values.shape[1]
+        result = np.empty((*(shape.dimension,) * order, count, len(u)))
         if parametrization == "toric":
             step = max(64, block_length(len(shape.knots)) // work_arrays)
             for begin in range(0, len(u), step):
@@ -64,13 +65,11 @@ class DerivativeField:
         result[np.isnan(result)] = np.inf  # differences of numbers beyond floats
         return np.asarray(np.moveaxis(result, [-1, -2], [0, 1]))
 
-    @cached_property
-    def _count(self) -> int:
-        return len(self.basis.domain.knots) if self.values is None else self.values.shape[1]
-
     def _columns(self, k: int) -> FloatArray:
         """Return the values at n knots, less the values at knot k; of the T_i their values 0 and 1."""
-        return np.eye(self._count) if self.values is None else np.asarray((self.values - self.values[k]).T)
+        if self.values is None:
+            return np.eye(len(self.basis.log_weights))
+        return np.asarray((self.values - self.values[k]).T)
 
     def _sums(self, k: int) -> Callable[[FloatArray], FloatArray]:
         """Return the function that weights values, as `_columns` has them, by (n, m) terms and adds them up."""

@@ -110,22 +110,18 @@ class Curve:
 
 def edge_curve(patch: Patch, edge: int) -> Curve:
     """Return the curve of an edge."""
-    return edge_curves([patch], [(0, edge)])[0]
+    members, knots, first = patch.domain.edge_fractions[edge]
+    weights, points = patch.log_products[members], patch.control_points[members]
+    if len(first) < len(knots):  # copies of a knot act as one (Thm 4.1)
+        copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
+        tops, sums = summed(copies, weights, np.column_stack([np.ones(len(knots)), points]))
+        knots, weights, points = knots[first], tops + np.log(sums[:, 0]), sums[:, 1:] / sums[:, :1]
+    return Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points)
 
 
 def edge_curves(patches: Sequence[Patch], refs: Iterable[EdgeRef]) -> list[Curve]:
     """Return the curves of edges."""
-    curves = []
-    for index, edge in refs:
-        basis = patches[index].rational_basis
-        members, knots, first = basis.domain.edge_fractions[edge]
-        weights, points = basis.log_weights[members], patches[index].control_points[members]
-        if len(first) < len(knots):  # copies of a knot act as one (Thm 4.1)
-            copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
-            tops, sums = summed(copies, weights, np.column_stack([np.ones(len(knots)), points]))
-            knots, weights, points = knots[first], tops + np.log(sums[:, 0]), sums[:, 1:] / sums[:, :1]
-        curves.append(Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points))
-    return curves
+    return [edge_curve(patches[index], edge) for index, edge in refs]
 
 
 def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:

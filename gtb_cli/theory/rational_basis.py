@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
-from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import CUT_OFF_SHARE, block_length, exponentials, weighted_sums
 from gtb_cli.theory.basis import Location, torus_coordinates
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import Parametrization
+from gtb_cli.vocabulary import Parametrization, check_word
 
 
 @frozen
@@ -40,11 +40,10 @@ class RationalBasis:
         linear one was not found to `RESIDUAL`.
         """
         columns, _ = self.domain.grid(u)
+        check_word("parametrization", parametrization, ("toric", "linear"))
         if parametrization == "toric":
             return toric_locations(self.domain, columns, faces)
-        if parametrization == "linear":
-            return self.linear.locations(columns, faces)
-        raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
+        return self.linear.locations(columns, faces)
 
     @cached_property
     def linear(self) -> LinearParametrization:
@@ -150,13 +149,11 @@ class LinearParametrization:
         Vertices of `triangulation` with a `resolution` are found sooner. Where there are several vectors of weights,
         `numbers` says which one each point uses. See `RationalBasis.locations`.
         """
-        rows = None
+        rows = np.arange(len(p))
         if faces is not None and numbers is None:
             rows = yield from self._even(p, faces, resolution)
-        if faces is None or rows is None:
-            yield from self._located(p, faces, within, numbers)
-            return
-        for location in self._located(p[rows], faces[rows], within, None):
+            p, faces = p[rows], faces[rows]
+        for location in self._located(p, faces, within, numbers):
             yield location._replace(rows=rows[location.rows])
 
     def _located(
@@ -179,18 +176,19 @@ class LinearParametrization:
             s = system.moments.inverse(places, within, None, own)
             yield Location(rows, shape.faces[INTERIOR], system.moments.knots, s)
 
-    def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray | None]:
+    def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray]:
         """Locate most inner vertices of `triangulation`, by starts interpolated from solutions at a few of them.
 
-        Return the other rows, or None where interpolation fails.
+        Return the other rows: all where interpolation fails.
         """
+        every = np.arange(len(p))
         if resolution < 48 or self.shape.dimension == 1:  # interpolation needs 12 nodes in a line
-            return None
+            return every
         from gtb_cli.moment.coarse_to_fine import vertex_lattices  # a coarse mesh does not need it
 
         lattice, inner = vertex_lattices(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
         if not lattice.is_worth_it or lattice.counts.sum() != len(inner):
-            return None
+            return every
         system, moments = self.longest, self.longest.moments
 
         def solve(points: FloatArray, start: FloatArray | None) -> FloatArray:
@@ -207,7 +205,7 @@ class LinearParametrization:
         try:
             lines = lattice.lines(solve)
         except ToleranceError:
-            return None
+            return every
         rest = [np.flatnonzero(faces != INTERIOR)]
         for lattice_rows, block in lattice.blocks(block_length(len(self.shape.knots))):
             rows = inner[block]

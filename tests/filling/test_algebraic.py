@@ -1,13 +1,11 @@
 """Sides that lie on a quadric, a cubic or a quartic are filled as this surface."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.filling import fairest
-from gtb_cli.filling.algebraic import algebraic_surface
+from gtb_cli.filling.algebraic import ways_to_surface
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, points_and_tangents, side_normals, stations
 from gtb_cli.filling.tangent_rows import EdgeRows
@@ -49,8 +47,8 @@ def known(kind: str) -> list[HoleSide]:
     ("kind", "degree"), [("sphere", 2), ("cubic", 3), ("torus", 4), ("page", 0), ("cap", 0), ("random", 0)]
 )
 def test_sides_tell_of_the_surface_on_which_they_lie(kind, degree):
-    found = algebraic_surface([EdgeRows(side.curve, side_normals(side), None) for side in known(kind)])
-    assert (0 if found is None else found.powers.sum(axis=1).max()) == degree
+    found = ways_to_surface([EdgeRows(side.curve, side_normals(side), None) for side in known(kind)])
+    assert (0 if found is None else found.args[0].sum(axis=1).max()) == degree
 
 
 @pytest.mark.parametrize(("kind", "most"), mostly_long([("sphere", 2e-4), ("cubic", 5e-4), ("torus", 3e-3)]))
@@ -70,5 +68,5 @@ def test_the_end_of_a_pipe_is_closed():
 
 def test_a_surface_that_a_patch_comes_no_nearer_to_is_not_followed(monkeypatch):
     plain = fill_loop(random_sides(5, 0), raises=0).patch
-    monkeypatch.setattr(fairest, "algebraic_surface", lambda _: SimpleNamespace(ways=np.zeros_like))
+    monkeypatch.setattr(fairest, "ways_to_surface", lambda _: np.zeros_like)
     assert fill_loop(random_sides(5, 0), raises=0).patch == plain

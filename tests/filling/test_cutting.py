@@ -141,12 +141,12 @@ def test_only_a_loop_of_curves_is_cut_inside_a_side():
     hole = plane_sides(np.array([[0.0, 0, 0], [4, 2, 0], [0, 4, 0], [1.5, 2, 0]]), [1] * 4)
     assert [corner.concave for corner in corners(hole)] == [False, False, False, True]
     assert len(list(_cuts(hole, False, 4))) == 1
-    cuts = sorted(_cuts(hole, True, 4), key=lambda cut: cut.cost)
-    assert cuts[0].remark == "the hole is cut from its concave corner (1.5, 2, 0) to (4, 2, 0)"
-    assert [cut.remark[-14:] for cut in cuts[1:]] in ([f"cuts s{k} in two" for k in pair] for pair in ((0, 1), (1, 0)))
-    for cut in cuts[1:]:
-        loop(cut.left)
-        loop(cut.right)
+    cuts = sorted(_cuts(hole, True, 4), key=lambda cut: cut[0])
+    assert cuts[0][3] == "the hole is cut from its concave corner (1.5, 2, 0) to (4, 2, 0)"
+    assert [cut[3][-14:] for cut in cuts[1:]] in ([f"cuts s{k} in two" for k in pair] for pair in ((0, 1), (1, 0)))
+    for _, left, right, _ in cuts[1:]:
+        loop(left)
+        loop(right)
 
 
 def test_a_side_is_cut_in_two_exactly():
@@ -186,6 +186,8 @@ def test_a_spike_is_a_fault_where_corners_are_concave_or_beyond_measure():
         HoleSide(f"{k}", np.array([a, 1.5 * (a + b) * [1, 1, 1, 1 / 3], b])) for k, (a, b) in enumerate(pairwise(ends))
     ]
     assert "from its concave corners" in replace(filling, sides=tuple(lobes), folds=1).fault
+    turned = [replace(each, angle=angle) for each, angle in zip(filling.contacts, (50, 1, 170, math.nan), strict=True)]
+    assert f"is turned over along {filling.sides[2].name}:" in replace(filling, contacts=tuple(turned)).fault
 
 
 @long
