@@ -210,7 +210,8 @@ def carried_out(
         if copy.original in several:
             faults.add(several[copy.original], f"{shown(copy.original)} is copied, and the name of two patches")
         elif copy.original not in named and copy.original not in source:
-            others = [name for name in (*named, *source) if name not in copy.names][:1000]
+            beside = [name for name in (*named, *source) if name not in copy.names]
+            others = [name for name in beside if not name.startswith(f"{copy.original}-")][:1000]
             hint = suggestion(copy.original, others) if faults.count < faults.SHOWN else ""
             hint = hint or "".join([", there are ", ", ".join(map(shown, others[:10]))] * bool(others))
             faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{hint}")
