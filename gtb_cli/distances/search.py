@@ -222,9 +222,8 @@ class FarthestSearch:
         starts = min(starts, *(len(surface.points) for surface in self.surfaces))
         near = np.empty((len(far), starts + starts // 6), dtype=np.int64)
         for index, rows in groups(self.target[way[far]]):
-            farther = np.geomspace(starts, len(self.surfaces[index].points), starts // 6)
-            order = np.append(np.arange(1, starts + 1), farther.astype(int))
-            near[rows] = self.first[index] + self.trees[index].query(points[far[rows]], order)[1]
+            order = np.append(np.arange(1, starts + 1), np.geomspace(starts, self.trees[index].n, starts // 6))
+            near[rows] = self.first[index] + self.trees[index].query(points[far[rows]], order.astype(int))[1]
         search(far, *rows_of(self.places, near))
         return found, nearest
 
