@@ -41,12 +41,14 @@ def pytest_load_initial_conftests(early_config: pytest.Config, parser: pytest.Pa
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     """Fail a test that wrote golden files, at its end, so that one run writes those of all its checks; also a rerun."""
-    result = yield
+    try:
+        result = yield
+    except (pytest.skip.Exception, pytest.xfail.Exception):
+        if not item.stash.get(_WRITTEN, None):
+            raise
     if written := item.stash.get(_WRITTEN, None):
         item.stash[_TOLD] = "\n".join(written)
-        written.clear()
-    if told := item.stash.get(_TOLD, ""):
-        pytest.fail(told, pytrace=False)
+        pytest.fail(item.stash[_TOLD], pytrace=False)
     return result
 
 
@@ -92,8 +94,8 @@ def mesh_regression(request: pytest.FixtureRequest) -> Iterator[MeshRegression]:
     A golden file that is missing is written, and the test fails once; --force-regen renews those that differ likewise.
     """
     yield MeshRegression(request)
-    if written := request.node.stash[_WRITTEN]:  # by other fixtures, after the test
-        pytest.fail("\n".join(written), pytrace=False)
+    if (told := "\n".join(request.node.stash[_WRITTEN])) != request.node.stash.get(_TOLD, ""):  # after the test
+        pytest.fail(told, pytrace=False)
 
 
 class MeshRegression:
@@ -101,8 +103,7 @@ class MeshRegression:
 
     def __init__(self, request: pytest.FixtureRequest) -> None:
         self._test, self._file, self._config = request.node, request.path, request.config
-        self._written: list[str] = []
-        self._test.stash[_WRITTEN] = self._written
+        self._written = self._test.stash.setdefault(_WRITTEN, [])
         self._named_after_test = False  # whether a golden file has the name of the test already
 
     def check(

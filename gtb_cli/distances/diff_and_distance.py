@@ -25,6 +25,7 @@ from gtb_cli.meshes.correspondence import nearest_cells
 from gtb_cli.meshes.difference import Difference, allowed_for, are, difference
 from gtb_cli.meshes.hausdorff import Distance, Farthest, mesh_distance
 from gtb_cli.meshes.mesh import LIBRARIES, NORMALS, TEXTURE, KnownMesh, Mesh, Values, are_marks, known_exactly, rounding
+from gtb_cli.meshes.topology import components_of
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.attributes import QUALITY_NAME
 from gtb_cli.tessellation.recipe import Recipe
@@ -190,10 +191,10 @@ def compared(
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
     pairs, lone = partners(a.spec.patches, b.spec.patches, allowed)
-    most = max((pair.distance for pair in pairs), default=0.0)
-    at = Farthest(most, tuple(a.spec.patches[0].control_points[0].tolist()))
+    most, place = max(((pair.distance, pair.first) for pair in pairs), default=(0.0, 0))
+    at = Farthest(most, tuple(a.spec.patches[place].evaluate(a.spec.patches[place].domain.vertices)[0].tolist()))
     found = Distance(at, at, most, is_proved=True)
-    if any(lone) or most > allowed_for(None, diagonal, resolution)[1]:
+    if any(lone) or most > min(allowed, allowed_for(None, diagonal, resolution)[1]):
         found = shape_distance(a.spec, b.spec)
     dimensions = {each.dimension for each in once}
     is_same = found.distance <= allowed and len(dimensions) == 1
@@ -240,29 +241,36 @@ def _sides_and_names(
     a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], found: Sequence[Pair], lone: Sequence[list[int]]
 ) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
     """Compare two specs of one surface: how many patches are turned over, remarks on names, and what is left out."""
-    rows = [
-        [each.patches.index(p.replace(name=None)) for p in of.patches] for each, of in zip(once, (a, b), strict=True)
-    ]
+    rows = [[m.patches.index(p.replace(name=None)) for p in of.patches] for m, of in zip(once, (a, b), strict=True)]
     here, there = (mesh.origin.turned[row] for mesh, row in zip(meshes, rows, strict=True) if mesh.origin is not None)
-    turned = sum(here[first] ^ there[second] ^ over for first, second, _, over in found)
+    ours, theirs = (_one_sided(each, row) for each, row in zip(once, rows, strict=True))
+    turned = sum(here[p] ^ there[q] ^ over for p, q, _, over in found if not (ours[p] and theirs[q]))
     pairs, is_cut = [(first, second) for first, second, *_ in found], False
     if any(lone):  # most of their faces tell
         one, other = (0, 1) if len(lone[0]) >= len(lone[1]) else (1, 0)
         nearest, over = nearest_cells(meshes[one], meshes[other])
         groups = [slice(*meshes[one].groups[rows[one][k]][1:]) for k in lone[one]]
-        turned += sum(over[group].sum() > over[group].size / 2 for group in groups)
         ends = [stop for _, _, stop in meshes[other].groups]
         counts = [np.bincount(np.searchsorted(ends, nearest[group], "right"), minlength=len(ends)) for group in groups]
         home = [rows[other].index(int(each.argmax())) for each in counts]
+        homes = [*zip(*((lone[0], home) if one == 0 else (home, lone[1])), strict=True)]
+        sided = [over[g] for g, (p, q) in zip(groups, homes, strict=True) if not (ours[p] and theirs[q])]
+        turned += sum(each.sum() > each.size / 2 for each in sided)
         is_cut = sorted(home) != lone[other] or any(each.max() < 0.9 * each.sum() for each in counts)
-        pairs += [] if is_cut else zip(*((lone[0], home) if one == 0 else (home, lone[1])), strict=True)
+        pairs += [] if is_cut else homes
     names = [(a.patches[first].name, b.patches[second].name) for first, second in sorted(pairs)]
-    others = [pair for pair in names if pair[0] != pair[1] and len(names) > 1]
+    others = [pair for pair in names if pair[0] != pair[1] and max(map(len, (a.patches, b.patches))) > 1]
     old, new = (" ".join(str(pair[way]) for pair in others) for way in (0, 1))
     left_out = ("names of patches are not compared where they are cut otherwise",) * is_cut
-    if all(each.joints.one_sided for each in once):
-        turned, left_out = 0, (*left_out, "sides of patches are not compared, as each surface has only one")
+    left_out += ("sides of patches are not compared where a surface has only one",) * (any(ours) and any(theirs))
     return int(turned), (f"groups: {old} against {new}",) * bool(others), left_out
+
+
+def _one_sided(model: Model, rows: Sequence[int]) -> list[bool]:
+    """Tell for each of some patches whether it is part of a surface with one side."""
+    pairs = np.array([(joint.first[0], joint.second[0]) for joint in model.joints.shared], dtype=np.int64)
+    part = components_of(pairs.reshape(-1, 2), len(model.patches))
+    return list(np.isin(part, part[[joint.first[0] for joint in model.joints.one_sided]])[rows].tolist())
 
 
 def _once(spec: Spec) -> Model:

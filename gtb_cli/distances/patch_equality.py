@@ -23,43 +23,50 @@ class Pair(NamedTuple):
 def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> tuple[list[Pair], list[list[int]]]:
     """Pair patches of two lists that are proved to have the same points, within a distance.
 
-    Each is in one pair, of equal names if that can be. Also return those of each list that are no patch of the other.
+    As many as can be are paired, by equal names if that can be. Also return those of each list that are in no other.
     Patches P and Q with Q(M s + β) = P(s), as after a change of degree, of axes, of weights by κ e^{<σ, a>} or of knots
     by an affine map, are recognised by their `difference`, so that no place is missed, however narrow; the terms that
     they begin with at a corner give M and β. Others that are one surface, such as parts of one that is cut, are not,
     nor are patches all of whose corners are on edges that are points.
     """
+    from scipy.sparse import csgraph, csr_array
     from scipy.spatial import cKDTree
 
+    rounding = 64 * EPS * max(float(np.abs(patch.control_points).max()) for patch in a)
+    tolerance = max(tolerance, rounding)
     corners = [[patch.evaluate(patch.domain.vertices) for patch in each] for each in (a, b)]
     boxes = [cKDTree([np.concatenate(bounds_of(points)) for points in each]) for each in corners]
     near = boxes[0].query_ball_tree(boxes[1], tolerance, p=np.inf)
-    tried = ((first, second, _same(a[first], b[second], tolerance)) for first, k in enumerate(near) for second in k)
+    tried = ((p, q, _same(a[p], b[q], tolerance, rounding)) for p, others in enumerate(near) for q in others)
     found = [Pair(first, second, *same) for first, second, same in tried if same]
-    pairs = list[Pair]()
-    for pair in sorted(found, key=lambda pair: (a[pair.first].name != b[pair.second].name, pair.distance, pair)):
-        if all(pair.first != each.first and pair.second != each.second for each in pairs):
-            pairs.append(pair)
+    # All distances together cost less than another name does, all names less than a patch that is left alone.
+    most = 2 * len(a) * max((pair.distance for pair in found), default=0.0) or 1.0
+    costs = [(p, q, 1 + (a[p].name != b[q].name) + apart / most) for p, q, apart, _ in found]
+    costs += [(k, len(b) + k, 3.0 * len(a) + 3) for k in range(len(a))]
+    rows, columns, values = zip(*costs, strict=True)
+    partner = csgraph.min_weight_full_bipartite_matching(csr_array((values, (rows, columns))))[1]
+    pairs = [pair for pair in found if pair.second == partner[pair.first]]
     lone = [sorted({*range(len(each))} - {pair[way] for pair in found}) for way, each in enumerate((a, b))]
     return pairs, lone
 
 
-def _same(a: Patch, b: Patch, tolerance: float) -> tuple[float, bool] | None:
-    """Return the distance of corresponding points, at most, and whether the sides are exchanged; None without proof."""
+def _same(a: Patch, b: Patch, tolerance: float, rounding: float) -> tuple[float, bool] | None:
+    """Return the least distance of corresponding points, at most, and if sides are exchanged; None without proof."""
     if a.replace(name=None) == b.replace(name=None):
         return 0.0, False
     if a.dimension != b.dimension:
         return None
     one, other = map(_rational, (a, b))
-    rounding = EPS * float(np.abs(a.control_points).max())
-    for least in (tolerance, 64 * rounding):
+    nearest = np.inf, False
+    for least in (tolerance, rounding):
         ends = product(corners_of(one, least), corners_of(other, least), permutations(range(a.dimension)))
         for here, there, order in ends:
             if np.linalg.norm(here.point - there.point) <= tolerance:
-                found, _ = least_difference(one, other, *here.carried(there, order), tolerance)
-                if found <= tolerance:
-                    return found + 16 * rounding, order[0] == 1
-    return None
+                found, _ = least_difference(one, other, *here.carried(there, order), rounding)
+                if found <= rounding and order[0] == 0:
+                    return found + rounding / 4, False
+                nearest = min(nearest, (found + rounding / 4, order[0] == 1))
+    return nearest if nearest[0] <= tolerance + rounding / 4 else None
 
 
 def _rational(patch: Patch) -> Rational:

@@ -53,6 +53,7 @@ class FarthestSearch:
         self.frame, self.count = Frame.around(*(surface.points for surface in surfaces)), count
         self.surfaces = surfaces = [surface.seen_from(self.frame) for surface in surfaces]
         self.trees = [cKDTree(surface.points) for surface in surfaces]
+        self.relatives = [cKDTree(surface.relative) for surface in surfaces]
         self.source, self.target = np.array(ways).T
         self.first = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
         columns = np.cumsum([0, *(surface.strata.log_weights.shape[1] for surface in surfaces)])
@@ -86,16 +87,13 @@ class FarthestSearch:
 
     def candidates(self) -> Candidates:
         """Return all points of the start, at the distances of the nearest points of the other surface."""
-        from scipy.spatial import cKDTree
-
         rows = []
         for way, (one, other) in enumerate(zip(self.source.tolist(), self.target.tolist(), strict=True)):
-            here, there = self.surfaces[one], self.surfaces[other]
+            here, first = self.surfaces[one], self.first[other]
             apart, nearest = map(np.asarray, self.trees[other].query(here.points))
-            like = np.asarray(cKDTree(there.relative).query(here.relative)[1])
+            like = first + np.asarray(self.relatives[other].query(here.relative)[1])
             points = self.first[one] + np.arange(len(apart))
-            near, like = self.first[other] + nearest, self.first[other] + like
-            rows.append(Candidates(np.full(len(points), way), points, apart, near, like))
+            rows.append(Candidates(np.full(len(points), way), points, apart, first + nearest, like))
         return joined(rows)
 
     def bounded(self, candidates: Candidates) -> Candidates:
@@ -202,8 +200,8 @@ class FarthestSearch:
     ) -> tuple[FloatArray, StratumPlaces]:
         """Find how far (m, 3) points are from the surfaces to which their ways lead, (m,), and their nearest points.
 
-        The search starts from a guess, if there is one, then from so many points of the other surface; it ends where a
-        distance is at most `enough`, (m,).
+        The search starts from a guess, if there is one, then from so many points of the other surface, and a few that
+        are farther, not all in one small patch; it ends where a distance is at most `enough`, (m,).
         """
         found = np.full(len(points), np.inf)
         nearest = StratumPlaces(np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2)))
@@ -222,9 +220,10 @@ class FarthestSearch:
             search(np.arange(len(points)), guess.stratum[:, None], guess.s[:, None])
         far = np.flatnonzero(found > enough)
         starts = min(starts, *(len(surface.points) for surface in self.surfaces))
-        near = np.empty((len(far), starts), dtype=np.int64)
+        near = np.empty((len(far), starts + starts // 6), dtype=np.int64)
         for index, rows in groups(self.target[way[far]]):
-            near[rows] = self.first[index] + self.trees[index].query(points[far[rows]], np.arange(1, starts + 1))[1]
+            order = np.append(np.arange(1, starts + 1), np.geomspace(starts, self.trees[index].n, starts // 6))
+            near[rows] = self.first[index] + self.trees[index].query(points[far[rows]], order.astype(int))[1]
         search(far, *rows_of(self.places, near))
         return found, nearest
 
