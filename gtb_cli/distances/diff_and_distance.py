@@ -241,7 +241,8 @@ def _sides_and_names(
     a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], found: Sequence[Pair], lone: Sequence[list[int]]
 ) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
     """Compare two specs of one surface: how many patches are turned over, remarks on names, and what is left out."""
-    rows = [[m.patches.index(p.replace(name=None)) for p in of.patches] for m, of in zip(once, (a, b), strict=True)]
+    numbers = [{patch: k for k, patch in enumerate(model.patches)} for model in once]
+    rows = [[of[patch.replace(name=None)] for patch in each.patches] for of, each in zip(numbers, (a, b), strict=True)]
     here, there = (mesh.origin.turned[row] for mesh, row in zip(meshes, rows, strict=True) if mesh.origin is not None)
     ours, theirs = (_one_sided(each, row) for each, row in zip(once, rows, strict=True))
     turned = sum(here[p] ^ there[q] ^ over for p, q, _, over in found if not (ours[p] and theirs[q]))
@@ -258,9 +259,10 @@ def _sides_and_names(
         turned += sum(each.sum() > each.size / 2 for each in sided)
         is_cut = sorted(home) != lone[other] or any(each.max() < 0.9 * each.sum() for each in counts)
         pairs += [] if is_cut else homes
-    names = [(a.patches[first].name, b.patches[second].name) for first, second in sorted(pairs)]
+    refs = [((first, a.patches[first].name), (second, b.patches[second].name)) for first, second in sorted(pairs)]
+    names = [[name or f"patch{k}" for k, name in pair] for pair in refs if any(name for _, name in pair)]  # as meshes
     others = [pair for pair in names if pair[0] != pair[1] and max(map(len, (a.patches, b.patches))) > 1]
-    old, new = (" ".join(str(pair[way]) for pair in others) for way in (0, 1))
+    old, new = (" ".join(pair[way] for pair in others) for way in (0, 1))
     left_out = ("names of patches are not compared where they are cut otherwise",) * is_cut
     left_out += ("sides of patches are not compared where a surface has only one",) * (any(ours) and any(theirs))
     return int(turned), (f"groups: {old} against {new}",) * bool(others), left_out
