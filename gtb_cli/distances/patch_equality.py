@@ -36,8 +36,12 @@ def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> tuple[
     tolerance = max(tolerance, rounding)
     corners = [[patch.evaluate(patch.domain.vertices) for patch in each] for each in (a, b)]
     boxes = [cKDTree([np.concatenate(bounds_of(points)) for points in each]) for each in corners]
-    near = boxes[0].query_ball_tree(boxes[1], tolerance, p=np.inf)
-    tried = ((p, q, _same(a[p], b[q], tolerance, rounding)) for p, others in enumerate(near) for q in others)
+    near = set[tuple[int, int]]()  # within a wide tolerance, those about as near as the nearest
+    for way, (here, there) in enumerate((boxes, boxes[::-1])):
+        reach = np.minimum(2 * there.query(here.data, p=np.inf)[0] + rounding, tolerance)
+        for k, others in enumerate(there.query_ball_point(here.data, reach, p=np.inf)):
+            near |= {(k, other) if way == 0 else (other, k) for other in others}
+    tried = ((p, q, _same(a[p], b[q], tolerance, rounding)) for p, q in sorted(near))
     found = [Pair(first, second, *same) for first, second, same in tried if same]
     # All distances together cost less than another name does, all names less than a patch that is left alone.
     most = 2 * len(a) * max((pair.distance for pair in found), default=0.0) or 1.0
