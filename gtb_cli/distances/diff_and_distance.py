@@ -263,7 +263,8 @@ def _sides_and_names(
     names = [[name or f"patch{k}" for k, name in pair] for pair in refs if any(name for _, name in pair)]  # as meshes
     others = [pair for pair in names if pair[0] != pair[1] and max(map(len, (a.patches, b.patches))) > 1]
     old, new = (" ".join(pair[way] for pair in others) for way in (0, 1))
-    left_out = ("names of patches are not compared where they are cut otherwise",) * is_cut
+    words = "names of patches, and how often they are there,"
+    left_out = (f"{words} are not compared where they are cut otherwise",) * is_cut
     left_out += ("sides of patches are not compared where a surface has only one",) * (any(ours) and any(theirs))
     return int(turned), (f"groups: {old} against {new}",) * bool(others), left_out
 

@@ -157,6 +157,8 @@ class _ObjLines:
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
         marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
+        lone = [int(each) - 1 for each in re.findall(r"(?<= )[0-9]+", "".join(re.findall("^p( .*)", told, re.M)))]
+        told += "".join(f" {x + 0:.7g}" for k in lone if 0 <= k < len(vertices) for x in vertices[k].tolist())
         libraries = tuple(name for keyword, name, _ in self.names if keyword == b"mtllib" and materials)
         for label, text in ((f"{OTHER}points and settings", told), (LIBRARIES, "\n".join(libraries))):
             marks[label] = [([mark_of(text)], 0, self.cell_count)] if text else []
