@@ -20,7 +20,7 @@ import pytest
 from gtb_cli.vocabulary import FORMATS, Aspect, Comparison, suffix_of
 
 if TYPE_CHECKING:
-    from gtb_cli.distances.diff_and_distance import Comparable
+    from gtb_cli.distances.operands import Comparable
     from gtb_cli.verdicts.comparing import Comparing
 
 _TESTS = pytest.StashKey[dict[str, str]]()  # that have golden files of their names, by these
@@ -150,7 +150,7 @@ class MeshRegression:
         file cannot be read or written, or the arguments make no sense.
         """
         __tracebackhide__ = True
-        from gtb_cli.distances.diff_and_distance import operand
+        from gtb_cli.distances.operands import operand
         from gtb_cli.errors import DomainError, GtbError
         from gtb_cli.formats.export import encode_mesh
         from gtb_cli.tessellation.recipe import Recipe

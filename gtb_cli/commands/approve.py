@@ -164,7 +164,7 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
     source = verdict.paths[1]
     if suffix_of(source) not in FORMATS:
         return ", ".join([*(verdict.found.faults if verdict.found else ()), f"{len(content)} bytes"])
-    from gtb_cli.distances.diff_and_distance import decoded
+    from gtb_cli.distances.operands import decoded
     from gtb_cli.review.changes import change
 
     new = decoded(content, source, comparing.recipe).known.mesh

@@ -23,7 +23,7 @@ from gtb_cli.verdicts.verdict import Verdict
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, SPEC_FORMATS, Aspect, Comparison, suffix_of
 
 if TYPE_CHECKING:
-    from gtb_cli.distances.diff_and_distance import Operand
+    from gtb_cli.distances.operands import Operand
     from gtb_cli.meshes.mesh import Mesh
 
 
@@ -43,7 +43,8 @@ class Comparing:
         verdict = Verdict(os.path.basename(shown[1]), shown, "same")
         if _are_equal_meshes(first, second):
             return verdict
-        from gtb_cli.distances.diff_and_distance import compared, made_with
+        from gtb_cli.distances.diff_and_distance import compared
+        from gtb_cli.distances.operands import made_with
 
         a, b = self.read(first), self.read(second)
         found = compared(a, b, self.tolerance, self.kind, self.ignore)
@@ -113,7 +114,7 @@ class Comparing:
 
     def read(self, path: str) -> Operand:
         """Read a mesh file, or a spec, which becomes a mesh where one is needed."""
-        from gtb_cli.distances.diff_and_distance import decoded
+        from gtb_cli.distances.operands import decoded
 
         return decoded(mesh_or_spec(path), shown_input(path), self.recipe, self.reading)
 
@@ -159,7 +160,7 @@ def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, 
 
 def mesh_or_spec(path: str) -> bytes:
     """Read a mesh file, or a spec, or standard input; at most one byte more than it may have."""
-    from gtb_cli.distances.diff_and_distance import read_content
+    from gtb_cli.distances.operands import read_content
     from gtb_cli.formats.meshfiles import MAX_FILE_BYTES, MAX_STREAM_BYTES
 
     with opened(path) as file:

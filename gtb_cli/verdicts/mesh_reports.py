@@ -27,7 +27,7 @@ def spec_or_report(path: str, printed: Callable[[Mesh], dict[str, Any]]) -> Spec
     """
     import hashlib
 
-    from gtb_cli.distances.diff_and_distance import decoded
+    from gtb_cli.distances.operands import decoded
     from gtb_cli.importers.cad_files import cad_kind
 
     data = mesh_or_spec(path)

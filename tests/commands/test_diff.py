@@ -86,7 +86,7 @@ def folders(tmp_path):
 
 
 def test_equal_bytes_are_compared_at_once(tmp_path, monkeypatch):
-    monkeypatch.setattr("gtb_cli.distances.diff_and_distance.decoded", None)
+    monkeypatch.setattr("gtb_cli.distances.operands.decoded", None)
     for suffix in ("obj", "stl", "ply", "glb"):
         paths = tmp_path / f"one.{suffix}", tmp_path / f"two.{suffix}"
         for path in paths:

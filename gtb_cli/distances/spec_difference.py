@@ -1,0 +1,127 @@
+"""Two patches, models or curves compared themselves: their surfaces, sides, names, and open edges."""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from gtb_cli.distances.between_shapes import shape_distance
+from gtb_cli.distances.patch_equality import Pair, partners
+from gtb_cli.meshes.correspondence import nearest_cells
+from gtb_cli.meshes.difference import Difference, allowed_for, are
+from gtb_cli.meshes.hausdorff import Distance, Farthest
+from gtb_cli.meshes.mesh import Mesh, rounding
+from gtb_cli.meshes.topology import components_of
+from gtb_cli.models.model import Model
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.theory.edges import edge_curve
+from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import Aspect
+
+
+def spec_difference(
+    a: Patch | Model, b: Patch | Model, tolerance: float | str | None, aspects: Collection[Aspect]
+) -> Difference:
+    """Compare two specs as the points that they describe, whatever their parameters; see `diff`.
+
+    Patches that are another one in other words are proved to be by `partners`; if there are others, `shape_distance`
+    searches for the farthest points. `aspects` are ignored.
+    """
+    once = [_once(spec) for spec in (a, b)]
+    meshes = [Recipe(8).mesh(each)[0] for each in once]
+    bounds = [mesh.bounds for mesh in meshes]
+    resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
+    diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
+    asked, allowed = allowed_for(tolerance, diagonal, resolution)
+    pairs, lone = partners(a.patches, b.patches, allowed)
+    most, place = max(((pair.distance, pair.first) for pair in pairs), default=(0.0, 0))
+    at = Farthest(most, tuple(a.patches[place].evaluate(a.patches[place].domain.vertices)[0].tolist()))
+    found = Distance(at, at, most, is_proved=True)
+    if any(lone) or most > min(allowed, allowed_for(None, diagonal, resolution)[1]):
+        found = shape_distance(a, b)
+    dimensions = {each.dimension for each in once}
+    is_same = found.distance <= allowed and len(dimensions) == 1
+    sides = zip(("first", "second"), (a, b), lone, strict=True)
+    spare = {name: len(spec.patches) - len(alone) - len(pairs) for name, spec, alone in sides}
+    repeated = [f"{are(n, 'patch', 'patches')} there more often in the {name}" for name, n in spare.items() if n]
+    turned, values, left_out = _sides_and_names(a, b, once, meshes, pairs, lone) if is_same else (0, (), ())
+    return Difference(
+        method="patches",
+        distance=found.distance,
+        bound=found.bound,
+        tolerance=allowed,
+        asked=asked,
+        resolution=resolution,
+        diagonal=diagonal,
+        forward=found.forward,
+        backward=found.backward,
+        same_kind=len(dimensions) == 1,
+        is_curve=dimensions == {1},
+        turned=turned,
+        remarks=(*repeated, *_open_edges(once, allowed)) if is_same else (),
+        ignored=tuple(sorted(aspects)),
+        values=() if "attributes" in aspects else values,
+        uncompared=left_out,
+        is_searched=not found.is_proved,
+    )
+
+
+def _sides_and_names(
+    a: Patch | Model,
+    b: Patch | Model,
+    once: Sequence[Model],
+    meshes: Sequence[Mesh],
+    found: Sequence[Pair],
+    lone: Sequence[list[int]],
+) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
+    """Compare two specs of one surface: how many patches are turned over, remarks on names, and what is left out."""
+    numbers = [{patch: k for k, patch in enumerate(model.patches)} for model in once]
+    rows = [[of[patch.replace(name=None)] for patch in each.patches] for of, each in zip(numbers, (a, b), strict=True)]
+    here, there = (mesh.origin.turned[row] for mesh, row in zip(meshes, rows, strict=True) if mesh.origin is not None)
+    ours, theirs = (_one_sided(each, row) for each, row in zip(once, rows, strict=True))
+    turned = sum(here[p] ^ there[q] ^ over for p, q, _, over in found if not (ours[p] and theirs[q]))
+    pairs, is_cut = [(first, second) for first, second, *_ in found], False
+    if any(lone):  # most of their faces tell
+        one, other = (0, 1) if len(lone[0]) >= len(lone[1]) else (1, 0)
+        nearest, over = nearest_cells(meshes[one], meshes[other])
+        groups = [slice(*meshes[one].groups[rows[one][k]][1:]) for k in lone[one]]
+        ends = [stop for _, _, stop in meshes[other].groups]
+        counts = [np.bincount(np.searchsorted(ends, nearest[group], "right"), minlength=len(ends)) for group in groups]
+        home = [rows[other].index(int(each.argmax())) for each in counts]
+        homes = [*zip(*((lone[0], home) if one == 0 else (home, lone[1])), strict=True)]
+        sided = [over[g] for g, (p, q) in zip(groups, homes, strict=True) if not (ours[p] and theirs[q])]
+        turned += sum(each.sum() > each.size / 2 for each in sided)
+        is_cut = sorted(home) != lone[other] or any(each.max() < 0.9 * each.sum() for each in counts)
+        pairs += [] if is_cut else homes
+    refs = [((first, a.patches[first].name), (second, b.patches[second].name)) for first, second in sorted(pairs)]
+    names = [[name or f"patch{k}" for k, name in pair] for pair in refs if any(name for _, name in pair)]  # as meshes
+    others = [pair for pair in names if pair[0] != pair[1] and max(map(len, (a.patches, b.patches))) > 1]
+    old, new = (" ".join(pair[way] for pair in others) for way in (0, 1))
+    words = "names of patches, and how often they are there,"
+    left_out = (f"{words} are not compared where they are cut otherwise",) * is_cut
+    left_out += ("sides of patches are not compared where a surface has only one",) * (any(ours) and any(theirs))
+    return int(turned), (f"groups: {old} against {new}",) * bool(others), left_out
+
+
+def _one_sided(model: Model, rows: Sequence[int]) -> list[bool]:
+    """Tell for each of some patches whether it is part of a surface with one side."""
+    pairs = np.array([(joint.first[0], joint.second[0]) for joint in model.joints.shared], dtype=np.int64)
+    part = components_of(pairs.reshape(-1, 2), len(model.patches))
+    return list(np.isin(part, part[[joint.first[0] for joint in model.joints.one_sided]])[rows].tolist())
+
+
+def _once(spec: Patch | Model) -> Model:
+    """The patches without names, and without those that are there again."""
+    patches = dict.fromkeys(patch.replace(name=None) for patch in spec.patches)
+    return Model(patches, weld=getattr(spec, "weld", None))
+
+
+def _open_edges(models: Sequence[Model], allowed: float) -> tuple[str, ...]:
+    """Remark on open edges of patches, or ends of curves, in other places, and not on edges cut otherwise."""
+    one, other = (
+        [Patch([0, 1], edge_curve(m[k], e).ends) if m.dimension == 1 else m[k].boundary(e) for k, e in m.joints.open]
+        for m in models
+    )
+    both = bool(one and other)
+    are_other = shape_distance(Model(one), Model(other)).distance > allowed if both else bool(one or other)
+    what = "edges of patches" if models[0].dimension == 2 else "ends of curves"
+    return (f"{len(one)} open {what} against {len(other)}" + ", in other places" * both,) * are_other
