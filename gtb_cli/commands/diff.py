@@ -82,10 +82,10 @@ def diff(
     Meshes with the same faces, in any order, are compared vertex by vertex, others as surfaces (or curves): the largest
     distance of a point of either from the other. Two specs are compared as the points that they describe: a patch that
     is another one in other words (axes, degree, knots, weights) is proved to be, for others a search tells, which
-    proves nothing; in sides of patches; and in names, and how often they are there, of patches that are not cut
-    otherwise. Faces that are turned over, missing, there twice or without area, other holes or parts, and vertices that
-    are shared in another way are differences, too, unless --ignore says otherwise; so are other normals, texture
-    coordinates, attributes, groups and colours. Polygons count as triangles around their first corners; comments,
+    proves nothing; in sides of patches; in how often they are there, which areas tell where patches are cut otherwise;
+    and in names of patches that are not. Faces that are turned over, missing, there twice or without area, other holes
+    or parts, and vertices that are shared in another way are differences, too, unless --ignore says otherwise; so are
+    other normals, texture coordinates, attributes, groups and colours. Polygons count as triangles around their first corners; comments,
     titles, the name of a whole mesh and vertices that no face uses do not count, nor if OBJ has o for g. The first
     words say what was done: moved, mirrored in y, 25.4 times as large (1 in for 1 mm), 1 face is missing.
 

@@ -82,7 +82,7 @@ def _found(
 
     Sizes are measured if an axis is `up`; what a printer asks, of the solid.
     """
-    from gtb_cli.checks.areas_and_volumes import extents
+    from gtb_cli.distances.areas_and_volumes import extents
     from gtb_cli.meshes.measures import measure
     from gtb_cli.models.model import with_weld
 

@@ -1,13 +1,15 @@
-"""Two patches, models or curves compared themselves: their surfaces, sides, names, and open edges."""
+"""Two patches, models or curves compared themselves: surfaces, sides, names, open edges, and what is there twice."""
 
 from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from gtb_cli.distances.areas_and_volumes import coverage
 from gtb_cli.distances.between_shapes import shape_distance
 from gtb_cli.distances.patch_equality import Pair, partners
 from gtb_cli.meshes.correspondence import nearest_cells
 from gtb_cli.meshes.difference import Difference, allowed_for, are
+from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.hausdorff import Distance, Farthest
 from gtb_cli.meshes.mesh import Mesh, rounding
 from gtb_cli.meshes.topology import components_of
@@ -40,10 +42,8 @@ def spec_difference(
         found = shape_distance(a, b)
     dimensions = {each.dimension for each in once}
     is_same = found.distance <= allowed and len(dimensions) == 1
-    sides = zip(("first", "second"), (a, b), lone, strict=True)
-    spare = {name: len(spec.patches) - len(alone) - len(pairs) for name, spec, alone in sides}
-    repeated = [f"{are(n, 'patch', 'patches')} there more often in the {name}" for name, n in spare.items() if n]
     turned, values, left_out = _sides_and_names(a, b, once, meshes, pairs, lone) if is_same else (0, (), ())
+    repeated, doubts = _repeated(a, b, pairs, lone, Frame.around(*bounds), allowed) if is_same else ((), ())
     return Difference(
         method="patches",
         distance=found.distance,
@@ -60,7 +60,7 @@ def spec_difference(
         remarks=(*repeated, *_open_edges(once, allowed)) if is_same else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
-        uncompared=left_out,
+        uncompared=left_out + doubts,
         is_searched=not found.is_proved,
     )
 
@@ -96,10 +96,42 @@ def _sides_and_names(
     names = [[name or f"patch{k}" for k, name in pair] for pair in refs if any(name for _, name in pair)]  # as meshes
     others = [pair for pair in names if pair[0] != pair[1] and max(map(len, (a.patches, b.patches))) > 1]
     old, new = (" ".join(pair[way] for pair in others) for way in (0, 1))
-    words = "names of patches, and how often they are there,"
-    left_out = (f"{words} are not compared where they are cut otherwise",) * is_cut
+    left_out = ("names of patches are not compared where they are cut otherwise",) * is_cut
     left_out += ("sides of patches are not compared where a surface has only one",) * (any(ours) and any(theirs))
     return int(turned), (f"groups: {old} against {new}",) * bool(others), left_out
+
+
+def _repeated(
+    a: Patch | Model, b: Patch | Model, pairs: Sequence[Pair], lone: Sequence[list[int]], frame: Frame, allowed: float
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Remark on parts of one surface, or curve, that are there more often in one of two specs; and on what is left out.
+
+    Patches in no pair are counted if they are others in other words; else areas tell, and where they lie.
+    """
+    taken = [{pair[way] for pair in pairs} for way in (0, 1)]
+    sides = [*zip((a, b), taken, strict=True)]
+    rest = [[patch for k, patch in enumerate(spec.patches) if k not in paired] for spec, paired in sides]
+    numbers = [*zip(map(len, rest), ("first", "second"), strict=True)]
+    if not any(lone):
+        return tuple(f"{are(n, 'patch', 'patches')} there more often in the {name}" for n, name in numbers if n), ()
+    patches = [*rest[0], *rest[1]]
+    values, errors = coverage(patches, frame)
+    one, other = values[: len(rest[0])].sum(axis=0), values[len(rest[0]) :].sum(axis=0)
+    nets = [frame.inside(patch.control_points).clip(-1, 1) for patch in patches]
+    sizes = [np.linalg.norm(np.ptp(net, axis=0)) if a.dimension == 2 else 1.0 for net in nets]
+    strips = 8 * float(frame.length(allowed, -1)) * sum(sizes)  # edges, four of this length, may move by the tolerance
+    limits = errors.sum(axis=0) + 1e-9 * (one + other) + strips * np.array([1, np.e])
+    what = "area" if a.dimension == 2 else "length"
+    if (np.abs(one - other) <= limits).all():
+        doubt = "where patches are cut otherwise, one that is there twice may go unseen at this tolerance"
+        return (), (doubt,) * bool(limits[0] >= values[:, 0].min())
+    for (n, name), is_alone in zip(numbers, (not rest[1], not rest[0]), strict=True):
+        if is_alone:
+            return (f"{n} {'patch lies' if n == 1 else 'patches lie'} on others in the {name}",), ()
+    amounts = [f"{float(frame.length(each[0], a.dimension)):.9g}" for each in (one, other)]
+    if amounts[0] == amounts[1]:
+        return (f"in the same place, but other patches, with the same {what}, are there more often",), ()
+    return (f"in the same place, but patches that are cut otherwise have {' against '.join(amounts)} in {what}",), ()
 
 
 def _one_sided(model: Model, rows: Sequence[int]) -> list[bool]:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.checks.areas_and_volumes import _integrals, extents
+from gtb_cli.distances.areas_and_volumes import _integrals, extents
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.quadrature import quadrature
