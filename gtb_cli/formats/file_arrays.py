@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, as_indices, bounds_of
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.meshes.mesh import COLOURS, FACETS, GROUPS, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 from gtb_cli.values import frozen
 
@@ -23,7 +23,7 @@ class FileArrays:
     `half_steps` gives the largest rounding of a coordinate along each axis, half a unit in the last digit or bit, at
     (3,) largest coordinates. `space` is what the file says of the unit and the vertical axis, in words. `values` reads
     what else it holds at the corners of its cells; `ranges` are rows of numbers for cells, each from one to another.
-    `libraries` are names of files with its materials and pictures.
+    `libraries` are names of files with its materials and pictures; `polygons` those of `polygons_of`.
     """
 
     vertices: FloatArray
@@ -34,6 +34,7 @@ class FileArrays:
     values: Callable[[], Values] = dict
     ranges: Mapping[str, Sequence[tuple[Sequence[float], int, int]]] = field(default_factory=dict)
     libraries: tuple[str, ...] = ()
+    polygons: IntArray | None = None
 
 
 def unreserved(name: str, taken: Container[str]) -> str:
@@ -69,26 +70,3 @@ def faulty_point(points: NDArray[Any]) -> tuple[int, str] | None:
         return None
     reason = "too large" if np.isfinite(points[number]).all() else "not finite"
     return number, f"is {reason}: {' '.join(f'{x:g}' for x in points[number])}"
-
-
-def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
-    """Cut polygons into triangles around their first corners.
-
-    The corners of all polygons stand one after another, `counts` of them, at least 3, for each. Indices have 32 bits,
-    as no file that is read has more vertices, unless a wrong one needs more.
-    """
-    if (counts == 3).all():
-        return as_indices(corners.reshape(-1, 3), np.int32)
-    ends = np.cumsum(counts)
-    starts = ends - counts
-    inner = np.ones(len(corners), dtype=bool)
-    inner[starts] = inner[ends - 1] = False
-    first = np.repeat(corners[starts], (counts - 2).astype(np.intp))
-    return as_indices(np.stack([first, corners[inner], corners[1:][inner[:-1]]], axis=1), np.int32)
-
-
-def segments(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
-    """Cut polylines, given like the polygons of `triangles`, into segments."""
-    inner = np.ones(len(corners), dtype=bool)
-    inner[np.cumsum(counts) - 1] = False
-    return as_indices(np.stack([corners[inner], corners[1:][inner[:-1]]], axis=1), np.int32)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, segments, single_half_steps, triangles, unreserved
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, single_half_steps, unreserved
 from gtb_cli.formats.glb_tree import HEADER_BYTES, Scene, accessor_values, glb_chunks, meant
+from gtb_cli.formats.polygons import segments, triangles
 from gtb_cli.meshes.mesh import MATERIALS, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up

@@ -5,6 +5,7 @@ trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorder
 
 import os
 from codecs import BOM_UTF8
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 
@@ -13,6 +14,7 @@ import numpy as np
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.files import read_file
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, mark_of
+from gtb_cli.formats.polygons import unfolded
 from gtb_cli.meshes.mesh import GROUPS, KnownMesh, Mesh, Values, largest_coordinates, rounding
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
@@ -27,8 +29,9 @@ def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
     Returns
     -------
     Mesh
-        Triangles or segments, with vertices and cells in the order of the file. Polygons are cut into triangles.
-        Corners of STL facets at exactly the same place become one vertex. Normals and texture coordinates are not read.
+        Triangles or segments, with vertices and cells in the order of the file. Polygons are cut into triangles, which
+        do not overlap unless the polygon crosses itself. Corners of STL facets at exactly the same place become one
+        vertex. Normals and texture coordinates are not read.
 
     Raises `GtbError` if the file cannot be read; the message is one line that names it.
     """
@@ -56,11 +59,26 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     except GtbError as error:
         raise type(error)(f"{shown}: {_printable(str(error))}") from None
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
+    content, fans = _unfolded(content)
     mesh = Mesh(content.vertices, content.cells, groups=groups)
     largest = largest_coordinates(mesh.used)
     half_steps = content.half_steps(largest) + rounding(largest)
     values = partial(values_of, content, mesh, shown)
-    return KnownMesh(mesh, half_steps, kind, _printable(content.space), values, content.libraries)
+    return KnownMesh(mesh, half_steps, kind, _printable(content.space), values, content.libraries, fans=fans)
+
+
+def _unfolded(content: FileArrays) -> tuple[FileArrays, int]:
+    """Cut concave polygons so that no triangles overlap; return also how many may still have some."""
+    if content.polygons is None:
+        return content, 0
+    places, left = unfolded(content.vertices, content.cells, content.polygons)
+    if places is None:
+        return content, left
+
+    def values() -> Values:
+        return {name: (rows, of.ravel()[places]) for name, (rows, of) in content.values().items()}
+
+    return replace(content, cells=content.cells.ravel()[places], values=values), left
 
 
 def values_of(content: FileArrays, mesh: Mesh, shown: str) -> Values:

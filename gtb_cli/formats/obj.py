@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
-from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of, segments, triangles
+from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of
+from gtb_cli.formats.polygons import polygons_of, segments, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
 from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 
@@ -86,6 +87,7 @@ class _ObjLines:
         self.words: list[bytes] = []
         self.cells: dict[bytes, list[IntArray]] = {b"f": [], b"l": []}
         self.cell_count = 0
+        self.polygons = [np.empty((0, 2), dtype=np.int64)]
         self.names: list[tuple[bytes, str, int]] = []  # by keyword, and at how many cells
 
     def read(self, lines: list[bytes], number: int) -> None:
@@ -102,6 +104,7 @@ class _ObjLines:
     def _read(self, lines: list[bytes]) -> None:
         """Read the lines of each keyword together; nothing is changed if one of them is wrong."""
         places, names = _sorted(lines)
+        polygons = self.polygons[0]
         points, starts = np.empty((0, 3)), [self.cell_count] * len(names)
         further, most = points[:, 3:], 7  # numbers of a vertex: coordinates, and a colour with its opacity
         if places[b"v"]:
@@ -129,6 +132,7 @@ class _ObjLines:
                 raise GtbError(f"expected vertices from 1 to {self.limit}, got {corners[corners > self.limit][0]}")
             corners -= 1
             cells[keyword] = made(corners, counts)
+            polygons = polygons_of(counts, self.cell_count) if keyword == b"f" else polygons
             ends = np.concatenate([[0], np.cumsum(counts - fewer)])
             through = np.searchsorted(places[keyword], [place for place, *_ in names])
             starts = [start + int(ends[row]) for start, row in zip(starts, through, strict=True)]
@@ -137,6 +141,7 @@ class _ObjLines:
         self.vertices.append(points)
         self.further.append(further)
         self.count += len(points)
+        self.polygons.append(polygons)
         for keyword, part in cells.items():
             self.cells[keyword].append(part)
             self.cell_count += len(part)
@@ -173,7 +178,9 @@ class _ObjLines:
             return {COLOURS if width > 1 else "weights of vertices": (numbers, cells)}
 
         steps = partial(half_step, self.words)
-        return FileArrays(vertices, cells, steps, tuple(groups), "", values, marks, libraries)
+        return FileArrays(
+            vertices, cells, steps, tuple(groups), "", values, marks, libraries, np.concatenate(self.polygons)
+        )
 
 
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, bytes, str]]]:

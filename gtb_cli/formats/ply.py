@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, triangles, unreserved
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, unreserved
 from gtb_cli.formats.obj_writing import text_rows
+from gtb_cli.formats.polygons import polygons_of, triangles
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
 from gtb_cli.meshes.mesh import ABSENT, LIBRARIES, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
@@ -115,7 +116,9 @@ def read_ply(data: bytes) -> FileArrays:
     cells = _cells(elements, tables)
     ranges = {LIBRARIES: [([mark_of(*pictures)], 0, len(cells))] if pictures else []}
     values = partial(_values, elements, tables, cells)
-    return FileArrays(vertices, cells, half_steps, values=values, ranges=ranges, libraries=pictures)
+    name = next((name for name in tables.get("face", {}) if name in POLYGONS), "")
+    polygons = polygons_of(tables["face"][name][1]) if name and cells.shape[1] == 3 else None
+    return FileArrays(vertices, cells, half_steps, values=values, ranges=ranges, libraries=pictures, polygons=polygons)
 
 
 def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: IntArray) -> Values:

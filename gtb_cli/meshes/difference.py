@@ -151,6 +151,8 @@ def difference(
     matched = None if kind == "surface" else matching(a, b, allowed)
     if matched is None and kind == "vertices":
         raise DomainError("the meshes have different faces, so that vertices cannot be compared one by one")
+    fans, why = a.fans + b.fans, "cross themselves, or are too large to tell"
+    overlaps = (f"triangles of {fans} polygons may overlap, as they {why}",) * bool(fans)
     spaces = (a.space, b.space) if a.format == b.format and a.space != b.space else None
     made = partial(
         Difference,
@@ -193,6 +195,7 @@ def difference(
             remarks=matched.remarks,
             words=words,
             values=(*axes, *values),
+            uncompared=overlaps,
         )
     lone, found = lone_faces(a.mesh, b.mesh, allowed), None
     if lone is not None and len(lone.absent):
@@ -222,7 +225,8 @@ def difference(
         remarks=remarks,
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
         values=values,
-        uncompared=(f"normals, texture coordinates, attributes and groups are {limit}",) * (is_told and is_held),
+        uncompared=(f"normals, texture coordinates, attributes and groups are {limit}",) * (is_told and is_held)
+        + overlaps,
     )
 
 

@@ -57,7 +57,8 @@ def _report(known: KnownMesh, printed: Callable[[Mesh], dict[str, Any]]) -> dict
     held = {name: _digest(rows[of]) for name, (rows, of) in sorted(known.values().items())}
     digests = {"digests": {"positions": _digest(mesh.vertices), cells: _digest(mesh.cells), **held}}
     closed = {"printing": printed(mesh)} if measures.volume is not None and measures.volume > 0 else {}
-    return {**report, f"collapsed_{cells}": measures.collapsed, **closed, **digests, "groups": groups}
+    folded = {"polygons_that_may_overlap_themselves": known.fans} if known.fans else {}
+    return {**report, f"collapsed_{cells}": measures.collapsed, **folded, **closed, **digests, "groups": groups}
 
 
 def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:

@@ -171,7 +171,7 @@ def test_text_as_programs_write_it(text):
     ("text", "cells"),
     [
         (
-            "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nv 5 5 5\nf -1 1/1 2/2\nf 1 2 3\nf 1 2 3 4 5\n",
+            "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nv -1 0.5 0\nf -1 1/1 2/2\nf 1 2 3\nf 1 2 3 4 5\n",
             [[0, 1, 2], [0, 2, 3], [4, 0, 1], [0, 1, 2], [0, 1, 2], [0, 2, 3], [0, 3, 4]],
         ),
         ("v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\nl 3/1 1/1\nl 1 2\n", [[0, 1], [1, 2], [2, 0], [0, 1]]),
@@ -527,9 +527,10 @@ def test_a_face_of_many_corners_takes_memory_in_proportion_to_the_file(format):
 
 def test_faces_of_many_sizes_are_cut_in_their_order():
     rng = np.random.default_rng(3)
-    faces = [rng.permutation(50)[: rng.integers(3, 7)].tolist() for _ in range(300)]
+    faces = [np.sort(rng.permutation(50)[: rng.integers(3, 7)]).tolist() for _ in range(300)]
     triangles = [[face[0], *pair] for face in faces for pair in itertools.pairwise(face[1:])]
-    points = np.round(rng.normal(size=(50, 3)), 3)
+    angles = np.arange(50) / 8  # of a circle, so that all faces are convex
+    points = np.round(np.stack([9 * np.cos(angles), 9 * np.sin(angles), 0 * angles], axis=1), 3)
     rows = [f"{x} {y} {z}" for x, y, z in points.tolist()]
     lines = [f"v {row}" for row in rows]
     # Vertices, references backwards and groups between faces, which are read keyword by keyword.
