@@ -163,6 +163,8 @@ def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:
     """Say what changes, old → new; raises `GtbError` if the new file is a mesh that cannot be read."""
     source = verdict.paths[1]
     if suffix_of(source) not in FORMATS:
+        if verdict.word == "unreadable":  # then one of both is a spec that is not, perhaps the old one
+            comparing.read(source)
         return ", ".join([*(verdict.found.faults if verdict.found else ()), f"{len(content)} bytes"])
     from gtb_cli.distances.operands import decoded
     from gtb_cli.review.changes import change

@@ -39,6 +39,8 @@ def named_files(known: KnownMesh, path: str) -> dict[str, bytes | str]:
 def _digest(path: str) -> bytes:
     try:
         with open(path, "rb") as file:
+            if path.lower().endswith(".mtl"):  # text, whose lines may end otherwise
+                return hashlib.sha256(file.read(MAX_STREAM_BYTES + 1).replace(b"\r", b"")).digest()
             return hashlib.file_digest(file, "sha256").digest()
     except OSError as error:
         raise GtbError(f"{path}: {error.strerror or error}") from None

@@ -6,6 +6,7 @@ import numpy as np
 
 from gtb_cli.distances.areas_and_volumes import coverage
 from gtb_cli.distances.between_shapes import shape_distance
+from gtb_cli.distances.operands import Spec
 from gtb_cli.distances.patch_equality import Pair, partners
 from gtb_cli.meshes.correspondence import nearest_cells
 from gtb_cli.meshes.difference import Difference, allowed_for, are
@@ -20,9 +21,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import Aspect
 
 
-def spec_difference(
-    a: Patch | Model, b: Patch | Model, tolerance: float | str | None, aspects: Collection[Aspect]
-) -> Difference:
+def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Collection[Aspect]) -> Difference:
     """Compare two specs as the points that they describe, whatever their parameters; see `diff`.
 
     Patches that are another one in other words are proved to be by `partners`; if there are others, `shape_distance`
@@ -43,6 +42,11 @@ def spec_difference(
     dimensions = {each.dimension for each in once}
     is_same = found.distance <= allowed and len(dimensions) == 1
     turned, values, left_out = _sides_and_names(a, b, once, meshes, pairs, lone) if is_same else (0, (), ())
+    spans = [mesh.vertices[mesh.cells[i:k]].reshape(-1, 3) for mesh in meshes for _, i, k in mesh.groups]
+    least = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in spans)
+    share = 1e-3 if tolerance is None else 1.0 if isinstance(tolerance, str) else np.inf
+    is_wide = is_same and 0 < share * least < allowed
+    wide = f"tolerance {allowed:.3g}, as all patches together are {diagonal:.3g} long, and one only {least:.3g}"
     repeated, doubts = _repeated(a, b, pairs, lone, Frame.around(*bounds), allowed) if is_same else ((), ())
     return Difference(
         method="patches",
@@ -60,18 +64,13 @@ def spec_difference(
         remarks=(*repeated, *_open_edges(once, allowed)) if is_same else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
-        uncompared=left_out + doubts,
+        uncompared=left_out + doubts + (wide,) * is_wide,
         is_searched=not found.is_proved,
     )
 
 
 def _sides_and_names(
-    a: Patch | Model,
-    b: Patch | Model,
-    once: Sequence[Model],
-    meshes: Sequence[Mesh],
-    found: Sequence[Pair],
-    lone: Sequence[list[int]],
+    a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], found: Sequence[Pair], lone: Sequence[list[int]]
 ) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
     """Compare two specs of one surface: how many patches are turned over, remarks on names, and what is left out."""
     numbers = [{patch: k for k, patch in enumerate(model.patches)} for model in once]
@@ -102,15 +101,14 @@ def _sides_and_names(
 
 
 def _repeated(
-    a: Patch | Model, b: Patch | Model, pairs: Sequence[Pair], lone: Sequence[list[int]], frame: Frame, allowed: float
+    a: Spec, b: Spec, pairs: Sequence[Pair], lone: Sequence[list[int]], frame: Frame, allowed: float
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Remark on parts of one surface, or curve, that are there more often in one of two specs; and on what is left out.
 
     Patches in no pair are counted if they are others in other words; else areas tell, and where they lie.
     """
-    taken = [{pair[way] for pair in pairs} for way in (0, 1)]
-    sides = [*zip((a, b), taken, strict=True)]
-    rest = [[patch for k, patch in enumerate(spec.patches) if k not in paired] for spec, paired in sides]
+    sides = [(spec.patches, {pair[way] for pair in pairs}) for way, spec in enumerate((a, b))]
+    rest = [[patch for k, patch in enumerate(patches) if k not in paired] for patches, paired in sides]
     numbers = [*zip(map(len, rest), ("first", "second"), strict=True)]
     if not any(lone):
         return tuple(f"{are(n, 'patch', 'patches')} there more often in the {name}" for n, name in numbers if n), ()
@@ -125,9 +123,9 @@ def _repeated(
     if (np.abs(one - other) <= limits).all():
         doubt = "where patches are cut otherwise, one that is there twice may go unseen at this tolerance"
         return (), (doubt,) * bool(limits[0] >= values[:, 0].min())
-    for (n, name), is_alone in zip(numbers, (not rest[1], not rest[0]), strict=True):
-        if is_alone:
-            return (f"{n} {'patch lies' if n == 1 else 'patches lie'} on others in the {name}",), ()
+    if not all(rest):
+        n, name = max(numbers)
+        return (f"{n} {'patch lies' if n == 1 else 'patches lie'} on others in the {name}",), ()
     amounts = [f"{float(frame.length(each[0], a.dimension)):.9g}" for each in (one, other)]
     if amounts[0] == amounts[1]:
         return (f"in the same place, but other patches, with the same {what}, are there more often",), ()
@@ -141,7 +139,7 @@ def _one_sided(model: Model, rows: Sequence[int]) -> list[bool]:
     return list(np.isin(part, part[[joint.first[0] for joint in model.joints.one_sided]])[rows].tolist())
 
 
-def _once(spec: Patch | Model) -> Model:
+def _once(spec: Spec) -> Model:
     """The patches without names, and without those that are there again."""
     patches = dict.fromkeys(patch.replace(name=None) for patch in spec.patches)
     return Model(patches, weld=getattr(spec, "weld", None))

@@ -34,7 +34,7 @@ class FileArrays:
     values: Callable[[], Values] = dict
     ranges: Mapping[str, Sequence[tuple[Sequence[float], int, int]]] = field(default_factory=dict)
     libraries: tuple[str, ...] = ()
-    polygons: IntArray | None = None
+    polygons: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.intp))
 
 
 def unreserved(name: str, taken: Container[str]) -> str:

@@ -5,7 +5,6 @@ trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorder
 
 import os
 from codecs import BOM_UTF8
-from dataclasses import replace
 from functools import partial
 from importlib import import_module
 
@@ -59,26 +58,12 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     except GtbError as error:
         raise type(error)(f"{shown}: {_printable(str(error))}") from None
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
-    content, fans = _unfolded(content)
+    content, fans = unfolded(content) if len(content.polygons) else (content, 0)
     mesh = Mesh(content.vertices, content.cells, groups=groups)
     largest = largest_coordinates(mesh.used)
     half_steps = content.half_steps(largest) + rounding(largest)
     values = partial(values_of, content, mesh, shown)
     return KnownMesh(mesh, half_steps, kind, _printable(content.space), values, content.libraries, fans=fans)
-
-
-def _unfolded(content: FileArrays) -> tuple[FileArrays, int]:
-    """Cut concave polygons so that no triangles overlap; return also how many may still have some."""
-    if content.polygons is None:
-        return content, 0
-    places, left = unfolded(content.vertices, content.cells, content.polygons)
-    if places is None:
-        return content, left
-
-    def values() -> Values:
-        return {name: (rows, of.ravel()[places]) for name, (rows, of) in content.values().items()}
-
-    return replace(content, cells=content.cells.ravel()[places], values=values), left
 
 
 def values_of(content: FileArrays, mesh: Mesh, shown: str) -> Values:

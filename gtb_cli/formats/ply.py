@@ -116,9 +116,9 @@ def read_ply(data: bytes) -> FileArrays:
     cells = _cells(elements, tables)
     ranges = {LIBRARIES: [([mark_of(*pictures)], 0, len(cells))] if pictures else []}
     values = partial(_values, elements, tables, cells)
-    name = next((name for name in tables.get("face", {}) if name in POLYGONS), "")
-    polygons = polygons_of(tables["face"][name][1]) if name and cells.shape[1] == 3 else None
-    return FileArrays(vertices, cells, half_steps, values=values, ranges=ranges, libraries=pictures, polygons=polygons)
+    corners = next((counts for name, (_, counts) in tables.get("face", {}).items() if name in POLYGONS), cells[:0, 0])
+    polygons = polygons_of(corners if cells.shape[1] == 3 else corners[:0])
+    return FileArrays(vertices, cells, half_steps, (), "", values, ranges, pictures, polygons)
 
 
 def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: IntArray) -> Values:
@@ -132,6 +132,8 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         if label not in values and columns.keys() >= {*names}:
             values[label] = np.stack([columns.pop(name) for name in names], axis=1).astype(np.float64), cells
     for name, numbers in columns.items():
+        if name in ("rgb", "rgba") and numbers.dtype.kind == "f":  # the bytes of a colour, as PCL writes them
+            numbers = numbers.astype(SINGLE_FLOAT).view(np.uint32)
         values[unreserved(name, values)] = _exact(numbers), cells
     table, what = ("edge", "edges") if cells.shape[1] == 2 else ("face", "faces")
     rest = {f"{name} of vertices": tables["vertex"][name] for name in lists}

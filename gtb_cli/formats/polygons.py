@@ -1,10 +1,14 @@
 """Polygons cut into triangles, and polylines into segments."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices, cross, dot, groups, planar_cross
+from gtb_cli.formats.file_arrays import FileArrays
 from gtb_cli.meshes.frame import Frame
+from gtb_cli.meshes.mesh import Values
 
 
 def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
@@ -37,52 +41,37 @@ def polygons_of(counts: IntArray, first: int = 0) -> IntArray:
     return np.column_stack([first + ends[many] - counts[many] + 2, counts[many]]).astype(np.intp)
 
 
-def unfolded(vertices: FloatArray, cells: IntArray, polygons: IntArray) -> tuple[IntArray | None, int]:
+def unfolded(content: FileArrays) -> tuple[FileArrays, int]:
     """Cut polygons otherwise whose triangles around the first corner are not all on one side, as of concave ones.
 
-    Returns the places in the flat `cells`, (k, 3), from which corners are taken, None if all stay; and the number of
-    polygons whose triangles may overlap: they cross themselves, take too much effort, or have too many corners. What is
-    not flat is seen along its mean normal.
+    Also returns the number of polygons whose triangles may overlap: they cross themselves, take too much effort, or
+    have too many corners. What is not flat is seen along its mean normal.
     """
-    most, block, effort = 5000, 1 << 14, 30_000_000  # corners, polygons at a time, and steps of `_ears`
-    is_large = polygons[:, 1] > most
-    left, polygons = int(is_large.sum()), polygons[~is_large]
-    frame, places, flat_cells = Frame.around(vertices), None, cells.ravel()
-    for count, which in groups(polygons[:, 1]):
-        local = np.array([0, 1, *range(2, 3 * count - 6, 3)])  # of each corner, a place in the cells
-        for begin in range(0, len(which), max(1, block // count)):
-            first = polygons[which[begin : begin + max(1, block // count)], 0]
-            corners = 3 * first[:, None] + local
-            points = frame.inside(vertices[flat_cells[corners]].reshape(-1, 3)).reshape(len(first), count, 3)
-            normals = _normals(points)
+    most, block, effort, left = 5000, 1 << 14, 30_000_000, 0  # corners, all at a time, and steps of `_ears`
+    cells, frame, places = content.cells.ravel(), Frame.around(content.vertices), np.arange(content.cells.size)
+    for count, which in groups(content.polygons[:, 1]):
+        left += len(which) * (count > most)
+        for begin in range(0, len(which), block // count + 1) if count <= most else ():
+            first = content.polygons[which[begin : begin + block // count + 1], 0]
+            corners = 3 * first[:, None] + np.array([0, 1, *range(2, 3 * count - 6, 3)])  # places in the cells
+            points = frame.inside(content.vertices[cells[corners]].reshape(-1, 3)).reshape(len(first), count, 3)
+            sides = points[:, 1:] - points[:, :1]
+            normals = cross(sides[:, :-1], sides[:, 1:])
             means, squares = normals.sum(axis=1), np.einsum("pkx,pkx->p", normals, normals)
             along, size = np.einsum("pkx,px->pk", normals, means), dot(means, means)
-            folded = np.flatnonzero(along.min(axis=1) < 1e-9 * (squares - size))
-            if not len(folded):
-                continue
-            places = np.arange(cells.size).reshape(-1, 3) if places is None else places
-            # Around the second corner, which does for all quadrilaterals that do not cross themselves
-            along = np.einsum("pkx,px->pk", _normals(np.roll(points[folded], -1, axis=1)), means[folded])
-            is_cut = (along >= 0).all(axis=1) & (size > 1e-18 * squares)[folded]
-            fan = np.stack(
-                [np.ones(count - 2, dtype=int), np.arange(2, count), np.arange(3, count + 1) % count], axis=1
-            )
-            cut = folded[is_cut]
-            places[first[cut, None] + np.arange(count - 2)] = corners[cut][:, fan]
-            for k in folded[~is_cut].tolist():
+            for k in np.flatnonzero(along.min(axis=1) < 1e-9 * (squares - size)).tolist():
                 axis = int(np.abs(means[k]).argmax())
                 plan = points[k][:, [(axis + 1) % 3, (axis + 2) % 3]] * [np.sign(means[k, axis]), 1]
                 found, effort = _ears(plan, effort) if size[k] > 1e-18 * squares[k] else ([], effort)
                 left += not found
-                if found:
-                    places[first[k] + np.arange(count - 2)] = corners[k][np.array(found)]
-    return places, left
+                places[3 * first[k] :][: 3 * len(found)] = corners[k][np.array(found, dtype=int)].ravel()
+    if (places[1:] > places[:-1]).all():
+        return content, left
 
+    def values() -> Values:
+        return {name: (rows, of.ravel()[places].reshape(-1, 3)) for name, (rows, of) in content.values().items()}
 
-def _normals(points: FloatArray) -> FloatArray:
-    """Return the products of sides, (p, k - 2, 3), of triangles around the first corners of (p, k, 3) polygons."""
-    sides = points[:, 1:] - points[:, :1]
-    return cross(sides[:, :-1], sides[:, 1:])
+    return replace(content, cells=cells[places].reshape(-1, 3), values=values), left
 
 
 def _ears(points: FloatArray, effort: int) -> tuple[list[list[int]], int]:

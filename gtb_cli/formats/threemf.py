@@ -158,7 +158,7 @@ class _Reader:
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         others = [(each.filename, each.CRC) for each in archive.infolist() if each.filename != name]
         self.parts = {f"/{other}".lower(): crc for other, crc in others}  # by what elements call them
-        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*model.*\.config$|.*\.model$")  # pictures, settings, further models
+        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*\.(config|model)$|Metadata/.*\.(xml|json)$")  # also settings
         self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start

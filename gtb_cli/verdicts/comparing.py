@@ -64,7 +64,9 @@ class Comparing:
         """Compare all files of two folders that have the same name, sorted by name; or two files."""
         if not os.path.isdir(a) or not os.path.isdir(b):
             shown = shown_input(a), shown_input(b)
-            yield self._attempted(os.path.basename(shown[1]), shown, partial(self.files, a, b))
+            are_records = {os.path.basename(a), os.path.basename(b)} == {SEQUENCE_RECORD}
+            compare = partial(self._pair, a, b, True) if are_records else partial(self.files, a, b)
+            yield self._attempted(os.path.basename(shown[1]), shown, compare)
             return
         matched, unreadable = pairs(a, b)
         has_meshes = any(suffix_of(path) in FORMATS for pair in matched.values() for path in pair if path)
