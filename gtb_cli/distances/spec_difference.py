@@ -122,7 +122,7 @@ def _repeated(
     limits = errors.sum(axis=0) + 1e-3 * (one + other) + strips * np.array([1, np.e])
     what = "area" if a.dimension == 2 else "length"
     if (np.abs(one - other) <= limits).all():
-        doubt = "where patches are cut otherwise, one that is there twice may go unseen at this tolerance"
+        doubt = "where patches are cut otherwise, a small one that is there twice may go unseen"
         return (), (doubt,) * bool(limits[0] >= values[:, 0].min())
     if not all(rest):
         n, name = max(numbers)
