@@ -73,17 +73,17 @@ def _half_seams(
     nearest = apart.argmin(axis=1)
     gaps = apart[np.arange(len(pairs)), 3 - nearest]  # between their other ends
     places = np.round(one[np.arange(len(pairs)), nearest // 2] / (4 * tolerance))
-    told: set[object] = {part[[one[0], other[0]]].tobytes() for one, other, _ in known}
+    told: set[object] = {np.sort(part[[one[0], other[0]]]).tobytes() for one, other, _ in known}
     for k in np.argsort(gaps, kind="stable").tolist():
         gap, first, second = gaps[k], *(refs[row] for row in pairs[k].tolist())
-        parts = part[[first[0], second[0]]]
+        parts = np.sort(part[[first[0], second[0]]])
         keys: set[object] = {parts.tobytes(), (*places[k].tolist(),)}
         if parts[0] == parts[1]:
             keys = {first, second}
             is_one = first[0] == second[0] or frozenset((first[0], second[0])) in neighbours
-            if is_one or not tolerance < gap < narrow * min(curves[first].size, curves[second].size):
+            if is_one or not gap < narrow * min(curves[first].size, curves[second].size):
                 continue
-        if told.isdisjoint(keys):
+        if gap > tolerance and told.isdisjoint(keys):
             told |= keys
             found.append((first, second, f"it meets {{}} at one end only, {gap:.3g} apart at the other"))
     return found
