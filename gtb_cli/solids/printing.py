@@ -28,19 +28,18 @@ def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
     stands = (down > 0.99 * areas) & (heights < 0.002 * spans[axis])
     hangs = (down > (np.sqrt(0.5) + 1e-9) * areas) & ~stands
     found = wall_of_faces(mesh) if len(mesh.cells) <= max_wall_faces else None
-    keys, values = ("least_wall", "least_wall_place", "least_wall_angle", "usual_wall"), list[Any]([None] * 4)
+    wall: dict[str, Any] = dict.fromkeys(("least_wall", "least_wall_place", "least_wall_angle", "usual_wall"))
     if found is not None and (found[1] >= 0).any():
         walls, others = found
         facing = -dot(unit(normals), unit(normals)[others])
         order = np.argsort(walls)  # NaN last
-        values[3] = float(walls[order[np.searchsorted(np.cumsum(areas[order]), 0.1 * areas.sum())]])
+        wall["usual_wall"] = float(walls[order[np.searchsorted(np.cumsum(areas[order]), 0.1 * areas.sum())]])
         walls = np.where((others >= 0) & (facing > np.sqrt(0.5) - 1e-9), walls, np.inf)
         least = int(np.argmax(walls <= walls.min() * (1 + 1e-6)))  # the first of those that rounding tells apart
         if np.isfinite(walls[least]):
-            values[:2] = float(walls[least]), frame.outside(middles[least]).tolist()
-            if np.isin(mesh.faces[least], mesh.faces[others[least]]).any():
-                values[0], values[2] = 0.0, float(np.degrees(np.arccos(min(facing[least], 1.0))))
+            wall |= {"least_wall": float(walls[least]), "least_wall_place": frame.outside(middles[least]).tolist()}
+            if (corners[least, :, None] == corners[others[least]]).all(axis=2).any():  # they have a corner in common
+                wall |= {"least_wall": 0.0, "least_wall_angle": float(np.degrees(np.arccos(min(facing[least], 1.0))))}
     bed, hanging = (float(frame.length(areas[rows].sum(), 2)) for rows in (stands, hangs))
     measured = {"up": up, "size": frame.length(spans).tolist(), "bed_area": bed, "overhang_area": hanging}
-    wall = dict(zip(keys, values, strict=True))
     return {**measured, "overhang_share": float(areas[hangs].sum() / areas.sum()), **wall}
