@@ -75,10 +75,28 @@ Up: TypeAlias = Literal["z", "y"]  # the axis of a file that stands for the spec
 UP: tuple[Up, ...] = get_args(Up)
 Rim: TypeAlias = Literal["normal", "flat"]  # the way of a solid from its surface's rim to its offset's
 RIMS: tuple[Rim, ...] = get_args(Rim)  # the default first
+Side: TypeAlias = Literal["inwards", "outwards"]
+SIDES: tuple[Side, ...] = get_args(Side)  # of a surface, to which a wall grows
 Fairness: TypeAlias = Literal["variation", "thin-plate", "dirichlet"]
 ENERGIES: tuple[Fairness, ...] = get_args(Fairness)  # the default first
 Keep: TypeAlias = Literal["boundary", "tangents", "curvature"]
 KEEPS: tuple[Keep, ...] = get_args(Keep)  # along edges, each more than the one before
+
+
+def thickness_of(value: float | str) -> tuple[Side | None, float]:
+    """Read a thickness: a side with a positive length, as in "inwards:1.6", or no side and a number other than zero.
+
+    Raises `DomainError` for all else.
+    """
+    name, colon, text = value.partition(":") if isinstance(value, str) else ("", "", value)
+    side: Side | None = next((side for side in SIDES if side == name), None)
+    length = math.nan
+    with suppress(ValueError, TypeError):
+        length = float(text) if not isinstance(value, str) or (side is not None and "_" not in value) else math.nan
+    if not math.isfinite(length) or length == 0 or (colon and length < 0):
+        expected = 'must be a number other than zero, or a side and a positive length, such as "inwards:1.6"'
+        raise DomainError(f"thickness: {expected}, got {value!r}")
+    return side, length
 
 
 class Format(NamedTuple):

@@ -254,6 +254,14 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         unit = options.unit or (next(iter(UNITS)) if kind == "3mf" else None)
         size = summary(mesh, stored, remarks, unit) + (f", within the tolerance {kept[assurance]}" if assurance else "")
         size += options.recipe.direction(spec, mesh)
+        if kind in ("stl", "3mf") and options.recipe.thickness is not None:
+            from gtb_cli.meshes.measures import in_unit
+            from gtb_cli.solids.printing import printing
+
+            found = printing(mesh, "z", 0)
+            area, square = in_unit(found["bed_area"], 2, unit)
+            small = found["bed_area"] < 0.01 * found["size"][0] * found["size"][1]  # as at rounded feet
+            size += f", only area {area:.3g}{square} on the bed" * small
         if kind in ("stl", "3mf") and is_open:
             refused = ", which slicers do not read" if kind == "3mf" else ""
             why = "not closed: more than two faces meet at edges" if len(mesh.crowded_sides) else ""

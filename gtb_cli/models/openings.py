@@ -48,7 +48,45 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
         if difference or part[first[0]] != part[second[0]]:  # else such as the two halves of a round opening
             found.append((first, second, difference or "same ends as {}, and another curve between them"))
             told |= {first, second}
-    return sorted(found)
+    return sorted(found + _half_seams(joints, {ref: curves[ref] for ref in left if ref not in told}, found, patches))
+
+
+def _half_seams(
+    joints: Joints,
+    curves: dict[EdgeRef, Curve],
+    known: Sequence[tuple[EdgeRef, EdgeRef, str]],
+    patches: Sequence[Patch],
+) -> list[tuple[EdgeRef, EdgeRef, str]]:
+    """Find pairs of open edges that have one end in common and open like petals, the narrowest first.
+
+    They belong to two parts, of which no other pair is named, nor one that meets there. Or they belong to one, in which
+    their patches share no edge (as peaks of a crown do), and open less than a quarter as wide as they are long.
+    """
+    narrow, tolerance, part = 0.25, CURVE_TOLERANCE * diagonal_of(patches), parts_of(joints, len(patches))
+    neighbours = {frozenset((joint.first[0], joint.second[0])) for joint in joints.shared}
+    refs, ends = list(curves), np.array([curve.ends for curve in curves.values()]).reshape(-1, 2, 3)
+    near = meeting([*curves.values()], tolerance)
+    found, later = [], [(row, other) for row, others in enumerate(near) for other in others if other > row]
+    pairs = np.array(later, dtype=np.int64).reshape(-1, 2)
+    one, other = ends[pairs.T]
+    apart = np.linalg.norm(one[:, :, None] - other[:, None], axis=3).reshape(-1, 4)
+    nearest = apart.argmin(axis=1)
+    gaps = apart[np.arange(len(pairs)), 3 - nearest]  # between their other ends
+    places = np.round(one[np.arange(len(pairs)), nearest // 2] / (4 * tolerance))
+    told: set[object] = {np.sort(part[[one[0], other[0]]]).tobytes() for one, other, _ in known}
+    for k in np.argsort(gaps, kind="stable").tolist():
+        gap, first, second = gaps[k], *(refs[row] for row in pairs[k].tolist())
+        parts = np.sort(part[[first[0], second[0]]])
+        keys: set[object] = {parts.tobytes(), (*places[k].tolist(),)}
+        if parts[0] == parts[1]:
+            keys = {first, second}
+            is_one = first[0] == second[0] or frozenset((first[0], second[0])) in neighbours
+            if is_one or not gap < narrow * min(curves[first].size, curves[second].size):
+                continue
+        if gap > tolerance and told.isdisjoint(keys):
+            told |= keys
+            found.append((first, second, f"it meets {{}} at one end only, {gap:.3g} apart at the other"))
+    return found
 
 
 def parts_of(joints: Joints, count: int) -> IntArray:
@@ -139,11 +177,21 @@ def seam_remarks(model: Model) -> list[str]:
     return lines + unjoined_seams(model)
 
 
-def unjoined_seams(model: Model) -> list[str]:
-    """Name the seams of a model that nearly close, with what joins them; like seams share a line."""
-    named = [(edge_name(model.patches, one), edge_name(model.patches, other), reason)
-             for one, other, reason in near_misses(model.joints, model.patches)]  # fmt: skip
-    lines = one_of_alike((reason, f"{one} is not joined: {reason.format(other)}") for one, other, reason in named)
+def unjoined_seams(model: Model, are_touching: bool = False) -> list[str]:
+    """Name the seams of a model that nearly close, with what joins them, or only of parts that touch at their ends.
+
+    Like seams share a line.
+    """
+    patches, part = model.patches, parts_of(model.joints, len(model.patches))
+    misses = near_misses(model.joints, patches)
+    if are_touching:
+        tolerance = CURVE_TOLERANCE * diagonal_of(patches)
+        misses = [miss for miss in misses if part[miss[0][0]] != part[miss[1][0]]
+                  and meeting(edge_curves(patches, miss[:2]), tolerance)[0]]  # fmt: skip
+    lines = one_of_alike(
+        (reason, f"{edge_name(patches, one)} is not joined: {reason.format(edge_name(patches, other))}")
+        for one, other, reason in misses
+    )
     if len(lines) > MAX_SHOWN:
         lines[MAX_SHOWN:] = [f"{len(lines) - MAX_SHOWN} more kinds of seams nearly close: gtb info lists them"]
     return lines

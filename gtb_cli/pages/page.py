@@ -85,7 +85,7 @@ def page_data(content: Content) -> dict[str, Any]:
         if values is None:
             continue
         # Walls from nothing to what prints well: three times the thickness, or twice the median where none was given.
-        thick = 2 * float(np.median(values)) if content.thickness is None else 3 * abs(content.thickness)
+        thick = 2 * float(np.median(values)) if content.thickness is None else 3 * content.thickness
         ends = (0.0, thick) if name == "wall" else scale_of(values, "PuOr")
         with np.errstate(over="ignore"):
             shown = values if name == "wall" else values.clip(*ends)

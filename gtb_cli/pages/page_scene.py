@@ -27,6 +27,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
+from gtb_cli.vocabulary import thickness_of
 
 NO_POINTS = np.empty((0, 3))
 MAX_PAGE_FACES = 1_000_000  # of a page; each takes about 40 bytes
@@ -121,7 +122,7 @@ def content_of(
         edge_names=tuple(name for name, *_ in free),
         scalars=scalars if quick else scalars | _wall(shown),
         remarks=() if quick and solid else tuple(remarks),
-        thickness=None if recipe is None else recipe.thickness,
+        thickness=abs(thickness_of(recipe.thickness)[1]) if recipe and recipe.thickness else None,
         quick=f"a quick picture, {recipe.resolution} segments an edge" if quick and recipe else "",
     )
 

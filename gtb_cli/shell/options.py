@@ -26,11 +26,13 @@ from gtb_cli.vocabulary import (
     PARAMETRIZATIONS,
     RESOLUTION,
     RIMS,
+    SIDES,
     SPEC_FORMATS,
     UP,
     Rim,
     percentage,
     suffix_of,
+    thickness_of,
 )
 
 
@@ -75,6 +77,16 @@ def length_of(text: str) -> float:
     if number == 0:
         raise ValueError(f"{text!r} is zero: leave the option out")
     return number
+
+
+def _thickness(text: str) -> float | str:
+    """Read a length, or a side and a positive length, such as inwards:1.6."""
+    side, colon, length = text.partition(":")
+    if not colon and not text.strip().startswith(SIDES):
+        return length_of(text)
+    thickness = f"{side.strip()}:{length_of(length)!r}" if side.strip() in SIDES and length.strip() else text
+    thickness_of(thickness)
+    return thickness
 
 
 length_option = functools.partial(click.option, callback=reads(length_of))
@@ -228,11 +240,12 @@ solid_options = (
         metavar="R",
         help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not checked.",
     ),
-    length_option(
+    click.option(
         "--thickness",
         metavar="D",
-        help="Make a solid of this thickness, in model units, on the side of the normals, or the other if "
-        "negative. A message reports folds, and distant parts that meet.",
+        callback=reads(_thickness),
+        help="Make a solid of this thickness, in model units: inwards:D or outwards:D; or D on the side of the "
+        "normals, and -D on the other. A message reports folds, and distant parts that meet.",
     ),
     click.option(
         "--rim",
@@ -244,7 +257,7 @@ solid_options = (
 )
 
 
-def _solid(radius: float | None, thickness: float | None, rim: Rim) -> Recipe | None:
+def _solid(radius: float | None, thickness: float | str | None, rim: Rim) -> Recipe | None:
     recipe = Recipe(radius=radius, thickness=thickness, rim=rim)
     return None if recipe == Recipe() else recipe
 

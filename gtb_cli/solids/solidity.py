@@ -56,7 +56,10 @@ def crossing_remarks(mesh: Mesh) -> list[str]:
         heights = np.einsum("pcx,px->pc", other - one[:, :1], normals)
         passes = np.abs(heights).max() > CROSSING_DEPTH * np.ptp(mesh.bounds, axis=0).max()
         what = CROSSES if passes else f"the solid lies upon itself, to {CROSSING_DEPTH:g} of its size"
-        remarks.append(f"{what}: {where(mesh, distinct(crossing.ravel()))}")
+        pair = crossing[crossing[:, 0].argmin()]
+        names = dict.fromkeys(name for cell in pair for name, start, stop in mesh.groups if start <= cell < stop)
+        of = f", between {' and '.join(names)}" if len(names) > 1 else ""
+        remarks.append(f"{what}: {where(mesh, distinct(crossing.ravel()))}{of}")
     if not is_complete:
         remarks.append("not checked: whether more distant parts of the solid meet, too many faces are near each other")
     return remarks

@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, paired, shifted, unit
+from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, paired, point_text, shifted, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import are_proper, are_used, compacted, sides_of
+from gtb_cli.vocabulary import SIDES, thickness_of
 
 # Roundings of the largest coordinate: a smaller thickness is refused, and a shorter boundary edge is a point
 MIN_THICKNESS_ROUNDINGS = 64
@@ -63,6 +64,48 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
         groups=tuple(zip((name for name, _, _ in mesh.groups), breaks, breaks[1:], strict=False)),
         **mesh.carried(np.tile(np.arange(count), 2)),
     )
+
+
+def signed_thickness(mesh: Mesh, thickness: float | str) -> float:
+    """Return a thickness that names a side, as `gtb_cli.vocabulary.thickness_of` reads it, with the normals' sign.
+
+    The inside of a part is what it bounds with lids, fans from the middles of its rims. Either these are less than a
+    quarter of its area; or the part is not flat, and three quarters of it and its lids, by the volumes of cones from
+    the middle of its box, look to one side of this.
+
+    Raises `DomainError` for a curve, for parts of which neither is so, or whose normals look to different sides.
+    """
+    side, length = thickness_of(thickness)
+    if side is None:
+        return length
+    sides, count = sides_of(_checked(mesh, length).cells), len(mesh.vertices)
+    rim, part = sides.directed[sides.alone], merged(count, sides.edges)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, part, mesh.vertices)
+    np.maximum.at(high, part, mesh.vertices)
+    points = mesh.vertices - (low[part] + high[part]) / 2
+    loop = merged(count, rim)[rim[:, 0]]
+    sums = np.stack([np.bincount(loop, points[rim[:, 0], k], count) for k in range(3)], axis=1)
+    around = sums / np.maximum(np.bincount(loop, minlength=count), 1)[:, None]
+    lids = np.stack([around[loop], points[rim[:, 1]], points[rim[:, 0]]], axis=1)
+    corners = np.concatenate([points[mesh.cells], lids])
+    normals, middles = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners.mean(axis=1)
+    cones, areas, far = dot(middles, normals), np.sqrt(dot(normals, normals)), np.sqrt(dot(middles, middles))
+    used, number = np.unique(part[np.concatenate([mesh.cells[:, 0], rim[:, 0]])], return_inverse=True)
+    own = np.arange(len(corners)) < len(mesh.cells)
+    volume, most, area, lid, flat = (
+        np.bincount(number, each, len(used))
+        for each in (cones, np.abs(cones), areas * own, areas * ~own, 1e-3 * areas * far)
+    )
+    lost = np.flatnonzero((np.abs(volume) <= np.maximum(most / 2, flat)) & (lid > area / 4))
+    if len(lost) or np.ptp(np.sign(volume)):
+        first = used[lost[0] if len(lost) else np.sign(volume).argmin()]
+        near = f"near {point_text(mesh.vertices[first], mesh.vertices)}"
+        differs = f"some normals look inwards, as {near}, and others outwards"
+        why = f"no side of the surface {near} is its inside" if len(lost) else differs
+        cure = f"`thickness` {length:g} grows along the normals, and {-length:g} against them"
+        raise DomainError(f"thickness: {side} says nothing, as {why}: {cure}")
+    return math.copysign(length, volume[0] if side == SIDES[1] else -volume[0])
 
 
 def side_of_wall(solid: Mesh, otherwise: str) -> str:

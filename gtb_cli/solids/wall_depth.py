@@ -14,19 +14,20 @@ MAX_WALL_FACES = 200_000  # whose walls take 6 s
 
 def wall_of_vertices(mesh: Mesh) -> FloatArray | None:
     """(m,) least thickness of the wall behind the faces at each vertex; None if it has no inside."""
-    faces = wall_of_faces(mesh)
-    if faces is None or np.isnan(faces).all():
+    found = wall_of_faces(mesh)
+    if found is None or np.isnan(faces := found[0]).all():
         return None
     walls = np.full(len(mesh.vertices), np.inf)
     np.fmin.at(walls, mesh.faces.ravel(), np.repeat(faces, 3))
     return np.where(np.isfinite(walls), walls, np.nanmax(faces))
 
 
-def wall_of_faces(mesh: Mesh) -> FloatArray | None:
+def wall_of_faces(mesh: Mesh) -> tuple[FloatArray, IntArray] | None:
     """(k,) thickness of the wall behind each triangle, from its centre against its normal to the first way out.
 
-    None if the mesh is not closed and consistently oriented; NaN behind triangles without area, and where faces look
-    inwards, so that there is no way out. It takes about 4 s for 100 000 triangles.
+    Also return the triangle, (k,), on the other side. Without one, −1 and NaN: behind triangles without area, and where
+    faces look inwards, so that there is no way out. None if the mesh is not closed and consistently oriented. It takes
+    about 4 s for 100 000 triangles.
     """
     first, places = numbered_places(mesh.vertices)
     cells = places[mesh.faces]
@@ -40,31 +41,35 @@ def wall_of_faces(mesh: Mesh) -> FloatArray | None:
         normals = -normals
     rows = normals.any(axis=1)
     proper, corners, normals = proper[rows], corners[rows], normals[rows]
-    result = np.full(len(cells), np.nan)
-    result[proper] = frame.length(ways_out(corners.mean(axis=1), -unit(normals), corners, normals))
-    return result
-
-
-def ways_out(starts: FloatArray, ways: FloatArray, corners: FloatArray, normals: FloatArray) -> FloatArray:
-    """(m,) lengths of rays, along unit vectors, to the first of (k, 3, 3) triangles which they leave; NaN for none.
-
-    A ray leaves through triangles whose normals point its way. Near ones are looked for first: they bound the search.
-    """
-    tree, lengths = NearestCells(corners), np.full(len(starts), np.inf)
-    size = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) or 1.0
-    for reach in size * np.array([0.02, 0.2, 4.0]):
-        rows = np.flatnonzero(np.isinf(lengths))
-        lengths[rows] = _ways_out(starts[rows], ways[rows], tree, normals, reach)
-    return np.where(np.isinf(lengths), np.nan, lengths)
+    result, others = np.full(len(cells), np.nan), np.full(len(cells), -1)
+    lengths, exits = _ways_out(corners.mean(axis=1), -unit(normals), corners, normals)
+    result[proper], others[proper] = frame.length(lengths), np.where(exits < 0, -1, proper[exits])
+    return result, others
 
 
 def _ways_out(
+    starts: FloatArray, ways: FloatArray, corners: FloatArray, normals: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """(m,) lengths of rays, along unit vectors, to the first of (k, 3, 3) triangles which they leave; NaN for none.
+
+    Also return this triangle, (m,), or −1. A ray leaves through triangles whose normals point its way. Near ones are
+    looked for first: they bound the search.
+    """
+    tree, lengths, exits = NearestCells(corners), np.full(len(starts), np.inf), np.full(len(starts), -1)
+    size = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) or 1.0
+    for reach in size * np.array([0.02, 0.2, 4.0]):
+        rows = np.flatnonzero(np.isinf(lengths))
+        lengths[rows], exits[rows] = _near_ways_out(starts[rows], ways[rows], tree, normals, reach)
+    return np.where(np.isinf(lengths), np.nan, lengths), exits
+
+
+def _near_ways_out(
     starts: FloatArray, ways: FloatArray, tree: NearestCells, normals: FloatArray, reach: float
-) -> FloatArray:
-    """(m,) lengths, infinite where they are more than the reach."""
+) -> tuple[FloatArray, IntArray]:
+    """(m,) lengths, infinite where they are more than the reach, and (m,) triangles, there −1."""
     ray_batch = 1 << 13  # whose pairs with boxes are held at a time
     slack = 1e-9  # relative to a triangle, by which it is larger: no ray slips through between two
-    lengths = np.full(len(starts), np.inf)
+    lengths, exits = np.full(len(starts), np.inf), np.full(len(starts), -1)
     inverses = (1 / np.where(ways == 0, 1e-300, ways)).T.copy()
     origins = starts.T * inverses
     boxes = [(low.T.copy(), high.T.copy()) for low, high in tree.boxes]  # an axis at a time is several times faster
@@ -83,8 +88,12 @@ def _ways_out(
             ray, node = ray[met], node[met]
             if level:
                 ray, node = tree.inside(level, ray, node)
-        np.minimum.at(lengths, ray, _lengths(starts[ray], ways[ray], tree.order[node], tree, normals, slack))
-    return np.where(lengths > reach, np.inf, lengths)
+        cell = tree.order[node]
+        found = _lengths(starts[ray], ways[ray], cell, tree, normals, slack)
+        np.minimum.at(lengths, ray, found)
+        first = np.flatnonzero((found == lengths[ray]) & (found <= reach))
+        exits[ray[first]] = cell[first]
+    return np.where(exits < 0, np.inf, lengths), exits
 
 
 def _lengths(

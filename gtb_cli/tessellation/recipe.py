@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Literal
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.values import by_value
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, RIMS, Parametrization, Rim, check_fineness, requirements
+from gtb_cli.vocabulary import (
+    MAX_FACES,
+    RESOLUTION,
+    RIMS,
+    SIDES,
+    Parametrization,
+    Rim,
+    check_fineness,
+    requirements,
+    thickness_of,
+)
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
@@ -26,8 +36,9 @@ class Recipe:
         As `tessellate` takes them; other resolutions than the default exclude a tolerance.
     radius : float or None
         Makes a tube of this radius around a curve.
-    thickness : float or None
-        Makes a solid of a surface: on the side of its normals, or if negative on the other side.
+    thickness : float, str or None
+        Makes a solid of a surface: on the side of its normals, or if negative on the other side. ``"inwards:1.6"`` and
+        ``"outwards:1.6"`` name the side, whatever the normals.
     rim : "normal" or "flat"
         The rims of a solid lie along the normals, or in the planes of the surface's rims, which must be plane.
     attributes : tuple of str
@@ -50,7 +61,7 @@ class Recipe:
     parametrization: Parametrization = "linear"
     normals: bool = False
     radius: float | None = None
-    thickness: float | None = None
+    thickness: float | str | None = None
     rim: Rim = RIMS[0]
     attributes: tuple[str, ...] = ()
     require: tuple[str, ...] = ()
@@ -63,8 +74,8 @@ class Recipe:
             raise DomainError(f"max_faces: expected a whole number of at least 1, got {self.max_faces!r}")
         if self.radius is not None and not 0 < self.radius < math.inf:
             raise DomainError(f"radius: must be positive, got {self.radius!r}")
-        if self.thickness is not None and not (math.isfinite(self.thickness) and self.thickness):
-            raise DomainError(f"thickness: must be a number other than zero, got {self.thickness!r}")
+        if self.thickness is not None:
+            thickness_of(self.thickness)
         if self.tolerance is not None and self.resolution != RESOLUTION:
             raise DomainError("resolution: excludes a tolerance, give one of them")
         if self.radius is not None and self.thickness is not None:
@@ -107,7 +118,11 @@ class Recipe:
             from gtb_cli.tessellation.solid_making import WallMaker
 
             maker = WallMaker(spec, self.rim)
-        size = self.radius or self.thickness or 0.0
+        size = self.radius or 0.0
+        if self.thickness is not None:
+            from gtb_cli.solids.thickening import signed_thickness
+
+            size = signed_thickness(surface, self.thickness)
         faults, folds, thin = list[str](), list[str](), list[str]()
         if maker is not None:
             mesh, faults, folds, thin = maker.solid(mesh, size)
@@ -197,12 +212,17 @@ class Recipe:
         """Say to which side a wall grows."""
         if self.thickness is None:
             return ""
-        if self._is_open(spec):
-            from gtb_cli.solids.thickening import side_of_wall
+        side, length = thickness_of(self.thickness)
+        if not self._is_open(spec):
+            return f", thickened {side or ('inwards' if length < 0 else 'outwards')}, hollow"
+        from gtb_cli.solids.thickening import side_of_wall
 
-            way = "against" if self.thickness < 0 else "along"
-            return f", thickened {side_of_wall(solid, f'{way} its normals')}"
-        return f", thickened {'inwards' if self.thickness < 0 else 'outwards'}, hollow"
+        otherwise = f"{side} for the most part" if side else f"{'against' if length < 0 else 'along'} its normals"
+        found = side_of_wall(solid, otherwise)
+        word = found.partition(",")[0]
+        if side and word.endswith("wards") and word != side:  # as up or down, or towards its axis where it is flat
+            found = otherwise if word in SIDES else f"{side}, {found}"
+        return f", thickened {found}"
 
     def _is_open(self, spec: Patch | Model) -> bool:
         from gtb_cli.models.model import joints_of, with_weld

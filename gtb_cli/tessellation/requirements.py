@@ -38,6 +38,8 @@ def require(
             if causes and isinstance(spec, Model):
                 loose = _loose_parts(spec) if faults else []
                 causes = unjoined_seams(spec) or (loose + causes[-1:] if loose else causes)
+            elif word == "solid" and isinstance(spec, Model):  # else each part by itself is one
+                causes = unjoined_seams(spec, are_touching=True)
             leaks = len(causes) - len(faults)  # from which folds and crossings may follow; the last says what helps
             if len(causes) > max(3, leaks):
                 causes = [*causes[: max(2, leaks)], causes[-1]]

@@ -73,11 +73,13 @@ def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
     size = [f"{length:.4g}" for length in found["size"]]
     sides = " × ".join(length for axis, length in zip("xyz", size, strict=True) if axis != found["up"])
     share = f"area {found['overhang_area']:.4g}, {100 * found['overhang_share']:.3g}% of the surface"
-    wall = "not measured: there are many faces, and --long measures more"
+    wall, usual = "not measured: there are many faces, and --long measures more", found["usual_wall"]
+    if usual is not None:
+        wall = f"none, as no two sides are within 45 degrees of parallel; behind 90% of the surface {usual:.4g} or more"
     if found["least_wall"] is not None:
         place = np.array(found["least_wall_place"])
         near = point_text(place, np.array([place, place + found["size"]]))
-        angle, usual = found["least_wall_angle"], found["usual_wall"]
+        angle = found["least_wall_angle"]
         near += "" if angle is None else f", where faces meet at {angle:.0f} degrees"
         wall = f"{found['least_wall']:.4g} near {near}; behind 90% of the surface {usual:.4g} or more"
     return [

@@ -21,9 +21,9 @@ def test_a_box_is_as_thick_as_it_is_long(scale, shift):
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
     axis = np.abs(np.cross(b - a, c - a)).argmax(axis=1)
     moved = Mesh(mesh.vertices * scale + shift, mesh.cells)
-    np.testing.assert_allclose(wall_of_faces(moved) / scale, np.array([40, 30, 2])[axis], rtol=1e-6)
+    np.testing.assert_allclose(wall_of_faces(moved)[0] / scale, np.array([40, 30, 2])[axis], rtol=1e-6)
     turned = Mesh(moved.vertices, mesh.cells[:, ::-1])
-    np.testing.assert_allclose(wall_of_faces(turned), wall_of_faces(moved), rtol=1e-12)
+    np.testing.assert_allclose(wall_of_faces(turned)[0], wall_of_faces(moved)[0], rtol=1e-12)
 
 
 def test_an_open_surface_has_no_walls():
@@ -49,7 +49,7 @@ def test_each_ray_ends_where_it_first_leaves():
         np.concatenate([shell.vertices, outer, inner]),
         np.concatenate([shell.cells, CUBE.cells + count, CUBE.cells[:, ::-1] + count + 8]),
     )
-    found = wall_of_faces(mesh)
+    found = wall_of_faces(mesh)[0]
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
     normals = np.cross(b - a, c - a)
     for row in [*range(0, len(shell.cells), 40), *range(len(shell.cells), len(mesh.cells))]:
