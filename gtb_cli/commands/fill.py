@@ -160,7 +160,7 @@ def fill(
             warnings.append(f"{' and '.join(lost)} of the part's faces are not kept")
         write_blocks(streams.output, [block])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
-        streams.write(dump(filling.model or filling.patch))  # before its certificate: it may be impossible
+        streams.write(dump(filling.model or filling.patch, streams.output))  # before its certificate: it may be impossible
     if as_json:
         write_json(STANDARD, _certificate(filling, seams, written=not bends))
     if filling.fault:
