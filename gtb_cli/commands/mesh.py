@@ -122,7 +122,8 @@ def mesh(
     if output == STANDARD and options.format is None:
         meant = CAD_SUFFIXES.get(suffix := suffix_of(name := file_of_standard_output()), suffix)
         if meant != kind and meant in (*FORMATS, *CAD_FORMATS, *CELL_FORMATS):
-            console.warn(f"{os.path.basename(name)} gets {kind.upper()} from standard output: -f {meant} writes {meant.upper()}")
+            got = f"{os.path.basename(name)} gets {kind.upper()} from standard output"
+            console.warn(f"{got}: -f {meant} writes {meant.upper()}")
     book = None
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest

@@ -80,7 +80,7 @@ def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
 
 
 def dump(spec: Patch | Model, target: str = "") -> str:
-    """Return the text of a spec for a file, TOML or JSON as `save` does, with the shortest digits that read back exactly.
+    """Return the text of a spec, TOML or JSON as `save` does, with the shortest digits that read back exactly.
 
     For readability, weights are numbers if possible; their logarithms may then be rounded. Raises `SpecError` if a name
     has control characters, numbers are beyond those that are read, or the target is named like a mesh or CAD file.
@@ -95,9 +95,14 @@ def dump(spec: Patch | Model, target: str = "") -> str:
     return _text(to_dict(patches[0] if isinstance(spec, Patch) else spec.replace(patches=tuple(patches))), target)
 
 
-def _text(data: dict[str, Any], target: str) -> str:
+def check_target(target: str) -> None:
+    """Refuse to write a spec to a file with the name of a mesh or CAD file, by a `SpecError`."""
     if suffix_of(target) in {*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS}:
         raise SpecError(f"{target}: expected a name that ends in .toml or .json, this is that of a mesh or CAD file")
+
+
+def _text(data: dict[str, Any], target: str) -> str:
+    check_target(target)
     return json.dumps(data, indent=1) + "\n" if spec_format_of(target) == "json" else _toml(data)
 
 
