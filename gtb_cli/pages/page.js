@@ -9,7 +9,7 @@ const VIEWS = { t: ["top", -90, 90], v: ["front", -90, 0], s: ["side", 0, 0], h:
 
 const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0, patches: true, net: false, knots: false,
   edges: true, hidden: false, open: true, folds: true, axes: true, names: false, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, scale: 0, thin: 0, from: "", to: "", back: true, theme: "" };
-let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "", offered = ["shaded"];   // modes
+let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "", beside = true, offered = ["shaded"];   // modes; the scale was hidden when it was fitted
 
 function read(data) {
   const frames = data.frames.map(f => ({ label: f.label, positions: decoded(f.positions, Float32Array),
@@ -129,6 +129,7 @@ function show() {
   $("slider").value = state.frame;
   $("value").textContent = share === 0 ? now.label : share === 1 ? next.label : `${now.label} → ${next.label}`;
   $("run").textContent = playing ? "❚❚" : "▶";
+  if (fitted && isBeside()) fit();
 }
 
 function paintScale(context, left, top, width, height) {
@@ -176,9 +177,12 @@ function filling() {
 
 function fit() {
   const { zoom, panX, panY } = filling();
+  beside = $("scale").hidden;
   set({ zoom, panX, panY });
   fitted = fitting();
 }
+
+const isBeside = () => !scene.quick && $("scale").hidden !== beside;   // the scale has come, or gone: there is other room
 
 function strays() {   // out of the window, or below a third of what would fill it
   const { ends, zoom } = filling(), { grow, move } = view();
@@ -338,7 +342,7 @@ function present(data) {
   else {
     const own = !fitted;   // where the user has put it, it stays
     set(placed(before));
-    if (!own && strays()) fit();
+    if (!own && (strays() || isBeside())) fit();
     else if (!own) fitted ||= "before";
   }
 }
