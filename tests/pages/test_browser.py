@@ -337,9 +337,8 @@ def test_walls_and_overhangs_have_their_colours(browser, show):
     assert near(show("plate", mode="wall", thin=2.001, elevation=40), "#a50026").sum() > 1000
     assert browser.run("return $('thinner').textContent") == "24.00 cm² (89.6 %)"
     show("plate")
-    browser.run("set({ mode: 'wall' })")
     beside = "corners().every(p => project(...p)[0] < $('scale').getBoundingClientRect().left)"
-    assert browser.run(f"return {beside}")
+    assert browser.run(f"set({{ mode: 'wall' }}); return {beside}")
     show("plate", mode="overhangs", angle=30)
     assert browser.run("return $('steep').textContent") == "30° from upright: 0.000 mm² (0.0 %)"
     assert browser.run("scene.box.low[2] -= 1; made.clear(); return overhang()") == "12.00 cm² (44.8 %)"
