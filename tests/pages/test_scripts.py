@@ -73,18 +73,14 @@ def test_an_error_is_shown_that_stays_and_a_page_is_working_as_soon_as_the_file_
 def test_a_failing_quick_picture_is_told_while_a_slider_moves_and_the_last_good_one_stays():
     """Its list of modes has the one that the address asks for, which comes with the whole picture."""
     data = page_data(content_of(gtb_cli.load(SPECS / "bicubic.toml"))) | {"quick": "quickly"}
-    news = [
-        {"version": 2, "error": "too thick"},
-        {"version": 3, "error": "", "data": data},
-        {"version": 4, "error": "x"},
-    ]
+    news = [{"version": k, "error": error, "data": data} for k, error in enumerate(("too thick", "", "x"), 2)]
+    del news[0]["data"], news[2]["data"]
     script = (
-        "const asked = []; let count; pause = async () => { turnedAt = performance.now(); }; complain('');"
-        "location.hash = { slice: () => ['mode', 'mean'] };"
-        "$('mode').replaceChildren = (...all) => { count = all.length; }; present(data.pop());"
-        "return new Promise(done => { fetch = async address => {"
+        "const asked = []; let n; pause = async () => { turnedAt = performance.now(); }; complain('');"
+        "location.hash = { slice: () => ['mode', 'mean'] }; $('mode').replaceChildren = (...all) => { n = all.length; };"
+        "present(data.pop()); return new Promise(done => { fetch = async address => {"
         "asked.push([address.includes('quick'), $('error').textContent, $('working').hidden, version]);"
-        "if (asked.length > data.length) done([count, modes(), state.mode, ...asked]);"
+        "if (asked.length > data.length) done([n, modes(), state.mode, ...asked]);"
         "return { json: async () => data[asked.length - 1] }; }; watch(1); })"
     )
     told = [["", False, 1], ["too thick", True, 1], ["", False, 2], ["x", True, 2]]
