@@ -77,7 +77,7 @@ def test_a_failing_quick_picture_is_told_while_a_slider_moves_and_the_last_good_
     del news[0]["data"], news[2]["data"]
     script = (
         "const asked = []; let n; pause = async () => { turnedAt = performance.now(); }; complain('');"
-        "location.hash = { slice: () => ['mode', 'mean'] }; $('mode').replaceChildren = (...all) => { n = all.length; };"
+        "location.hash = { slice: () => ['mode', 'mean'] }; $('mode').replaceChildren = (...all) => n = all.length;"
         "present(data.pop()); return new Promise(done => { fetch = async address => {"
         "asked.push([address.includes('quick'), $('error').textContent, $('working').hidden, version]);"
         "if (asked.length > data.length) done([n, modes(), state.mode, ...asked]);"
