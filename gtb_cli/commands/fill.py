@@ -119,12 +119,14 @@ def fill(
     from gtb_cli.filling.holes import check_hole, ring_texts
     from gtb_cli.filling.loops import read_loop
     from gtb_cli.filling.part_holes import Part
-    from gtb_cli.language.writer import dump
+    from gtb_cli.language.writer import check_target, dump
     from gtb_cli.models.model import Model
 
     source, kind = shown_input(loop), surface_format(None, streams.output)
     if kind is None and (tolerance or angle):
         raise click.UsageError("--tolerance and --angle are for an output that is a CAD file, such as -o filled.step")
+    if kind is None and not holes:
+        check_target(streams.output)
     data = read_bytes(loop)
     found, named = read_loop(data, source, streams.reading, weld)
     with about(source):
@@ -160,7 +162,8 @@ def fill(
             warnings.append(f"{' and '.join(lost)} of the part's faces are not kept")
         write_blocks(streams.output, [block])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
-        streams.write(dump(filling.model or filling.patch))  # before its certificate: it may be impossible
+        text = dump(filling.model or filling.patch, streams.output)
+        streams.write(text)  # before its certificate: it may be impossible
     if as_json:
         write_json(STANDARD, _certificate(filling, seams, written=not bends))
     if filling.fault:

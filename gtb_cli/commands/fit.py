@@ -37,5 +37,5 @@ def fit(points: str, knots: tuple[float, ...] | None, streams: Streams) -> None:
         raise SpecError(f"{shown_input(points)}: has {f'more than {max_points}' if rows else 'no'} points")
     with about(shown_input(points)):
         found = fitted(rows, knots)
-    streams.write(dump(found.curve.replace(name=input_stem(points))))
+    streams.write(dump(found.curve.replace(name=input_stem(points)), streams.output))
     streams.console.note(f"{len(rows)} points, {found.rounds} rounds, {found.distance:.3g} left")

@@ -45,7 +45,7 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
         shape, remarks = filling.patch, filling.remarks
         remarks += ("the inside is made fair and is not that of the file's scheme",)
     with about(source):
-        text = dump(shape)
+        text = dump(shape, streams.output)
     streams.write(text)
     for remark in remarks:
         streams.console.note(f"{source}: {remark}")

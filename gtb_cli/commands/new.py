@@ -30,8 +30,8 @@ def new(template: str, sides: int | None, streams: Streams) -> None:
     text, output = text_of(template, sides), streams.output
     if output != STANDARD and os.path.isfile(output):
         raise click.UsageError(f"{output} already exists, and is not overwritten: choose another name")
-    if suffix_of(output) in FORMATS:
-        raise click.UsageError(f"-o: {output}: a spec is text, and its name ends in .toml")
+    if suffix_of(output) in (*FORMATS, "json"):
+        raise click.UsageError(f"-o: {output}: a spec with comments is TOML, and its name ends in .toml")
     streams.write(text)
     stem, options = os.path.splitext(output)[0], re.search(r"gtb mesh \S+( .*)? -o \S+(\.\w+)$", text, re.MULTILINE)
     assert options is not None

@@ -100,7 +100,7 @@ def bezier(spec: str, split: tuple[float, ...] | None, streams: Streams) -> None
             raise SpecError(f"is a model of {len(loaded.patches)} patches, and --split is for one curve")
         else:
             pieces = split_curve(loaded, split[0])
-        text = dump(pieces)
+        text = dump(pieces, streams.output)
     streams.write(text)
     surfaces = loaded if isinstance(loaded, Model) and loaded.dimension == 2 else None
     if surfaces and (opened := len(pieces.joints.open) - 2 * len(surfaces.joints.open)) > 0:
@@ -169,7 +169,8 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
         model = loaded if isinstance(loaded, Model) else None
         with streams.console.clock("fair"):
             found = made_fair(model, energy, keep) if model else (made_fair(single(loaded), energy, keep),)
-        text = dump(model.replace(patches=tuple(part.patch for part in found)) if model else found[0].patch)
+        whole = model.replace(patches=tuple(part.patch for part in found)) if model else found[0].patch
+        text = dump(whole, streams.output)
     streams.write(text)
     names = [f"{patch_name(part.patch, index)}: " if model else "" for index, part in enumerate(found)]
     for name, part, given in zip(names, found, loaded.patches, strict=True):

@@ -58,7 +58,12 @@ def _recipe(**values: Any) -> Recipe | None:
     weld_option,
     takes=Recipe,
 )
-@click.option("--unit", type=click.Choice([*UNITS]), help="Name this unit of length; areas and volumes of mm in cm.")
+@click.option(
+    "--unit",
+    type=click.Choice([*UNITS]),
+    help="Unit of length: mm, as slicers take it, for a solid by --thickness or --radius and for STL files, otherwise "
+    "none. Areas and volumes of mm are in cm² and cm³ from 1 on.",
+)
 @click.option("--no-open", is_flag=True, help="Do not open a browser; say where the page is.")
 @click.option("--watch", is_flag=True, help="Serve the page on this machine only, and follow the files until Ctrl-C.")
 @click.option(
@@ -101,6 +106,10 @@ def view(
     if output is not None and (suffix := suffix_of(output)) not in ("", "html", "htm") and not is_device(output):
         other = " (gtb plot draws pictures, and a page saves what it shows as PNG)" if suffix in pictures else ""
         raise click.UsageError(f"-o: {output}: a page is HTML, and its name ends in .html{other}")
+
+    is_printed = recipe is not None and (recipe.thickness or recipe.radius) is not None
+    if is_printed or all(suffix_of(path) == "stl" for path in paths):
+        unit = unit or next(iter(UNITS))
 
     def see(numbers: Numbers, quick: bool = False) -> Content:
         return replace(content_of_paths(paths, recipe, reading._replace(let=numbers), limit, quick), unit=unit)

@@ -24,7 +24,7 @@ _WORDS = re.compile(
 _HINTS = {"^": "powers are written **", "°": "degrees are written *deg", "\xa0": "type a plain blank"}
 _HINTS |= dict.fromkeys("×·", "a product is written *") | dict.fromkeys("−–", "a minus sign is -")
 _WORD_HINTS = dict.fromkeys(("mm", "cm", "m", "inch", "in"), "lengths are numbers without a unit")
-_WORD_HINTS |= {COUNTER: "which is the number of a copy, in copies with `repeat` alone", "pow": _HINTS["^"]}
+_WORD_HINTS |= {COUNTER: "which is the number of a copy, in moves of copies with `repeat` alone", "pow": _HINTS["^"]}
 _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]] = {
     ast.Add: ("+", operator.add),
     ast.Sub: ("-", operator.sub),

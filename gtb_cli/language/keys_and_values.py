@@ -26,7 +26,8 @@ MAX_POINTS = 2_000_000  # control points of all copies together: about 200 MB by
 
 # Options of gtb mesh that are looked for among the keys, and other words for keys
 OPTIONS = ("thickness", "tolerance", "radius", "rim", "resolution", "unit")
-OTHER_WORDS = {"angle": "degrees", "points": "control_points", "move": "translate", "flip": "mirror", "count": "repeat"}
+OTHER_WORDS = {"angle": "degrees", "points": "control_points", "move": "translate", "flip": "mirror"}
+OTHER_WORDS |= {"count": "repeat", "set": "let"}
 
 Check: TypeAlias = tuple[str, Callable[[float], bool]]
 

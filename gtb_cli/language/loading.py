@@ -15,6 +15,7 @@ from gtb_cli.language.includes import Library
 from gtb_cli.language.keys_and_values import Budget, Values, valid_name
 from gtb_cli.language.model_reader import read_spec
 from gtb_cli.language.reading import NO_LET, Let, Reading
+from gtb_cli.language.scanner import Path
 from gtb_cli.models.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import SpecFormat
@@ -75,27 +76,38 @@ def parse(
     library, budget = Library(), Budget()
     files: list[Faults] = []
 
-    def spec(text: bytes | str, format: SpecFormat | None, readers: tuple[str, ...]) -> Patch | Model | None:
+    def spec(
+        text: bytes | str,
+        format: SpecFormat | None,
+        readers: tuple[str, ...],
+        given: Let,
+        unknown: Callable[[str, str], object],
+    ) -> Patch | Model | None:
         """Read one file, the last of `readers`, each of which includes the next."""
         document = read(text, readers[-1], format)
         faults = Faults(document, readers[-1], f" (included by {readers[-2]})" if len(readers) > 1 else "")
         files.append(faults)
 
-        def include(name: str) -> tuple[Patch, ...]:
+        def include(name: str, numbers: Let, place: Path) -> tuple[Patch, ...]:
+            def missing(number: str, fault: str) -> None:
+                faults.add((*place, number), f"{name} {fault}")
+
             path, data = library.taken(name, readers)
-            found = spec(data, spec_format_of(path), (*readers, path))
+            found = spec(data, spec_format_of(path), (*readers, path), numbers, missing)
             return () if found is None else found.patches
 
-        given = let if len(readers) == 1 else NO_LET
         values = Values(faults, budget)
-        found = read_spec(values, include, document.data, stem_of(readers[-1]), row, given)
+        found = read_spec(values, include, document.data, stem_of(readers[-1]), row, given, unknown)
         if isinstance(document.data, dict) and document.data.get("let") and values.names:
             from gtb_cli.language.sliders import check_ranges
 
             check_ranges(document, faults, values.names, given)
         return found
 
-    result = spec(text, format, (source,))
+    def not_there(number: str, fault: str) -> None:
+        files[0].add((), f"`let` {number}: the spec {fault}")
+
+    result = spec(text, format, (source,), let, not_there)
     if result is None or any(faults.count for faults in files):
         raise error_about(files)
     if doubt := next(filter(None, (faults.doubted() for faults in files)), None):
@@ -137,7 +149,7 @@ def from_dict(data: Mapping[str, Any]) -> Patch | Model:
     """
     document = Document(_plain(data), "", "json", ())
     faults = Faults(document, "from_dict")
-    result = read_spec(Values(faults, Budget()), _nothing_included, document.data, None)
+    result = read_spec(Values(faults, Budget()), _nothing_included, document.data, None, None, NO_LET, lambda *_: None)
     if result is None or faults.count:
         raise error_about([faults])
     return result
@@ -155,7 +167,7 @@ def _plain(value: object) -> object:
     return value
 
 
-def _nothing_included(name: str) -> tuple[Patch, ...]:
+def _nothing_included(name: str, let: Let, place: Path) -> tuple[Patch, ...]:
     raise SpecError(f"{name}: plain data have no folder from which files could be taken")
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import shown
-from gtb_cli.language.keys_and_values import POSITIVE, Table, Values
+from gtb_cli.language.keys_and_values import FINITE, POSITIVE, Table, Values
 from gtb_cli.language.names import numbers_in_no_let, read_numbers
 from gtb_cli.language.patch_reader import INCLUDE_KEYS, MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.reading import NO_LET, Let
@@ -14,16 +14,23 @@ from gtb_cli.language.scanner import Path
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.theory.patch import Patch
 
-# Returns the patches of an included file, none if it has faults, noted elsewhere; `SpecError`: it cannot be included.
-Include = Callable[[str], tuple[Patch, ...]]
+# Returns the patches of an included file whose ``let`` has other numbers, the last of which stand at a path, or none if
+# it has faults, noted elsewhere; `SpecError`: it cannot be included.
+Include = Callable[[str, Let, Path], tuple[Patch, ...]]
 
 
 def read_spec(
-    values: Values, include: Include, data: object, name: str | None, row: int | None = None, given: Let = NO_LET
+    values: Values,
+    include: Include,
+    data: object,
+    name: str | None,
+    row: int | None,
+    given: Let,
+    unknown: Callable[[str, str], object],
 ) -> Patch | Model | None:
     """Read a whole document; None if faults, here or in included files, leave the model without patches.
 
-    `row` is that of `Reader`, and `given` replaces ``let``.
+    `row` is that of `Reader`; `given` and `unknown` are those of `read_numbers`.
     """
     if not isinstance(data, dict):
         values.faults.add((), f"must be a table with the keys of a patch, got {shown(data)}")
@@ -31,7 +38,7 @@ def read_spec(
     if "let" not in data and (loose := numbers_in_no_let(data)):
         values.faults.add((next(iter(loose)),), "the line [let] is missing before this: expressions use it")
         data = {key: entry for key, entry in data.items() if key not in loose} | {"let": loose}
-    read_numbers(data, values, given)
+    read_numbers(data, values, given, unknown)
     reader = Reader(values, row)
     if "patches" not in data and "include" not in data:
         return reader.patch(data, (), name)
@@ -91,7 +98,7 @@ def _included(values: Values, include: Include, data: dict[str, Any]) -> tuple[l
             values.faults.add(place, "is missing" if is_missing else f"must be {expected}, got {shown(name)}")
             continue
         try:
-            found = include(name)
+            found = include(name, {} if table is None else _numbers(table), (*path, "let"))
         except SpecError as error:
             values.faults.add(path, str(error))
             continue
@@ -105,6 +112,16 @@ def _included(values: Values, include: Include, data: dict[str, Any]) -> tuple[l
         owners.update({patch.name: name for patch in found if patch.name is not None})
         patches += found
     return patches, owners
+
+
+def _numbers(table: Table) -> Let:
+    """Read the numbers that an included file gets in place of those of its own ``let``."""
+    let = table.entries.get("let", {})
+    if not isinstance(let, dict):
+        table.fault("let", f"must be a table of numbers, got {shown(let)}")
+        return NO_LET
+    found = {name: table.values.number(value, (*table.path, "let", name), FINITE) for name, value in let.items()}
+    return {name: number for name, number in found.items() if number is not None}
 
 
 def _own(

@@ -3,7 +3,7 @@
 import keyword
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from gtb_cli.errors import SpecError
@@ -18,8 +18,11 @@ MAX_NUMBER_NAME = 60  # longest name of a number, in characters
 MAX_NAMES = 1000  # named numbers
 
 
-def read_numbers(table: dict[str, Any], values: Values, given: Let) -> None:
-    """Read ``let``, if present, with the `given` numbers in place of those of the same names."""
+def read_numbers(table: dict[str, Any], values: Values, given: Let, unknown: Callable[[str, str], object]) -> None:
+    """Read ``let``, if present, with the `given` numbers in place of those of the same names.
+
+    `unknown` is told each given name that ``let`` does not have, and what is said of it.
+    """
     values.names = names = dict[str, float]()
     # Without one, a table with another name is probably meant
     others = [entry for key, entry in table.items() if isinstance(entry, dict) and key not in PATCH_KEYS | MODEL_KEYS]
@@ -33,8 +36,8 @@ def read_numbers(table: dict[str, Any], values: Values, given: Let) -> None:
     for name in given:
         if name not in let:
             likely = suggestion(name, let) or f"; there are {', '.join(list(let)[:30]) or 'none'}"
-            likely += ", and each included file has its own" * ("include" in table)
-            values.faults.add((), f"`let` {name}: the spec has no number of this name in its let{likely}")
+            likely += "; an included file's are set beside its name, {file = …, let = {…}}" * ("include" in table)
+            unknown(name, f"has no number of this name in its let{likely}")
     for name, value in let.items():
         number = _given(name, given[name], let, values) if name in given else None
         if number is None and (fault := _name_fault(name, value) or _late(value, let, names)):

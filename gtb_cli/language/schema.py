@@ -115,7 +115,7 @@ def _told(keys: Schema) -> Schema:
 def _model() -> Schema:
     """Return the keys of a model, and of patches what they have in common with it."""
     file = _told({"file": {"type": "string", "minLength": 1}})
-    moved = {"properties": {"name": _ref("name"), **_moves(), **file}, "required": ["file"]}
+    moved = {"properties": {"name": _ref("name"), "let": _ref("let"), **_moves(), **file}, "required": ["file"]}
     entry = _any(file["file"], {"type": "object", **moved, "additionalProperties": False})
     percentage = {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"}
     names = _any({"type": "string"}, _array({"type": "string"}, 1, MAX_PATCHES))

@@ -9,6 +9,7 @@ import numpy as np
 
 from gtb_cli.errors import SpecError
 from gtb_cli.files import replace_file
+from gtb_cli.language.document import spec_format_of
 from gtb_cli.language.keys_and_values import MAX_SIZE, name_fault
 from gtb_cli.language.loading import parse
 from gtb_cli.models.model import Model
@@ -72,22 +73,17 @@ def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
     """
     data = to_dict(spec)
     target = os.fspath(path)
-    suffix = suffix_of(target)
-    if suffix in {*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS}:
-        raise SpecError(f"{target}: expected a name that ends in .toml or .json, this is that of a mesh or CAD file")
-    is_json = suffix == "json"
-    text = json.dumps(data, indent=1) + "\n" if is_json else _toml(data)
-    again = parse(text, target, "json" if is_json else "toml")
+    again = parse(text := _text(data, target), target, spec_format_of(target) or "toml")
     if again.replace(name=spec.name) != spec:
         raise SpecError(f"{target}: a spec cannot hold this exactly: both weights and other logarithms of weights")
     replace_file(target, [text.encode("utf-8")])
 
 
-def dump(spec: Patch | Model) -> str:
-    """Write a patch or model as TOML, with the shortest digits that read back exactly.
+def dump(spec: Patch | Model, target: str = "") -> str:
+    """Return the text of a spec, TOML or JSON as `save` does, with the shortest digits that read back exactly.
 
     For readability, weights are numbers if possible; their logarithms may then be rounded. Raises `SpecError` if a name
-    has control characters, or numbers are beyond those that are read.
+    has control characters, numbers are beyond those that are read, or the target is named like a mesh or CAD file.
     """
     patches = []
     for patch in (spec,) if isinstance(spec, Patch) else spec.patches:
@@ -96,7 +92,18 @@ def dump(spec: Patch | Model) -> str:
                 raise SpecError(f"{key}: the result has numbers beyond {MAX_SIZE:g} in size, which no spec may have")
         is_float = (np.isfinite(patch.weights) & (patch.weights > 0)).all()
         patches.append(patch.replace(weights=patch.weights.copy()) if is_float else patch)
-    return _toml(to_dict(patches[0] if isinstance(spec, Patch) else spec.replace(patches=tuple(patches))))
+    return _text(to_dict(patches[0] if isinstance(spec, Patch) else spec.replace(patches=tuple(patches))), target)
+
+
+def check_target(target: str) -> None:
+    """Refuse to write a spec to a file with the name of a mesh or CAD file, by a `SpecError`."""
+    if suffix_of(target) in {*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS}:
+        raise SpecError(f"{target}: expected a name that ends in .toml or .json, this is that of a mesh or CAD file")
+
+
+def _text(data: dict[str, Any], target: str) -> str:
+    check_target(target)
+    return json.dumps(data, indent=1) + "\n" if spec_format_of(target) == "json" else _toml(data)
 
 
 def _toml(data: dict[str, Any]) -> str:

@@ -15,11 +15,12 @@ from gtb_cli.meshes.topology import are_proper, are_used, components_of, sides_o
 
 
 def in_unit(value: float, power: int, unit: str | None) -> tuple[float, str]:
-    """Return a length, area (`power` 2) or volume (3) with the unit to write behind it: cm² and cm³ for millimetres."""
+    """Return a length, area (`power` 2) or volume (3) with the unit behind it; for mm cm² and cm³ from 1 on."""
     if unit is None:
         return value, ""
     signs = ("", "", "²", "³")[power]
-    return (value / 10**power, f" cm{signs}") if unit == "mm" and power > 1 else (value, f" {unit}{signs}")
+    is_large = unit == "mm" and power > 1 and abs(value) >= 10**power
+    return (value / 10**power, f" cm{signs}") if is_large else (value, f" {unit}{signs}")
 
 
 @dataclass(frozen=True)

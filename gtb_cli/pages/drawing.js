@@ -242,9 +242,9 @@ function dotted(name, share, first, second, paint, rim, size, hidden = 0.15, who
   gl.depthFunc(gl.LEQUAL);
 }
 
-const shownOf = scalar => once("shown", [state.mode, state.scale], () => {   // numbers as parts of the scale
-  const [low, high] = ends(scalar);
-  return scalar.values.map(x => clamp((x - low) / (high - low), 0, 1));
+const shownOf = scalar => once("shown", [state.mode, state.scale, state.thin], () => {   // numbers as parts of the scale; thin walls are at its end
+  const [low, high] = ends(scalar), thin = state.mode === "wall" ? state.thin : -Infinity;
+  return scalar.values.map(x => x < thin ? 0 : clamp((x - low) / (high - low), 0, 1));
 });
 
 function fill() {
@@ -319,7 +319,7 @@ function draw(larger = 1, clear = false) {
   markAxes(faint);
   markNames();
   if (scene.curve) stroke("curve", share, ...moving("curve", scene.cells), accent, 3.6, 0);
-  if (state.edges) stroke("border", share, ...moving("border", scene.lines.border), scene.curve ? ink : [0.1, 0.12, 0.14], 1.6, 0.3);
+  if (state.edges) stroke("border", share, ...moving("border", scene.lines.border), scene.curve ? ink : [0.1, 0.12, 0.14], 1.6, state.hidden ? 0.3 : 0);
   if (state.folds) stroke("folds", share, ...moving("folds", scene.lines.folds), [0.9, 0.62, 0], 4, 0.3);
   if (state.open) stroke("open", share, ...moving("open", scene.lines.open), [0.84, 0, 0.11], 3.6, 0.35);
   const section = sectionLines();

@@ -2,14 +2,14 @@
 
 const MODES = { shaded: "Shaded", mean: "Mean curvature", gaussian: "Gaussian curvature", zebra: "Zebra stripes", isophotes: "Isophotes", wall: "Wall thickness", overhangs: "Overhangs" };
 const SWITCHES = {
-  patches: ["c", "Patch colours"], net: ["n", "Control net"], knots: ["k", "Knots"], edges: ["e", "Edges"],
+  patches: ["c", "Patch colours"], net: ["n", "Control net"], knots: ["k", "Knots"], edges: ["e", "Edges"], hidden: ["b", "Hidden edges"],
   open: ["o", "Open edges"], folds: ["p", "Folds"], axes: ["a", "Axes"], names: ["l", "Edge names"], measure: ["m", "Measure"],
 };
 const VIEWS = { t: ["top", -90, 90], v: ["front", -90, 0], s: ["side", 0, 0], h: ["home", -60, 30] };   // and those from behind
 
 const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0, patches: true, net: false, knots: false,
-  edges: true, open: true, folds: true, axes: true, names: false, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, scale: 0, from: "", to: "", back: true, theme: "" };
-let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "", offered = ["shaded"];   // modes
+  edges: true, hidden: false, open: true, folds: true, axes: true, names: false, measure: false, section: "", at: 0.5, flip: false, explode: 0, angle: 45, scale: 0, thin: 0, from: "", to: "", back: true, theme: "" };
+let defaults = null, scene = null, version = 0, playing = false, wanted = false, fitted = "", beside = true, offered = ["shaded"];   // modes; the scale was hidden when it was fitted
 
 function read(data) {
   const frames = data.frames.map(f => ({ label: f.label, positions: decoded(f.positions, Float32Array),
@@ -41,7 +41,7 @@ const redraw = () => { if (scene && !wanted) { wanted = true; requestAnimationFr
 const ends = ({ low, high }) => state.scale ? [low && -state.scale, state.scale] : [low, high];   // of a scale: as made, or as chosen
 const withUnit = text => scene.unit ? `${text} ${scene.unit}` : `${text}`;
 const isDark = () => (state.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
-const modes = () => scene.quick ? offered : scene.curve ? ["shaded"] : Object.keys(MODES)
+const modes = () => scene.quick ? [...new Set([...offered, MODES[state.mode] ? state.mode : "shaded"])] : scene.curve ? ["shaded"] : Object.keys(MODES)
   .filter(name => name === "overhangs" ? scene.closed : scene.scalars[name] || !["mean", "gaussian", "wall"].includes(name));
 
 // ---- state and address
@@ -56,7 +56,7 @@ function set(changes) {
   state.elevation = clamp(state.elevation, -90, 90);
   state.zoom = clamp(state.zoom, 0.05, 400);
   state.frame = clamp(state.frame, 0, scene.frames.length - 1);
-  for (const [name, high] of [["at", 1], ["explode", 1], ["angle", 90], ["scale", 1e30]]) state[name] = clamp(state[name], 0, high);
+  for (const [name, high] of [["at", 1], ["explode", 1], ["angle", 90], ["scale", 1e30], ["thin", 1e30]]) state[name] = clamp(state[name], 0, high);
   if (!scene.quick && !modes().includes(state.mode)) {
     lack(state.mode);
     state.mode = "shaded";
@@ -108,7 +108,10 @@ function show() {
     $("scale-name").textContent = MODES[state.mode] + (unit ? `, ${unit}` : "");
     if (document.activeElement !== $("scale-high")) $("scale-high").value = +high.toPrecision(3);
     $("scale-low").textContent = low.toPrecision(3);
-    $("least").textContent = state.mode === "wall" ? `least ${scalar.values[scalar.least].toPrecision(3)}` : "";
+    $("walls").hidden = state.mode !== "wall";
+    $("least").textContent = `least ${scalar.values[scalar.least].toPrecision(3)}`;
+    if (document.activeElement !== $("thin")) $("thin").value = state.thin || "";
+    $("thinner").textContent = state.mode === "wall" && state.thin ? thinner(scalar.values) : "";
     paintScale(document.querySelector("#scale canvas").getContext("2d"), 0, 0, 1, 150);
   }
   $("overhang").hidden = state.mode !== "overhangs";
@@ -126,6 +129,7 @@ function show() {
   $("slider").value = state.frame;
   $("value").textContent = share === 0 ? now.label : share === 1 ? next.label : `${now.label} → ${next.label}`;
   $("run").textContent = playing ? "❚❚" : "▶";
+  if (fitted && isBeside()) fit();
 }
 
 function paintScale(context, left, top, width, height) {
@@ -135,21 +139,25 @@ function paintScale(context, left, top, width, height) {
   context.fillRect(left, top, width, height);
 }
 
-// The area of the triangles that are painted as overhangs, in model units, and its part of the surface.
-const overhang = () => once("overhang", state.angle, () => {
-  const p = scene.frames[0].positions, { low, high } = scene.box, floor_ = low[2] + 0.002 * (high[2] - low[2]), steep = Math.sin(state.angle * Math.PI / 180);
+function areaWhere(isCounted) {   // the area of triangles of which this is true, and its part of the surface
+  const p = scene.frames[0].positions;
   let sum = 0, all = 0;
   for (let k = 0; k < scene.cells.length; k += 3) {
     const [a, b, c] = [0, 1, 2].map(i => p.subarray(3 * scene.cells[k + i], 3 * scene.cells[k + i] + 3));
     const [u, v] = [[0, 1, 2].map(i => b[i] - a[i]), [0, 1, 2].map(i => c[i] - a[i])];
     const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]], area = Math.hypot(...normal);
-    const stands = normal[2] < -0.99 * area && (a[2] + b[2] + c[2]) / 3 < floor_;
     all += area;
-    if (normal[2] < -steep * area && !stands) sum += area;
+    if (isCounted(k, normal[2] / area, (a[2] + b[2] + c[2]) / 3)) sum += area;
   }
-  const area = sum / 2 * scene.size ** 2, text = scene.unit === "mm" ? `${(area / 100).toPrecision(4)} cm²` : withUnit(area.toPrecision(4)) + (scene.unit && "²");
+  const area = sum / 2 * scene.size ** 2, text = scene.unit === "mm" && area >= 100 ? `${(area / 100).toPrecision(4)} cm²` : withUnit(area.toPrecision(4)) + (scene.unit && "²");
   return `${text} (${(100 * sum / all).toFixed(1)} %)`;
+}
+
+const overhang = () => once("overhang", state.angle, () => {   // of what is painted as such
+  const { low, high } = scene.box, floor_ = low[2] + 0.002 * (high[2] - low[2]), steep = Math.sin(state.angle * Math.PI / 180);
+  return areaWhere((_, up, z) => up < -steep && !(up < -0.99 && z < floor_));
 });
+const thinner = wall => once("thinner", state.thin, () => areaWhere(k => scene.cells.subarray(k, k + 3).every(v => wall[v] < state.thin)));
 
 // ---- camera
 
@@ -169,9 +177,12 @@ function filling() {
 
 function fit() {
   const { zoom, panX, panY } = filling();
+  beside = $("scale").hidden;
   set({ zoom, panX, panY });
   fitted = fitting();
 }
+
+const isBeside = () => !scene.quick && $("scale").hidden !== beside;   // the scale has come, or gone: there is other room
 
 function strays() {   // out of the window, or below a third of what would fill it
   const { ends, zoom } = filling(), { grow, move } = view();
@@ -220,7 +231,9 @@ function picture() {   // at twice the size, with the texts that stand beside th
   }
   if (!$("scale").hidden) {
     const right = canvas.clientWidth - 24;
-    ["scale-name", "scale-high", "scale-low", "least"].forEach((id, k) => write($(id).value || $(id).textContent, right, [20, 38, 208, 226][k], "right", style.color));
+    ["scale-name", "scale-high", "scale-low"].forEach((id, k) => write($(id).value || $(id).textContent, right, [20, 38, 208][k], "right", style.color));
+    if (state.mode === "wall") [$("least").textContent, ...(state.thin ? [`thinner than ${state.thin}:`, $("thinner").textContent] : [])]
+      .forEach((text, k) => write(text, right, 226 + 18 * k, "right", style.color));
     paintScale(context, right - 14, 48, 14, 150);
   }
   draw();
@@ -286,7 +299,7 @@ $("turned").onclick = ACTIONS.i;
 $("back").onchange = e => set({ back: e.target.checked });
 $("mode").onchange = e => set({ mode: e.target.value, scale: 0 });
 $("section").onchange = e => set({ section: e.target.value });
-$("scale-high").oninput = e => set({ scale: Math.max(Number(e.target.value), 0) });
+for (const [id, name] of [["scale-high", "scale"], ["thin", "thin"]]) $(id).oninput = e => set({ [name]: Math.max(Number(e.target.value), 0) });
 for (const name of ["at", "explode", "angle"]) $(name).oninput = e => set({ [name]: Number(e.target.value) });
 $("explode").onchange = () => fit();
 $("slider").oninput = e => { playing = false; set({ frame: Number(e.target.value) }); };
@@ -298,6 +311,12 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 function present(data) {
   const first = !scene, before = scene;
   scene = read(data);
+  if (first) {
+    if (data.plane) Object.assign(state, { azimuth: -90, elevation: 90 });
+    if (data.curve) state.net = true;
+    defaults = { ...state };
+  }
+  const isPlaced = first && recall(location.hash.slice(1));
   $("panel").hidden = false;
   if (!scene.quick) offered = modes();
   if (data.numbers) offerNumbers(data.numbers);
@@ -314,20 +333,16 @@ function present(data) {
     Object.assign(new Option(`${MODES[name]}: ${scene.absent[name]}`, name), { disabled: true })));
   $("mode").hidden = $("sections").hidden = scene.curve;
   const there = { patches: scene.groups.length > 1 && !scene.curve, net: !!scene.frames[0].net, knots: scene.spots.length > 0,
-    edges: scene.lines.border.length > 0, open: scene.lines.open.length > 0, folds: scene.lines.folds.length > 0, axes: true, names: scene.middles.length > 0, measure: scene.frames.length < 2 };
+    edges: scene.lines.border.length > 0, hidden: scene.lines.border.length > 0 && !scene.curve, open: scene.lines.open.length > 0, folds: scene.lines.folds.length > 0, axes: true, names: scene.middles.length > 0, measure: scene.frames.length < 2 };
   for (const name of Object.keys(SWITCHES)) $(name).parentElement.classList.toggle("off", !there[name]);
   $("apart").hidden = scene.groups.length < 2 || scene.curve;
   $("play").hidden = scene.frames.length < 2;
   $("slider").max = scene.frames.length - 1;
-  if (first) {
-    if (data.plane) Object.assign(state, { azimuth: -90, elevation: 90 });
-    if (data.curve) state.net = true;
-    defaults = { ...state };
-    recall(location.hash.slice(1)) ? set({ zoom: state.zoom }) : (show(), fit());
-  } else {
+  if (first) isPlaced ? set({ zoom: state.zoom }) : (show(), fit());
+  else {
     const own = !fitted;   // where the user has put it, it stays
     set(placed(before));
-    if (!own && strays()) fit();
+    if (!own && (strays() || isBeside())) fit();
     else if (!own) fitted ||= "before";
   }
 }

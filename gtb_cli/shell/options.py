@@ -325,7 +325,7 @@ def spec_from_spec(function: Callable[..., Spec]) -> Function:
         from gtb_cli.language.writer import dump
 
         with streams.spec_of(spec) as loaded:
-            text = dump(function(loaded, **values))
+            text = dump(function(loaded, **values), streams.output)
         streams.write(text)
 
     return command

@@ -251,6 +251,15 @@ def about(source: str) -> Iterator[None]:
         raise error.within(source) from error
 
 
+def file_of_standard_output() -> str:
+    """Return the name of the file that a shell has put in the place of standard output, where Linux tells it, or ""."""
+    try:
+        name = os.readlink(f"/proc/self/fd/{sys.stdout.fileno()}")
+    except (OSError, ValueError, AttributeError):  # another system, a stream in memory, none
+        return ""
+    return name if os.path.isfile(name) else ""
+
+
 def is_folder(output: str) -> bool:
     """Tell whether the name of an output means a folder."""
     return os.path.isdir(output) or output.endswith(("/", os.sep))

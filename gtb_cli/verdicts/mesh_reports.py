@@ -82,12 +82,14 @@ def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
         angle = found["least_wall_angle"]
         near += "" if angle is None else f", where faces meet at {angle:.0f} degrees"
         wall = f"{found['least_wall']:.4g} near {near}; behind 90% of the surface {usual:.4g} or more"
+    volume = found.get("volume")
+    cubic = f", {volume / 1000:.4g} cm³ where lengths are mm" if volume and abs(volume) >= 1000 else ""
     return [
         ("size", " × ".join(size)),
         ("footprint", f"{sides}, area {found['bed_area']:.4g} on the bed"),
         ("overhangs", f"{share}, by more than 45 degrees from upright"),
         ("least wall", wall),
-        *([("printed volume", f"{found['volume']:.6g}")] if found.get("volume") else []),
+        *([("printed volume", f"{volume:.6g}{cubic}")] if volume else []),
         *(("remark", remark) for remark in found.get("remarks", [])),
     ]
 

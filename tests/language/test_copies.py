@@ -243,23 +243,6 @@ def test_whole_files_are_copied(tmp_path):
     assert arrays(parse(dump(found))) == arrays(found)
 
 
-@pytest.mark.parametrize(
-    ("table", "fault"),
-    [
-        ('file = "leg.toml", repeat = 10001', ".repeat: must be a whole number from 1 to 10000, got 10001"),
-        ('file = "leg.toml", rotat = 3', ".rotat: is not a key of a spec, did you mean rotate?"),
-        ('file = "leg.toml", translate = ["k", 0]', ".translate[0]: expression 'k': unknown name 'k'"),
-        ("repeat = 2", ".file: is missing"),
-        ('file = "leg.toml", scale = 1e99, repeat = 2', ": has control points beyond 1e+100 in size"),
-        (f'file = "leg.toml", name = "{"a" * 198}", repeat = 2', ".name: must have at most 200 characters, got 205"),
-    ],
-)  # fmt: skip
-def test_what_copies_of_files_cannot_be(tmp_path, table, fault):
-    leg = (PATCH + PATCH.replace("wall", "foot")).replace("1", "1e2")
-    line = refusal(folder(tmp_path, main=f"include = [{{{table}}}]\n", leg=leg))[0]
-    assert line.startswith(f"main.toml:1: include[0]{fault}")
-
-
 def test_copies_of_copied_files_are_bounded(tmp_path, monkeypatch):
     """A file that doubles another, a hundred times over, is refused at once."""
     monkeypatch.setattr("gtb_cli.language.model_reader.MAX_PATCHES", 500)
@@ -269,12 +252,6 @@ def test_copies_of_copied_files_are_bounded(tmp_path, monkeypatch):
         with quickly():
             lines = refusal(folder(tmp_path, main='include = ["f0.toml"]\n', f98=PATCH, **files))
         assert words in "\n".join(lines)
-
-
-def test_standard_input_includes_nothing():
-    assert faults('include = ["a.toml"]\n', "<stdin>") == [
-        "<stdin>:1: include[0]: <stdin> has no folder from which files could be taken"
-    ]
 
 
 def test_large_includes_are_bounded_together(tmp_path):

@@ -134,9 +134,10 @@ def test_its_lines_are_specs(section: str, tmp_path: Path) -> None:
     assert re.search(rf"\b{key}\b", text)
     VALIDATOR.validate(tomllib.loads(text))
     (tmp_path / "spec.toml").write_text(text, encoding="utf-8")
-    shutil.copy(SPECS / "bicubic.toml", tmp_path)
+    for name in ("bicubic.toml", "vase.toml"):
+        shutil.copy(SPECS / name, tmp_path)
     command = ["fill", "--continuity", "g0", "--elevate", 0] if key in RIBBONS else ["mesh", "-n", 3]
-    gtb(*command, tmp_path / "spec.toml", "-o", tmp_path / "out.obj", status=0)
+    gtb(*command, tmp_path / "spec.toml", "-o", tmp_path / ("out.toml" if key in RIBBONS else "out.obj"), status=0)
 
 
 def patterns(value: object) -> Iterator[str]:

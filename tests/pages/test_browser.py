@@ -98,7 +98,7 @@ def test_switches_show_and_hide(browser, show):
     browser.keys("o")
     assert near(browser.picture(), "#d6001c").sum() < red / 20
     browser.keys("o")
-    for key in "nkceal":
+    for key in "nkcebal":
         one = browser.picture()
         browser.keys(key)
         assert changed(one, browser.picture()) > 0.001, key
@@ -191,7 +191,7 @@ def test_keys_do_what_the_page_says(browser, show):
         after = browser.run("return {...state}")
         assert [other for other in before if before[other] != after[other]] == [name]
     help_ = browser.run("return document.getElementById('panel').textContent")
-    words = "Arrows", "+ −", "1–7", "c n k e o p a", "Space", "[ ]", "d: dark"
+    words = "Arrows", "+ −", "1–7", "c n k e b o p a", "Space", "[ ]", "d: dark"
     assert [word for word in words if word not in help_] == []
 
 
@@ -260,9 +260,9 @@ def test_measuring_snaps_to_corners_and_edges_and_is_in_the_address(browser, sho
         assert "corner" in browser.run("return $('tip').textContent")
         browser.mouse((x + 4, y + 3), drag=True)
     assert browser.run("return [state.from, state.to, measured().distance]") == ["0,0,2", "40,30,2", pytest.approx(50)]
-    assert "distance 50\ndx 40  dy 30  dz 0" in browser.run("return $('measured').textContent")
+    assert "distance 50 mm\ndx 40  dy 30  dz 0" in browser.run("return $('measured').textContent")
     browser.settle()  # the length is written where it is drawn
-    assert browser.run("return [$('length').textContent, $('length').hidden]") == ["50", False]
+    assert browser.run("return [$('length').textContent, $('length').hidden]") == ["50 mm", False]
     x, y = corner(browser, 22, 0, 2)
     assert browser.run(f"const s = snap({x}, {y + 3}); return [s.kind, ...inModel(s.point)]") == [
         *("edge", pytest.approx(22, abs=0.5), pytest.approx(0, abs=1e-4), pytest.approx(2, abs=1e-4))
@@ -333,10 +333,15 @@ def test_walls_and_overhangs_have_their_colours(browser, show):
     assert browser.run("return $('scale-high').value") == "8"
     x, y = corner(browser, 20, 15, 2)
     browser.mouse((x, y), (x + 1, y))
-    assert "Wall thickness 2.000" in browser.run("return $('tip').textContent")
+    assert "Wall thickness 2.000 mm" in browser.run("return $('tip').textContent")
+    assert near(show("plate", mode="wall", thin=2.001, elevation=40), "#a50026").sum() > 1000
+    assert browser.run("return $('thinner').textContent") == "24.00 cm² (89.6 %)"
+    show("plate")
+    beside = "corners().every(p => project(...p)[0] < $('scale').getBoundingClientRect().left)"
+    assert browser.run(f"set({{ mode: 'wall' }}); return {beside}")
     show("plate", mode="overhangs", angle=30)
-    assert browser.run("return $('steep').textContent") == "30° from upright: 0.000 (0.0 %)"
-    assert browser.run("scene.box.low[2] -= 1; made.clear(); return overhang()") == "1200 (44.8 %)"
+    assert browser.run("return $('steep').textContent") == "30° from upright: 0.000 mm² (0.0 %)"
+    assert browser.run("scene.box.low[2] -= 1; made.clear(); return overhang()") == "12.00 cm² (44.8 %)"
 
 
 def test_a_mode_that_a_page_lacks_is_named(browser, show):

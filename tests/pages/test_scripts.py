@@ -70,6 +70,23 @@ def test_an_error_is_shown_that_stays_and_a_page_is_working_as_soon_as_the_file_
     assert [row[3] == text for row in found] == [k in (2, 7, 8, 9) for k in range(10)]
 
 
+def test_a_failing_quick_picture_is_told_while_a_slider_moves_and_the_last_good_one_stays():
+    """Its list of modes has the one that the address asks for, which comes with the whole picture."""
+    data = page_data(content_of(gtb_cli.load(SPECS / "bicubic.toml"))) | {"quick": "quickly"}
+    news = [{"version": k, "error": error, "data": data} for k, error in enumerate(("too thick", "", "x"), 2)]
+    del news[0]["data"], news[2]["data"]
+    script = (
+        "const asked = []; let n; pause = async () => { turnedAt = performance.now(); }; complain('');"
+        "location.hash = { slice: () => ['mode', 'mean'] }; $('mode').replaceChildren = (...all) => n = all.length;"
+        "present(data.pop()); return new Promise(done => { fetch = async address => {"
+        "asked.push([address.includes('quick'), $('error').textContent, $('working').hidden, version]);"
+        "if (asked.length > data.length) done([n, modes(), state.mode, ...asked]);"
+        "return { json: async () => data[asked.length - 1] }; }; watch(1); })"
+    )
+    told = [["", False, 1], ["too thick", True, 1], ["", False, 2], ["x", True, 2]]
+    assert answer(script, *news, data) == [2, ["shaded", "mean"], "mean", *([True, *each] for each in told)]
+
+
 def test_a_model_that_leaves_the_window_or_becomes_small_is_fitted_again_unless_the_user_has_zoomed():
     def tower(height: float, scale: float = 1.0) -> dict[str, Any]:
         points = scale * np.array([[0, 0, 0], [1, 0, 0], [0, 1, height]])

@@ -117,12 +117,12 @@ def test_what_a_screen_shows_is_smooth(name):
 
 def test_a_page_shows_the_mesh_of_a_recipe_and_measures_it():
     spec = SPECS / "bicubic.toml"
-    data = page(spec, "--thickness", "0.1", "-n", "6")
+    data = page(spec, "--thickness", "0.1", "-n", "6", "--unit", "in")
     mesh, remarks = Recipe(6, thickness=0.1).mesh(gtb_cli.load(spec))
     found = measure(mesh)
     measures = dict(data["measures"])
-    assert measures["volume"] == f"{found.volume:.6g}"
-    assert measures["surface"] == f"{found.area:.6g}"
+    assert measures["volume"] == f"{found.volume:.6g} in³"
+    assert measures["surface"] == f"{found.area:.6g} in²"
     assert data["remarks"] == remarks
     assert (data["closed"], sorted(data["scalars"])) == (True, ["wall"])
     assert data["scalars"]["wall"]["high"] == pytest.approx(0.3)  # three times the thickness
