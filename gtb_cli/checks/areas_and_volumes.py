@@ -10,7 +10,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.quadrature import quadrature
-from gtb_cli.theory.rational_basis import RationalBasis
+from gtb_cli.values import grouped
 
 
 class Extent(NamedTuple):
@@ -32,9 +32,7 @@ def extents(shape: Patch | Model) -> dict[str, Extent]:
     joints = (shape if isinstance(shape, Model) else Model((shape,))).joints
     frame = Frame.around(*(patch.control_points for patch in shape.patches))
     most = 2_500_000  # values of T_i, by the last rules of all patches together
-    alike: dict[RationalBasis, list[int]] = {}
-    for index, patch in enumerate(shape.patches):
-        alike.setdefault(patch.rational_basis, []).append(index)
+    alike = grouped((patch.rational_basis, index) for index, patch in enumerate(shape.patches))
     value, error = np.zeros((2, 2))
     for members in (some[k : k + 100] for some in alike.values() for k in range(0, len(some), 100)):
         nets = frame.inside(np.stack([shape.patches[index].control_points for index in members]))
