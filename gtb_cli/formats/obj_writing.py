@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, two_product
+from gtb_cli.formats.file_arrays import Ranges
 from gtb_cli.meshes.mesh import Mesh
 
 Words: TypeAlias = NDArray[np.uint32]
@@ -33,9 +34,7 @@ def decimals(vertices: FloatArray) -> int:
     return max(8, 8 - int(np.floor(np.log10(size))))
 
 
-def obj_blocks(
-    mesh: Mesh, uv: FloatArray | None = None, groups: Sequence[tuple[str, int, int]] = ()
-) -> Iterator[bytes]:
+def obj_blocks(mesh: Mesh, uv: FloatArray | None = None, groups: Ranges = ()) -> Iterator[bytes]:
     """Return the text of an OBJ file: `v`, `vn`, `vt`, then `f` (or one `l` for each segment), with `g` before groups.
 
     The lines equal those of trimesh's exporter for the same arrays with ``digits=decimals(vertices)``. Numbers are
