@@ -3,13 +3,13 @@
 from collections.abc import Hashable, Iterable
 from typing import NamedTuple, Self
 
+from gtb_cli.values import grouped
+
 
 def one_of_alike(lines: Iterable[tuple[Hashable, str]]) -> list[str]:
     """Return the first of each kind of lines, given as pairs of a kind and a line, with the number of the others."""
-    kinds = dict[Hashable, list[str]]()
-    for kind, line in lines:
-        kinds.setdefault(kind, []).append(line)
-    return [f"{each[0]}; {len(each) - 1} more likewise" if len(each) > 1 else each[0] for each in kinds.values()]
+    kinds = grouped(lines).values()
+    return [f"{each[0]}; {len(each) - 1} more likewise" if len(each) > 1 else each[0] for each in kinds]
 
 
 class Fault(NamedTuple):

@@ -80,12 +80,10 @@ def encode_cad(
     return re.sub(*times[kind], data) if kind in times else data, shells, solids, seams
 
 
-def _sewn(
-    surfaces: Sequence[SplineSurface], tolerance: float, part: Any
-) -> tuple[Any, list[tuple[Any, str]], int, int]:
+def _sewn(surfaces: Sequence[SplineSurface], within: float, part: Any) -> tuple[Any, list[tuple[Any, str]], int, int]:
     """Return a compound of solids and shells, its faces with their names, and the numbers of shells and solids."""
     builder, topology = kernel("BRepBuilderAPI"), kernel("TopoDS")
-    sewing = builder.BRepBuilderAPI_Sewing(tolerance)
+    sewing = builder.BRepBuilderAPI_Sewing(within)
     given = [builder.BRepBuilderAPI_MakeFace(_surface(one), KERNEL_PRECISION).Face() for one in surfaces]
     for face in [*([] if part is None else parts(part, "FACE")), *given]:
         sewing.Add(face)

@@ -1,7 +1,7 @@
 """B-spline pieces of patches: where they are fitted, with which conditions, and what is measured of them."""
 
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -97,6 +97,9 @@ class Piece(NamedTuple):
         x, y = x + moves[0] + moves[2], y + moves[1]
         shares = np.array([[(1 - x) * (1 - y), (1 - x) * y], [x * (1 - y), x * y]])
         return np.asarray(np.einsum("ijn,ijx->nx", shares, self.corners))
+
+
+Fitted: TypeAlias = tuple[Piece, FloatArray, tuple[Splines, Splines]]  # a piece, its poles, and its B-splines
 
 
 def corner_pieces(
@@ -259,11 +262,7 @@ def largest_angle(one: FloatArray, other: FloatArray) -> float:
 
 
 def measured_surfaces(
-    name: str,
-    made: Iterable[tuple[Piece, FloatArray, tuple[Splines, Splines]]],
-    between: Iterable[FloatArray],
-    origin: FloatArray,
-    size: float,
+    name: str, made: Iterable[Fitted], between: Iterable[FloatArray], origin: FloatArray, size: float
 ) -> tuple[tuple[SplineSurface, ...], list[FloatArray], float]:
     """Return pieces as surfaces, how far these are from points between those fitted, and their edges from halves."""
     surfaces, away, gap = [], list[FloatArray](), 0.0

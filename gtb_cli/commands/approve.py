@@ -9,12 +9,13 @@ import click
 
 from gtb_cli.errors import Fault, GtbError
 from gtb_cli.shell.folders import files_in
+from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.messages import Console
 from gtb_cli.shell.options import INPUT, console_option, difference_option, ignore_option
 from gtb_cli.shell.streams import opened
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict
-from gtb_cli.vocabulary import FORMATS, Aspect, suffix_of
+from gtb_cli.vocabulary import FORMATS, suffix_of
 
 
 @click.command
@@ -22,18 +23,9 @@ from gtb_cli.vocabulary import FORMATS, Aspect, suffix_of
 @click.argument("out", metavar="OUT", type=INPUT)
 @click.argument("names", metavar="[NAME]...", nargs=-1)
 @click.option("--prune", is_flag=True, help="Also remove the files of GOLDEN that OUT does not have.")
-@difference_option
-@ignore_option
+@gathered("comparing", Comparing, difference_option, ignore_option)
 @console_option
-def approve(
-    golden: str,
-    out: str,
-    names: tuple[str, ...],
-    prune: bool,
-    tolerance: float | str | None,
-    ignore: tuple[Aspect, ...],
-    console: Console,
-) -> None:
+def approve(golden: str, out: str, names: tuple[str, ...], prune: bool, comparing: Comparing, console: Console) -> None:
     """\b
     Example: gtb mesh specs/pentagon.toml -o out/ && gtb approve golden out
 
@@ -45,7 +37,6 @@ def approve(
     over. All files appear together: if one cannot be written, GOLDEN stays as it was.
     """
     _refuse_folders(golden, out)
-    comparing = Comparing(tolerance=tolerance, ignore=ignore)
     unreadable = dict[str, str]()
     new = files_in(out, unreadable)
     if not new and not unreadable:

@@ -9,6 +9,7 @@ import click
 
 from gtb_cli.errors import GtbError
 from gtb_cli.shell.folders import pairs
+from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.messages import STANDARD, Console, tell
 from gtb_cli.shell.options import (
     INPUT,
@@ -25,7 +26,7 @@ from gtb_cli.shell.streams import Streams, refuse_overwriting, refuse_reports, s
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict, Verdicts
-from gtb_cli.vocabulary import RESOLUTION, Aspect, Comparison, Parametrization, suffix_of
+from gtb_cli.vocabulary import RESOLUTION, Parametrization, suffix_of
 
 
 def _reports(paths: tuple[str, ...]) -> tuple[str, ...]:
@@ -34,19 +35,28 @@ def _reports(paths: tuple[str, ...]) -> tuple[str, ...]:
     return paths
 
 
+def _recipe(resolution: int | None, parametrization: Parametrization, max_faces: int) -> Recipe:
+    return Recipe(resolution or RESOLUTION, None, parametrization, max_faces=max_faces)
+
+
 @click.command
 @click.argument("a", metavar="A", type=INPUT)
 @click.argument("b", metavar="B", type=INPUT)
-@difference_option
-@click.option(
-    "--as",
-    "kind",
-    type=click.Choice(["auto", "vertices", "surface"]),
-    default="auto",
-    help="Compare vertex by vertex if the faces are the same, else as surfaces (auto); only vertex by vertex; or only "
-    "as surfaces. Two specs are compared themselves, whatever their parameters; with vertices, their meshes are.",
+@gathered(
+    "comparing",
+    Comparing,
+    difference_option,
+    click.option(
+        "--as",
+        "kind",
+        type=click.Choice(["auto", "vertices", "surface"]),
+        default="auto",
+        help="Compare vertex by vertex if the faces are the same, else as surfaces (auto); only vertex by vertex; or "
+        "only as surfaces. Two specs are compared themselves, whatever their parameters; with vertices, their meshes "
+        "are.",
+    ),
+    ignore_option,
 )
-@ignore_option
 @click.option(
     "--report",
     "reports",
@@ -56,23 +66,11 @@ def _reports(paths: tuple[str, ...]) -> tuple[str, ...]:
     help="Also write a report on all that differs: PAGE.html, to look at old and new side by side, offline; or "
     "PAGE.md, a table of the numbers. May be repeated.",
 )
-@resolution_option
-@parametrization_option
-@max_faces_option
+@gathered("recipe", _recipe, resolution_option, parametrization_option, max_faces_option)
 @json_option
 @streams_options
 def diff(
-    a: str,
-    b: str,
-    tolerance: float | str | None,
-    kind: Comparison,
-    ignore: tuple[Aspect, ...],
-    reports: tuple[str, ...],
-    resolution: int | None,
-    parametrization: Parametrization,
-    max_faces: int,
-    as_json: bool,
-    streams: Streams,
+    a: str, b: str, comparing: Comparing, reports: tuple[str, ...], recipe: Recipe, as_json: bool, streams: Streams
 ) -> None:
     """\b
     Example: gtb mesh specs/pentagon.toml -o x.obj && gtb diff x.obj specs/pentagon.toml
@@ -100,7 +98,6 @@ def diff(
     """
     if a == b == STANDARD:
         raise click.UsageError("standard input can be read only once")
-    recipe = Recipe(resolution or RESOLUTION, None, parametrization, max_faces=max_faces)
     for path in (a, b):
         if path != STANDARD and not os.path.exists(path):
             is_new = path == a != "" and os.path.isdir(b) and "*" not in a and not suffix_of(a)
@@ -114,7 +111,7 @@ def diff(
     inputs = [path for pair in pairs(a, b)[0].values() for path in pair if path] if of_folders else [a, b]
     refuse_overwriting(inputs, [streams.output, *reports])
     refuse_reports(reports, (a, b) if of_folders else ())
-    comparing = Comparing(recipe, tolerance, kind, ignore, streams.reading)
+    comparing = replace(comparing, recipe=recipe, reading=streams.reading)
     verdicts: list[Verdict] = []
     each = _told(comparing.each(a, b), verdicts, streams.console)
     if reports:

@@ -48,18 +48,7 @@ BATCH_LINES = 8192  # lines evaluated together, however a pipe delivers them: la
 )
 @json_option
 @streams_options
-def evaluate(
-    spec: str,
-    params: str,
-    basis: bool,
-    normals: bool,
-    curvature: bool,
-    derivatives: str | None,
-    header: bool,
-    parametrization: Parametrization,
-    as_json: bool,
-    streams: Streams,
-) -> None:
+def evaluate(spec: str, params: str, header: bool, as_json: bool, streams: Streams, **asked: Any) -> None:
     """\b
     Example: echo 0.5 1.5 | gtb eval specs/pentagon.toml
 
@@ -79,9 +68,9 @@ def evaluate(
         raise click.UsageError("spec and parameters cannot both be standard input")
     with streams.spec_of(spec) as read:
         loaded = single(read)
-    if loaded.dimension == 1 and (normals or curvature):
+    if loaded.dimension == 1 and (asked["normals"] or asked["curvature"]):
         raise click.UsageError(f"--normals and --curvature are for surfaces: {shown_input(spec)} is a curve")
-    parts = _parts(loaded, basis, int(derivatives or 0), normals, curvature, parametrization)
+    parts = _parts(loaded, **asked)
 
     batches = _batches(loaded, params, parts)
     if as_json:
@@ -103,7 +92,7 @@ class _Part(NamedTuple):
 
 
 def _parts(
-    patch: Patch, basis: bool, derivatives: int, normals: bool, curvature: bool, parametrization: Parametrization
+    patch: Patch, basis: bool, derivatives: str | None, normals: bool, curvature: bool, parametrization: Parametrization
 ) -> list[_Part]:
     import numpy as np
 
@@ -116,7 +105,7 @@ def _parts(
         return np.stack([found[..., *way] for way in ways], axis=1)
 
     parts = [_Part("basis" if basis else "points", names, lambda u: evaluated(u, parametrization))]
-    for order, key in ((1, "derivatives"), (2, "second_derivatives"))[:derivatives]:
+    for order, key in ((1, "derivatives"), (2, "second_derivatives"))[: int(derivatives or 0)]:
         ways = list(combinations_with_replacement(range(patch.dimension), order))
         columns = [f"{name}_{''.join(_axes(patch)[axis] for axis in way)}" for way in ways for name in names]
         parts.append(_Part(key, columns, partial(along, order, ways)))

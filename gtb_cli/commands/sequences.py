@@ -13,15 +13,13 @@ from gtb_cli.shell.streams import single
 @click.command
 @spec_argument
 @x_option(
-    "values", help="Write the mesh of the patch with the weights x^λ ω. May be given several times; inf is the limit."
+    "xs", help="Write the mesh of the patch with the weights x^λ ω. May be given several times; inf is the limit."
 )
 @heights_option(
     help="A lifting value λ for each knot, instead of the spec's; or knot:K: only the weight of knot K grows."
 )
 @sequence_options("Print the spec with the weights of one -x; -o may then be left out.")
-def degenerate(
-    spec: str, values: tuple[float, ...], lifting: tuple[float, ...] | int | None, out: SequenceOutput
-) -> None:
+def degenerate(spec: str, xs: tuple[float, ...], lifting: tuple[float, ...] | int | None, out: SequenceOutput) -> None:
     """\b
     Example: gtb degenerate specs/example-4.4.toml -x 5 -x 100 -x 600 -o out/
 
@@ -30,8 +28,8 @@ def degenerate(
     All meshes have the same faces. If x falls from 1 to 0, the limit is that of -λ. sequence.json lists the files with
     their distances from the limit, and how fast these fall; gtb view shows them with a slider.
     """
-    if out.emits_spec and len(set(values)) != 1:
-        raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(values))}")
+    if out.emits_spec and len(set(xs)) != 1:
+        raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
     from gtb_cli.language.writer import dump
     from gtb_cli.limits.degeneration import degenerate as weighted, heights_of, regular_control_surface
     from gtb_cli.sequences.sequence import degeneration
@@ -39,12 +37,12 @@ def degenerate(
     with out.streams.spec_of(spec) as loaded:
         patch = single(loaded)
         heights = heights_of(patch, lifting)
-        sequence = out.made(degeneration, patch, values, heights)
+        sequence = out.made(degeneration, patch, xs, heights)
         text = ""
-        if out.emits_spec and 0 < values[0] < math.inf:
-            text = dump(weighted(patch, values[0], heights))
+        if out.emits_spec and 0 < xs[0] < math.inf:
+            text = dump(weighted(patch, xs[0], heights))
         elif out.emits_spec:
-            text = dump(regular_control_surface(patch, heights if values[0] else -heights))
+            text = dump(regular_control_surface(patch, heights if xs[0] else -heights))
     # A file that cannot be written is not the spec's fault.
     out.write(sequence, spec, text)
 

@@ -11,7 +11,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.quadrature import quadrature
-from gtb_cli.theory.rational_basis import RationalBasis
+from gtb_cli.values import grouped
 
 
 class Extent(NamedTuple):
@@ -54,9 +54,7 @@ def coverage(patches: Sequence[Patch], frame: Frame) -> tuple[FloatArray, FloatA
 def _all_integrals(patches: Sequence[Patch], frame: Frame) -> tuple[FloatArray, FloatArray]:
     """Return the integrals of `_integrals` over some patches, (p, 3), and their errors; equal bases share a rule."""
     most = 2_500_000  # values of T_i, by the last rules of all patches together
-    alike: dict[RationalBasis, list[int]] = {}
-    for index, patch in enumerate(patches):
-        alike.setdefault(patch.rational_basis, []).append(index)
+    alike = grouped((patch.rational_basis, index) for index, patch in enumerate(patches))
     values, errors = np.zeros((2, len(patches), 3))
     for members in (some[k : k + 100] for some in alike.values() for k in range(0, len(some), 100)):
         nets = frame.inside(np.stack([patches[index].control_points for index in members]))

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from gtb_cli.values import frozen
 
 STL_HEADER_BYTES = 84  # bytes before the facets of a binary STL file; the last four are the number of facets
 SINGLE_FLOAT = np.dtype("<f4")  # numbers of binary files
+Ranges: TypeAlias = Sequence[tuple[str, int, int]]  # names, each with its first cell and the one after its last
 
 
 @frozen
@@ -29,7 +30,7 @@ class FileArrays:
     vertices: FloatArray
     cells: IntArray
     half_steps: Callable[[FloatArray], FloatArray]
-    groups: tuple[tuple[str, int, int], ...] = ()
+    groups: Ranges = ()
     space: str = ""
     values: Callable[[], Values] = dict
     ranges: Mapping[str, Sequence[tuple[Sequence[float], int, int]]] = field(default_factory=dict)

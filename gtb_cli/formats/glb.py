@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, as_indices, shifted
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, single_half_steps, unreserved
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, Ranges, single_half_steps, unreserved
 from gtb_cli.formats.glb_tree import HEADER_BYTES, Scene, accessor_values, glb_chunks, meant
 from gtb_cli.formats.polygons import segments, triangles
 from gtb_cli.meshes.mesh import MATERIALS, NORMALS, OTHER, TEXTURE, Mesh, Values
@@ -25,7 +25,7 @@ _Part: TypeAlias = tuple[int, int, object, FloatArray]  # first vertex, number o
 
 
 def glb_blocks(
-    mesh: Mesh, groups: Sequence[tuple[str, int, int]], uv: FloatArray | None, up: Up, unit: str | None, name: str
+    mesh: Mesh, groups: Ranges, uv: FloatArray | None, up: Up, unit: str | None, name: str
 ) -> Iterable[bytes]:
     """Return a GLB file of at most 4 GB with a node for each group. `up` is the vertical axis.
 
@@ -98,18 +98,17 @@ def _gather(tree: dict[str, Any], name: str, said: dict[str, str]) -> None:
 def _lines(parts: Sequence[Mesh], said: dict[str, str], root: str) -> list[bytes]:
     """Return indexed lines, which trimesh reads as they are; its exporter writes inner vertices of polylines twice."""
     chunks: list[bytes] = []
-    meshes, accessors, views, length = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, int]](), 0
+    meshes, accessors, views = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, int]]()
 
     def add(values: NDArray[Any], target: int) -> int:
         """Append (m, w) numbers of 32 bits, and return their accessor."""
-        nonlocal length
+        start = sum(map(len, chunks))
         chunks.append(values.tobytes())
-        views.append({"buffer": 0, "byteOffset": length, "byteLength": len(chunks[-1]), "target": target})
+        views.append({"buffer": 0, "byteOffset": start, "byteLength": len(chunks[-1]), "target": target})
         kind, width = 5126 if values.dtype.kind == "f" else 5125, ("SCALAR", "VEC2", "VEC3")[values.shape[1] - 1]
         bounds = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
         said = {"bufferView": len(views) - 1, "componentType": kind, "count": len(values), "type": width}
         accessors.append(said | bounds)
-        length += len(chunks[-1])
         return len(accessors) - 1
 
     for part in parts:
@@ -124,6 +123,7 @@ def _lines(parts: Sequence[Mesh], said: dict[str, str], root: str) -> list[bytes
     nodes = [{"name": part.name, "mesh": number} for number, part in enumerate(parts)]
     tree = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [*range(len(parts))]}]}
     tree |= {"nodes": nodes, "meshes": meshes, "accessors": accessors, "bufferViews": views}
+    length = sum(map(len, chunks))
     tree["buffers"] = [{"byteLength": length}]
     _gather(tree, root, said)
     text = json.dumps(tree, separators=(",", ":")).encode("ascii")

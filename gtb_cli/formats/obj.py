@@ -1,7 +1,6 @@
 """Wavefront OBJ files that are read: vertices, faces, polylines (`l`, which trimesh does not read) and groups."""
 
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -151,12 +150,12 @@ class _ObjLines:
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
         vertices = np.concatenate([np.empty((0, 3)), *self.vertices])
-        groups, objects, materials, smooth = (
-            [(name, a, b) for (_, name, a), (*_, b) in pairwise([*found, (b"", "", self.cell_count)]) if name and a < b]
-            for found in (
-                [each for each in self.names if each[0] in kinds] for kinds in (b"go", b"o", (b"usemtl",), b"s")
-            )
-        )
+
+        def named(*keywords: bytes) -> list[tuple[str, int, int]]:
+            found = [each for each in self.names if each[0] in keywords] + [(b"", "", self.cell_count)]
+            return [(name, a, b) for (_, name, a), (*_, b) in pairwise(found) if name and a < b]
+
+        groups, objects, materials, smooth = named(b"g", b"o"), named(b"o"), named(b"usemtl"), named(b"s")
         is_divided = len({name for name, *_ in objects}) > 1 or sum(b - a for _, a, b in objects) < self.cell_count
         is_divided = is_divided and any(keyword == b"g" for keyword, *_ in self.names)
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
@@ -213,9 +212,7 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
     return {keyword.strip(): sorted(places) for keyword, places in known.items()}, names
 
 
-def _numbers(
-    keyword: bytes, lines: Sequence[bytes], places: Sequence[int], kind: type[T]
-) -> tuple[NDArray[T], IntArray]:
+def _numbers(keyword: bytes, lines: list[bytes], places: list[int], kind: type[T]) -> tuple[NDArray[T], IntArray]:
     """Return the numbers of some lines, and the count of each, which must be enough for the keyword."""
     text = b"\n".join([lines[place][2:] for place in places])
     numbers, counts = number_rows(text if keyword == b"v" else _references(text), kind)

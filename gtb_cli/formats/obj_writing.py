@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, two_product
+from gtb_cli.formats.file_arrays import Ranges
 from gtb_cli.meshes.mesh import Mesh
 
 Words: TypeAlias = NDArray[np.uint32]
@@ -33,9 +34,7 @@ def decimals(vertices: FloatArray) -> int:
     return max(8, 8 - int(np.floor(np.log10(size))))
 
 
-def obj_blocks(
-    mesh: Mesh, uv: FloatArray | None = None, groups: Sequence[tuple[str, int, int]] = ()
-) -> Iterator[bytes]:
+def obj_blocks(mesh: Mesh, uv: FloatArray | None = None, groups: Ranges = ()) -> Iterator[bytes]:
     """Return the text of an OBJ file: `v`, `vn`, `vt`, then `f` (or one `l` for each segment), with `g` before groups.
 
     The lines equal those of trimesh's exporter for the same arrays with ``digits=decimals(vertices)``. Numbers are
@@ -49,16 +48,15 @@ def obj_blocks(
                 yield number_lines(prefix, values[start : start + BLOCK_ROWS], digits)
     prefix = "l" if mesh.is_curve else "f"
     # A reference is v, v/vt, v//vn or v/vt/vn. Segments have no vn.
-    leads = [b" "] if uv is None else [b" ", b"/"]
-    references = [(leads, cells)]
+    references = [(lead, cells) for lead in ([b" "] if uv is None else [b" ", b"/"])]
     if mesh.normals is not None and prefix == "f":
-        references.append(([b"//" if uv is None else b"/"], mesh.normal_of))
+        references.append((b"//" if uv is None else b"/", mesh.normal_of))
     for name, first, last in groups or [("", 0, len(cells))]:
         if name:
             yield f"g {name}\n".encode()
         for start in range(first, last, BLOCK_ROWS):
             rows = slice(start, min(start + BLOCK_ROWS, last))
-            yield cell_lines(prefix, [(leads, numbers[rows]) for leads, numbers in references])
+            yield cell_lines(prefix, [(lead, numbers[rows]) for lead, numbers in references])
 
 
 def text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
@@ -121,14 +119,12 @@ def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> Fl
     return nearest
 
 
-def cell_lines(prefix: str, references: Sequence[tuple[Sequence[bytes], IntArray]]) -> bytes:
-    """Return one line for each row of numbers: the prefix, then each 1-based number, repeated after every lead.
+def cell_lines(prefix: str, references: Sequence[tuple[bytes, IntArray]]) -> bytes:
+    """Return one line for each row of numbers: the prefix, then each 1-based number after its lead.
 
-    Several arrays of numbers, of one shape and each with its leads, alternate.
+    Several arrays of numbers, of one shape and each with its lead, alternate.
     """
-    parts = [
-        (lead, cells, _groups(int(cells.max()) + 1, 4 - len(lead))) for leads, cells in references for lead in leads
-    ]
+    parts = [(lead, cells, _groups(int(cells.max()) + 1, 4 - len(lead))) for lead, cells in references]
     rows, columns = references[0][1].shape
     words, text = _lines(prefix, rows, columns, sum(groups + 1 for _, _, groups in parts))
     stop = 0

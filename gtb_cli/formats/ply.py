@@ -23,9 +23,7 @@ from gtb_cli.vocabulary import plain_name
 POLYGONS = "vertex_indices", "vertex_index"  # names of the corners of faces: the first of them in a file
 
 
-def ply_blocks(
-    mesh: Mesh, uv: FloatArray | None, attributes: Mapping[str, FloatArray], *, ascii: bool
-) -> Iterator[bytes]:
+def ply_blocks(mesh: Mesh, uv: FloatArray | None, attributes: Mapping[str, FloatArray], ascii: bool) -> Iterator[bytes]:
     """Yield a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers, as trimesh does."""
     columns = dict(zip("xyz", mesh.vertices.T, strict=True))
     if (normals := mesh.vertex_normals) is not None:

@@ -9,7 +9,7 @@ import re
 import zipfile
 import zlib
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from html import escape
 from io import BytesIO
 from itertools import cycle
@@ -20,7 +20,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps
+from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, Ranges, mark_of, single_half_steps
 from gtb_cli.formats.obj_writing import text_rows
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import MATERIALS, OBJECTS, OTHER
@@ -32,9 +32,7 @@ MODEL, _LINKS = "3D/3dmodel.model", "_rels/.rels"  # the parts of the archive th
 LARGEST = 1 << 31  # bytes of this part, which the archive counts with 32 bits
 
 
-def threemf_blocks(
-    vertices: FloatArray, triangles: IntArray, groups: Sequence[tuple[str, int, int]], name: str, unit: str
-) -> Iterable[bytes]:
+def threemf_blocks(vertices: FloatArray, triangles: IntArray, groups: Ranges, name: str, unit: str) -> Iterable[bytes]:
     """Return a 3MF file with one object, each group of triangles in a material of its own: a name and a colour.
 
     Numbers have 32 bits, as in the programs that read it. Vertices at exactly the same place are one, and triangles
@@ -65,9 +63,7 @@ def threemf_blocks(
     return [file.getvalue()]
 
 
-def _model(
-    vertices: FloatArray, cells: IntArray, kept: Any, groups: Sequence[tuple[str, int, int]], facts: str, unit: str
-) -> Iterator[bytes]:
+def _model(vertices: FloatArray, cells: IntArray, kept: Any, groups: Ranges, facts: str, unit: str) -> Iterator[bytes]:
     """Yield the description of one object, with a material for each group if there are several."""
     yield f'{_XML}<model unit="{unit}" xml:lang="en-US" xmlns="{_CORE}">\n<resources>\n'.encode()
     if len(groups) > 1:

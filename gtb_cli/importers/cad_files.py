@@ -9,7 +9,6 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -26,6 +25,7 @@ from gtb_cli.importers.classical_nets import curve, rectangle
 from gtb_cli.language.document import kind_of
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import grouped
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, printable, suffix_of
 
 MISSING = "needs Open CASCADE, the extra gtb-cli[cad]: pip install cadquery-ocp-novtk"
@@ -171,11 +171,7 @@ def extent_of(shape: Any, what: str) -> float:
 
 def edge_uses(shape: Any) -> dict[int, list[tuple[Any, Any]]]:
     """Return the edges of a shape, by their numbers, each with its faces."""
-    uses = defaultdict(list)
-    for face in parts(shape, "FACE"):
-        for edge in parts(face, "EDGE"):
-            uses[hash(edge)].append((edge, face))
-    return uses
+    return grouped((hash(edge), (edge, face)) for face in parts(shape, "FACE") for edge in parts(face, "EDGE"))
 
 
 def edge_pieces(edge: Any, count: int) -> list[list[FloatArray]]:

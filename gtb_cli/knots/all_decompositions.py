@@ -204,12 +204,9 @@ class _Chamber:
         for number, _, other in joints:
             a, b = group[number], group[other]
             group = [a if x == b else x for x in group]
-        cells: dict[int, set[int]] = {}
-        for first, cell in zip(group, self._cells, strict=True):
-            cells.setdefault(first, set()).update(cell)
-        for number, knot, _ in joints:
-            cells[group[number]].add(knot)
-        return tuple(sorted(tuple(sorted(cell)) for cell in cells.values()))
+        inner = [(group[number], (knot,)) for number, knot, _ in joints]
+        parts = grouped([*zip(group, self._cells, strict=True), *inner]).values()
+        return tuple(sorted(tuple(sorted(set().union(*cells))) for cells in parts))
 
     def cone(self, face: Bits, dimension: int) -> LiftingCone:
         """Return the cone of a face; its lifting adds up the rays, each so long that its largest drop is 1."""

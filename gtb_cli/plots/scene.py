@@ -162,18 +162,12 @@ class View:
         return np.asarray(nearest <= points[:, 2] + 0.004)
 
     def points(
-        self,
-        places: FloatArray,
-        labels: Sequence[str] = (),
-        *,
-        colour: str = "white",
-        edge: str = INK,
-        size: float = 4.5,
+        self, spots: FloatArray, texts: Sequence[str] = (), *, colour: str = "white", edge: str = INK, size: float = 4.5
     ) -> None:
-        """Draw (m, 2) or (m, 3) points as dots, with a label beside each, on the side away from their middle."""
-        seen = self.seen(places)[:, :2]
+        """Draw (m, 2) or (m, 3) points as dots, with a text beside each, on the side away from their middle."""
+        seen = self.seen(spots)[:, :2]
         self.ax.plot(*seen.T, "o", ms=size, color=colour, mec=edge, mew=0.8, zorder=5, clip_on=False)
-        for place, text in zip(seen, labels, strict=False):
+        for place, text in zip(seen, texts, strict=False):
             x, y = place - seen.mean(axis=0)
             length = math.hypot(x, y)
             away = (9 * x / length, 9 * y / length) if length else (6.3, 6.3)

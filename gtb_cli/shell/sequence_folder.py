@@ -43,15 +43,9 @@ class SequenceOutput:
             why = "holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB"
             raise ExportError(f"{kind.upper()} {why}")
         recipe = self.options.recipe
-        return maker(
-            patch,
-            *arguments,
-            resolution=recipe.resolution,
-            tolerance=recipe.tolerance_for(patch),
-            normals=recipe.normals,
-            max_faces=recipe.max_faces,
-            distances=self.distances,
-        )
+        fineness = {"resolution": recipe.resolution, "tolerance": recipe.tolerance_for(patch)}
+        more = {"normals": recipe.normals, "max_faces": recipe.max_faces, "distances": self.distances}
+        return maker(patch, *arguments, **fineness, **more)
 
     def write(self, sequence: MeshSequence | None, spec: str, spec_text: str) -> None:
         """Make, write and report the meshes, and print the text of a spec; errors name `spec`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import TypeAlias
 
@@ -11,10 +11,11 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
+from gtb_cli.moment.torus import exponentials
 from gtb_cli.tessellation.complexes import kinds_of
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.rational_basis import LinearParametrization, blend_each, toric_locations
+from gtb_cli.theory.rational_basis import LinearParametrization, toric_locations
 from gtb_cli.values import frozen
 
 # Locates (m, d) parameters on given faces of Δ, to a fraction `within` of its size; `numbers` has the vector of weights
@@ -58,7 +59,7 @@ class Sampler:
             own = nets.vectors(numbers)
             locations = self.locate(nets.linear, parameters[rows], face[rows], within=within, numbers=own)
             if len(nets.patches) > 1:
-                result[rows] = blend_each(nets.control_points, nets.linear.log_weights, numbers, locations)
+                result[rows] = nets.blend(numbers, locations)
             else:
                 result[rows] = nets.patches[0].points_at(locations, len(numbers))
         return result
@@ -94,7 +95,7 @@ class Sampler:
             location, found = nets.near(numbers, parameters[rows], guesses.take(rows, axis=1), within)
             there, own = rows[location.rows], numbers[location.rows]
             locations = [location._replace(rows=slice(None))]
-            points[there] = blend_each(nets.control_points, nets.linear.log_weights, own, locations)
+            points[there] = nets.blend(own, locations)
             right[:, there] = found
         rest = np.flatnonzero(np.isnan(points[:, 0]))
         if len(rest):
@@ -139,6 +140,21 @@ class _AlikePatches:
     def control_points(self) -> FloatArray:
         """The control points of all, (p, n, 3)."""
         return np.stack([patch.control_points for patch in self.patches])
+
+    def blend(self, numbers: IntArray, locations: Iterable[Location]) -> FloatArray:
+        """Return points, (m, 3), of the patches with these (m,) numbers, which ascend in the rows of each location."""
+        points, result = self.control_points, np.empty((len(numbers), 3))
+        for rows, face, knots, s in locations:
+            own = numbers[rows]
+            weights, chosen = self.linear.log_weights[..., face.knots], points[:, face.knots]
+            shares = exponentials(knots, weights if weights.ndim == 1 else weights[own].T, s)
+            shares /= shares.sum(axis=0)
+            ends = np.searchsorted(own, np.arange(len(points) + 1)).tolist()
+            sums = np.empty((3, len(own)))
+            for one, begin, end in zip(chosen, ends[:-1], ends[1:], strict=True):
+                np.matmul(one.T, shares[:, begin:end], out=sums[:, begin:end])
+            result[rows] = sums.T
+        return result
 
     def near(self, numbers: IntArray, u: FloatArray, guesses: FloatArray, within: float) -> tuple[Location, FloatArray]:
         """Locate (m, 2) linear parameters inside Δ, in the coordinates of its longest edge, from (2, m) guesses or NaN.

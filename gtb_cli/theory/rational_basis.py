@@ -87,27 +87,6 @@ class Blend(Protocol):
         """The control points b_i, (n, 3)."""
 
 
-def blend_each(
-    values: FloatArray, log_weights: FloatArray, numbers: IntArray, locations: Iterable[Location]
-) -> FloatArray:
-    """Return sums ``Σ_i T_i values_i`` at m parameters, (m, k), where each uses one of p arrays of (n, k) values.
-
-    `numbers`, (m,), say which, and ascend, as the rows of each location do. Logarithms of weights are (n,), or (p, n).
-    """
-    result = np.empty((len(numbers), values.shape[2]))
-    for rows, face, knots, s in locations:
-        own = numbers[rows]
-        weights, chosen = log_weights[..., face.knots], values[:, face.knots]
-        shares = exponentials(knots, weights if weights.ndim == 1 else weights[own].T, s)
-        shares /= shares.sum(axis=0)
-        ends = np.searchsorted(own, np.arange(len(values) + 1)).tolist()
-        sums = np.empty((values.shape[2], len(own)))
-        for one, begin, end in zip(chosen, ends[:-1], ends[1:], strict=True):
-            np.matmul(one.T, shares[:, begin:end], out=sums[:, begin:end])
-        result[rows] = sums.T
-    return result
-
-
 def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
     """Locate (m, d) parameters in the toric parametrisation; see `RationalBasis.locations`."""
     length = block_length(len(domain.knots))

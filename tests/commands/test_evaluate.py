@@ -48,8 +48,7 @@ def test_eval_adds_derivatives_normals_and_curvature():
 )
 @pytest.mark.parametrize("parametrization", ["toric", "linear"])
 def test_eval_names_the_wrong_line_of_many(text, message, parametrization):
-    result = gtb("eval", PENTAGON, "--parametrization", parametrization, stdin=text)
-    assert result.status == 2
+    result = gtb("eval", PENTAGON, "--parametrization", parametrization, stdin=text, status=2)
     assert result.err.startswith(f"gtb: error: {message}")
     assert result.err.count("\n") == 1
 

@@ -86,8 +86,7 @@ def test_an_internal_error_in_the_middle_of_a_file_leaves_the_others(several, mo
 def test_a_terminal_gets_no_thousands_of_lines(monkeypatch):
     monkeypatch.setattr("gtb_cli.commands.mesh.is_terminal", lambda output: output == "-")
     assert gtb("mesh", PENTAGON, "-n", "2").out.startswith(b"v ")
-    result = gtb("mesh", PENTAGON)
-    assert result.status == 2
+    result = gtb("mesh", PENTAGON, status=2)
     assert result.out == b""
     assert "lines, and standard output is a terminal: give -o FILE" in result.err
 

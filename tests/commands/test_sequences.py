@@ -35,15 +35,13 @@ def listing(folder: Path) -> list[str]:
 def test_the_sequence_of_example_44(n, tmp_path):
     out = tmp_path / "new" / "folder"
     values = ["5", "100", "600", "1e6", "1e30"]
-    result = gtb("degenerate", SURFACE, *(f"-x{x}" for x in values), "-n", n, "-o", out)
-    assert result.status == 0
+    result = gtb("degenerate", SURFACE, *(f"-x{x}" for x in values), "-n", n, "-o", out, status=0)
     assert result.out == b""
     files = [f"example-4.4-x{x}.obj" for x in values] + ["example-4.4-limit.obj"]
     assert listing(out) == sorted([*files, "sequence.json"])
     record = json.loads((out / "sequence.json").read_text())
     assert list(record) == ["schema", "name", "meshes", "rate"]
-    rate = record["rate"]
-    assert rate["predicted"] == pytest.approx(72 / 97)
+    assert record["rate"]["predicted"] == pytest.approx(72 / 97)
     assert "distances from the limit fall as x^-0.742 or faster in theory\n" in result.err
     assert record["name"] == "example-4.4"
     assert [entry["file"] for entry in record["meshes"]] == files
@@ -64,8 +62,7 @@ def test_the_sequence_of_example_44(n, tmp_path):
 @pytest.mark.parametrize("command", [["degenerate", SURFACE, "-x5"], ["knot-limit", MOVING, "--merge", "3:1"]])
 def test_distances_are_left_out(command, tmp_path, monkeypatch):
     monkeypatch.setattr("gtb_cli.sequences.measurement.FarthestSearch", None)
-    result = gtb(*command, "-n", 2, "--no-distance", "-o", tmp_path / "folder")
-    assert result.status == 0
+    result = gtb(*command, "-n", 2, "--no-distance", "-o", tmp_path / "folder", status=0)
     assert "from the limit" not in result.err
     assert "its film reaches" not in result.err
     record = json.loads((tmp_path / "folder" / "sequence.json").read_text())
@@ -95,8 +92,7 @@ def test_the_spec_of_one_x(tmp_path):
 
 
 def test_the_sequence_of_example_42(tmp_path):
-    result = gtb("knot-limit", MOVING, "--merge", "3:1", "--steps", "0,0.8", "-n4", "-o", tmp_path)
-    assert result.status == 0
+    result = gtb("knot-limit", MOVING, "--merge", "3:1", "--steps", "0,0.8", "-n4", "-o", tmp_path, status=0)
     files = [f"example-4.2-{label}.obj" for label in ("step0", "step0.8", "limit")]
     assert listing(tmp_path) == sorted([*files, "sequence.json"])
     record = json.loads((tmp_path / "sequence.json").read_text())

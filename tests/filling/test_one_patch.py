@@ -744,8 +744,7 @@ control_points = [[0, 1, 0], [0, 0, 0]]
 def test_a_spec_of_curves_is_filled():
     sides, _ = read_loop(TRIANGLE.encode(), "x.toml")
     assert [side.across is None for side in sides] == [False, True, True]
-    result = gtb("fill", "-", "--elevate", ONCE, stdin=TRIANGLE.encode())
-    assert result.status == 0
+    result = gtb("fill", "-", "--elevate", ONCE, stdin=TRIANGLE.encode(), status=0)
     assert "3 sides" in result.err
     patch = parse(result.text)
     assert len(patch.domain.vertices) == 3

@@ -92,8 +92,7 @@ def test_iges_says_what_is_left_out() -> None:
 def test_a_format_is_known_by_its_suffix_and_its_spec_is_read_back(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(FILES[name])
-    result = gtb("import", path)
-    assert result.status == 0, result.err
+    result = gtb("import", path, status=0)
     for first, second in zip(parse(result.text).patches, patches_of(name), strict=True):
         np.testing.assert_array_equal(first.control_points, second.control_points)
         np.testing.assert_array_equal(first.coefficients, second.coefficients)

@@ -35,8 +35,7 @@ CASES = [
 def test_a_recipe_makes_what_the_command_makes(spec, recipe, options):
     path = SPECS / f"{spec}.toml"
     mesh, remarks = recipe.mesh(load(path))
-    result = gtb("mesh", path, "-f", "ply", "--ascii", *options)
-    assert result.status == 0
+    result = gtb("mesh", path, "-f", "ply", "--ascii", *options, status=0)
     assert b"".join(encode_mesh(mesh, "ply", ascii=True, normals=recipe.normals)) == result.out
     assert len(remarks) == result.err.count("warning")
 
@@ -92,8 +91,7 @@ def test_a_refused_thickness_names_one_that_is_solid(tmp_path):
     spec.write_text(dump(dome), encoding="utf-8")
     for path, thickness in ((spec, -2), (spec, 3), (PENTAGON, 1), (PENTAGON, -1)):
         options = ("-n", 12, "--require", "solid", "-o", tmp_path / "x.stl")
-        refused = gtb("mesh", path, f"--thickness={thickness}", *options)
-        assert refused.status == 1
+        refused = gtb("mesh", path, f"--thickness={thickness}", *options, status=1)
         (named,) = re.findall(r"; --thickness (\S+) was tried and is solid[;\n]", refused.err)
         assert 0 < float(named) / thickness < 1
         assert gtb("mesh", path, f"--thickness={named}", *options).status == 0
@@ -109,15 +107,9 @@ def test_no_thickness_is_named_for_a_surface_that_passes_through_itself(y, z):
         Recipe(4, thickness=0.1, require="solid").mesh(cross)
 
 
-def test_a_tolerance_in_toric_parameters_is_refused_with_the_way_out(tmp_path):
-    message = "parametrization: a tolerance chooses the parameters itself: leave out toric"
-    with pytest.raises(DomainError, match=message):
+def test_a_tolerance_in_toric_parameters_is_refused_with_the_way_out():
+    with pytest.raises(DomainError, match=r"^parametrization: a tolerance chooses the parameters itself"):
         Recipe(tolerance="1%", parametrization="toric")
-    target = tmp_path / "out.obj"
-    result = gtb("mesh", PENTAGON, "--tolerance", "1%", "--parametrization", "toric", "-o", target)
-    assert result.status == 2
-    assert message in result.err
-    assert not target.exists()
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,14 @@ import pytest
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import cell_distances
+from gtb_cli.models.joints import unjoined
 from gtb_cli.models.model import Model
 from gtb_cli.moment import solve
 from gtb_cli.moment.solve import LogSum
+from gtb_cli.tessellation.complexes import joined_complex
+from gtb_cli.tessellation.refinement import _Refinement
 from gtb_cli.tessellation.refinement_samples import MIN_SAMPLES, PeakParameters
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
@@ -107,6 +111,14 @@ def assert_conforming(mesh: Mesh) -> None:
 def test_a_knot_inside_a_cell_is_sampled_however_narrow_its_peak():
     peaks, first = PeakParameters([spike().domain], np.zeros(1, int)), np.zeros(1, int)
     assert PENTAGON[3].tolist() in peaks._held(first, first, first, PENTAGON[None, [5, 4, 1]])[1].tolist()
+
+
+def test_few_and_wide_cells_are_sampled_on_finer_lattices():
+    def steps(n: int, points_in_all: int) -> list[int]:
+        mosaic = joined_complex([bicubic()], unjoined(bicubic()), n)
+        return _Refinement(mosaic, Sampler([bicubic()]), 1.0, 1000, points_in_all).steps_at(np.arange(2)).tolist()
+
+    assert [steps(1, 0), steps(4, 0), steps(8, 0), steps(8, 200)] == [[32] * 2, [8] * 2, [4] * 2, [12] * 2]
 
 
 @pytest.mark.parametrize("name", HARD)
