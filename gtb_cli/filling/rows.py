@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, cross
 from gtb_cli.fairing.fair import RIDGE_FRACTION
 from gtb_cli.filling.corner_forms import POINT, CornerForms
 from gtb_cli.filling.net import Net
@@ -83,9 +83,9 @@ class Rows:
         for number in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             # At these, ways to first control points do not turn one way, as without a fold
-            legs = [self._legs(points, corner) for corner in range(len(self._net.corners))]
-            turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
-            if turned := {corner for corner, turn in enumerate(turns) if turn.min() <= 0} - turning:
+            legs, normals = self._legs(points)
+            turns = np.vecdot(cross(legs[:, :-1], legs[:, 1:]), normals.sum(axis=1, keepdims=True)).min(axis=1)
+            if turned := {*np.flatnonzero(turns <= 0).tolist()} - turning:
                 table, least = self._bounds(turning := turning | turned, share)
             if not len(table) or (number and not turned and not self._seconds):
                 break  # bounds are linear where there are no second rows, and hold
@@ -102,13 +102,15 @@ class Rows:
             points = final.moved(points, equations, *(pulls(points) if pulls else ()))
         return points
 
-    def _legs(self, points: FloatArray, corner: int) -> tuple[FloatArray, FloatArray]:
-        """Return (4, 3) ways from a corner to the control points of its first knots, and the normals of its sides."""
-        first = self._net.corners[corner, :5]
-        legs = points[first[1:]] - points[first[0]]
-        sides = self._normals[corner], self._normals[corner - 1]
-        own = np.cross(legs[0], legs[3])
-        return legs, np.array([own if n is None else n[end] for n, end in zip(sides, (0, -1), strict=True)])
+    def _legs(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (r, 4, 3) ways from corners to the control points of their first knots, and normals of both sides."""
+        first = self._net.corners[:, :5]
+        legs = points[first[:, 1:]] - points[first[:, :1]]
+        own, own_before = np.stack([cross(legs[:, 0], legs[:, 3])] * 2)
+        for corner, normals in enumerate(self._normals):
+            if normals is not None:
+                own[corner], own_before[(corner + 1) % len(own)] = normals[0], normals[-1]
+        return legs, np.stack([own, own_before], axis=1)
 
     def _bounds(self, turning: set[int], share: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows cross their edges, and do not meet."""
@@ -118,8 +120,7 @@ class Rows:
         crossing, apart = 0.25, 0.1
         short = 0.05  # first way, of the longer one, for which rows cross edges: they would run along those beside it
         rows, least, of_corner = [], [], np.broadcast_to(share, len(self._net.corners))
-        for corner in range(len(self._net.corners)):
-            legs, normals = self._legs(self._given, corner)
+        for corner, (legs, normals) in enumerate(zip(*self._legs(self._given), strict=True)):
             lengths = np.linalg.norm(legs[[0, 3]], axis=1)
             smooth = legs[0] @ legs[3] <= smooth_cosine * lengths.prod()
             if lengths.min() <= POINT * lengths.max():
