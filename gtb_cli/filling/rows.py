@@ -41,6 +41,7 @@ class Rows:
                 self._seconds.append((side, net.seconds[side], row[:, 3:], second))
                 tangential += [self._move(net.seconds[side], shift / row[:, 3:]) for shift in second.tangential]
         self._owners, self._count = np.array(owners, dtype=np.int64), len(moves)
+        self._known_bounds = dict[tuple[object, ...], tuple[FloatArray, FloatArray]]()
         self._moves = np.array(moves + tangential).reshape(-1, len(net.knots), 3)
 
     def _move(self, members: IntArray, values: FloatArray) -> FloatArray:
@@ -120,6 +121,8 @@ class Rows:
         crossing, apart = 0.25, 0.1
         short = 0.05  # first way, of the longer one, for which rows cross edges: they would run along those beside it
         rows, least, of_corner = [], [], np.broadcast_to(share, len(self._net.corners))
+        if (found := self._known_bounds.get(key := (*sorted(turning), of_corner.tobytes()))) is not None:
+            return found
         for corner, (legs, normals) in enumerate(zip(*self._legs(self._given), strict=True)):
             lengths = np.linalg.norm(legs[[0, 3]], axis=1)
             smooth = legs[0] @ legs[3] <= smooth_cosine * lengths.prod()
@@ -130,25 +133,26 @@ class Rows:
             if not (smooth or corner in turning):
                 knots = self._net.knots[self._net.corners[corner, :5]]
                 parts = np.linalg.solve((knots[[4, 1]] - knots[0]).T, (knots[[2, 3]] - knots[0]).T)
-                sine = np.linalg.norm(np.cross(legs[0], legs[3])) / lengths.prod()
+                sine = np.linalg.norm(cross(legs[0], legs[3])) / lengths.prod()
                 heights = of_corner[corner] * sine * parts * seen[::-1, None]
             middle = legs[0] / lengths[0] + legs[3] / lengths[1]
-            convex = np.cross(legs[0], legs[3]) @ normals.sum(axis=0) > 0
+            convex = cross(legs[0], legs[3]) @ normals.sum(axis=0) > 0
             for knot, end, normal, sign in zip((2, 3), (0, 1), normals, (1, -1), strict=True):
                 if self._normals[corner - end] is None:
                     continue
                 own = self._moves[: self._count, self._net.corners[corner, knot]]
-                across = np.cross(normal, legs[[0, 3]] / lengths[:, None])
+                across = cross(normal, legs[[0, 3]] / lengths[:, None])
                 ways = [(across[end], heights[end, end])]
                 if seen[end] > lengths[end] and heights[1 - end, end]:
                     ways.append((-across[1 - end], heights[1 - end, end]))
                 if corner in turning and convex and not smooth:
-                    ways.append((np.cross(middle / np.linalg.norm(middle), normal), apart * lengths[end]))
+                    ways.append((cross(middle / np.linalg.norm(middle), normal), apart * lengths[end]))
                 for way, height in ways:
                     if np.abs(own @ way).max(initial=0.0) > rounding * np.abs(own).max(initial=0.0):
                         rows.append(sign * own @ way)
                         least.append(height - sign * legs[knot - 1] @ way)
-        return np.array(rows).reshape(len(rows), self._count), np.array(least)
+        self._known_bounds[key] = np.array(rows).reshape(len(rows), self._count), np.array(least)
+        return self._known_bounds[key]
 
 
 def _multipliers(form: FloatArray, missing: FloatArray) -> FloatArray:
