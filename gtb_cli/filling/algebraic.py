@@ -47,15 +47,11 @@ def ways_to_surface(edges: Sequence[EdgeRows]) -> Callable[[FloatArray], FloatAr
 
 def _ways(powers: IntArray, factors: FloatArray, points: FloatArray) -> FloatArray:
     """Return the ways from points to zeros of a sum of monomials, given (k, 4) factors of its and its slopes'."""
-    rounds, near = 5, 1e-13  # of Newton's method, which mostly has converged after three; of the hole's size
     found = points
-    for _ in range(rounds):
+    for _ in range(3):  # of Newton's method, which has converged then
         value, *slope = (_monomials(found, powers) @ factors).T
         with np.errstate(all="ignore"):  # where it has no gradient, NaN is far away
-            step = (value / np.square(slope).sum(axis=0) * np.array(slope)).T
-        found = found - step
-        if (np.abs(step) <= near).all():
-            break
+            found = found - (value / np.square(slope).sum(axis=0) * np.array(slope)).T
     return found - points
 
 
