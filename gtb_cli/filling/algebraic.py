@@ -30,8 +30,7 @@ def ways_to_surface(edges: Sequence[EdgeRows]) -> Callable[[FloatArray], FloatAr
     for degree in (2, 3, 4):  # that of a torus
         powers = np.array([p for p in product(range(degree + 1), repeat=3) if sum(p) <= degree])
         # Of each monomial, along each axis, the factors of others in its derivative
-        step = powers - powers[:, None]
-        rates = np.stack([powers[:, k] * (step == axis).all(axis=2) for k, axis in enumerate(np.eye(3))])
+        rates = np.stack([powers[:, k] * (powers - powers[:, None] == e).all(axis=2) for k, e in enumerate(np.eye(3))])
         value = _monomials(points, powers)
         along, rise = (sum(way[:, [k]] * (value @ rates[k]) for k in range(3)) for way in (across, normals))
         table, singular, basis = np.linalg.svd(np.concatenate([value, along, rise]), full_matrices=False)

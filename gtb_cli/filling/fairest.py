@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import cached_property, partial
+from functools import partial
 from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
@@ -30,7 +30,7 @@ MOST_CURVED = 150.0  # largest curvature near a corner, of 1 / its shorter edge,
 MOST_BENT = 400.0  # largest weight of bending beside its variation, in units of 1 / area
 BROKEN = 1e9  # of those, that no pull mends: rows of pulls would have no digits left
 
-_Pulls: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+_Pulls: TypeAlias = Sequence[FloatArray]  # rows, ways, and what rows of points should be along them
 
 
 class Scored(NamedTuple):
@@ -57,6 +57,9 @@ class FairSearch:
         self._zones = at.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
         self._inside, self._outside = (list(blocks(*at[:3], part)) for part in parts)
+        if self._known:
+            self._t = shares(exponents(*at[:3]))  # at all places, and the form of distances there
+            self._distances = (self._t * self._zones[1]) @ self._t.T
 
     def scored(self, *surfaces: FloatArray) -> list[Scored]:
         """Score by the product of powers of bending and of its variation, of what is seen and of all."""
@@ -77,8 +80,7 @@ class FairSearch:
         (first,) = self.scored(self._least(energies[0]))
         # In the metric of a surface, and with what is not seen, too: it varies less at the boundary, and more inside.
         # The less weight bending has, the less curvature varies, and the more some patches bend.
-        areas = self._places.areas  # where places are seen, both zones have them
-        inside = forms(self._inside, areas, first.points, (2, 3))
+        inside = forms(self._inside, self._places.areas, first.points, (2, 3))  # where places are seen, of both zones
         pairs = inside + forms(self._outside, self._zones, first.points, (2, 3))
         self._stiff = pairs[1, 1]
         weighed = (0, 100), (0, MOST_BENT), (1, 0), (1, 100), (1, MOST_BENT)
@@ -195,16 +197,15 @@ class FairSearch:
             stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
             rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))
             parts.append((rows, np.repeat(near.normals[each], 3, axis=0), np.zeros(len(rows))))
-        rows, ways, wanted = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return rows, ways, wanted
+        return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
     def _led(self, one: Scored, strength: float = 0.0) -> list[Scored]:
         """Return the surface moved smoothly onto one that is known and bends more; none if it ends elsewhere."""
         rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
         if (ways := self._known) is None:
             return []
-        (t, form), led = self._fitted, one.points
-        form = form + stiffness * self._stiff
+        t, led = self._t, one.points
+        form = self._distances + stiffness * self._stiff
         even = partial(self._even, strength * stiffness * self._stiff) if strength else None
         for _ in range(rounds):
             origin = led + np.linalg.solve(form, (t * self._zones[1]) @ ways(t.T @ led))
@@ -212,12 +213,6 @@ class FairSearch:
         farther = np.abs([ways(t.T @ each) for each in (led, one.points)]).max(axis=(1, 2))
         (found,) = self.scored(led)
         return [found] if farther[0] < farther[1] and found.score <= worst * one.score else []
-
-    @cached_property
-    def _fitted(self) -> tuple[FloatArray, FloatArray]:
-        """(n, m) T at all places, and the (n, n) form of distances there."""
-        t = shares(exponents(*self._places[:3]))
-        return t, (t * self._zones[1]) @ t.T
 
 
 def _value(energy: FloatArray, points: FloatArray) -> float:

@@ -41,8 +41,8 @@ class Rows:
                 self._seconds.append((side, net.seconds[side], row[:, 3:], second))
                 tangential += [self._move(net.seconds[side], shift / row[:, 3:]) for shift in second.tangential]
         self._owners, self._count = np.array(owners, dtype=np.int64), len(moves)
-        self._known_bounds = dict[tuple[object, ...], tuple[FloatArray, FloatArray]]()
         self._moves = np.array(moves + tangential).reshape(-1, len(net.knots), 3)
+        self._usual = self._bounds(set(), CROSSING)
 
     def _move(self, members: IntArray, values: FloatArray) -> FloatArray:
         move = np.zeros_like(self._given)
@@ -80,7 +80,7 @@ class Rows:
             points, moves = self._at(factors)
             factors = factors + form.least(points - origin, moves)[1][: self._count]
         turning, soft = set[int](), None
-        table, least = self._bounds(turning, share)
+        table, least = self._usual if np.all(share == CROSSING) else self._bounds(turning, share)
         for number in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             # At these, ways to first control points do not turn one way, as without a fold
@@ -107,11 +107,9 @@ class Rows:
         """Return (r, 4, 3) ways from corners to the control points of their first knots, and normals of both sides."""
         first = self._net.corners[:, :5]
         legs = points[first[:, 1:]] - points[first[:, :1]]
-        own, own_before = np.stack([cross(legs[:, 0], legs[:, 3])] * 2)
-        for corner, normals in enumerate(self._normals):
-            if normals is not None:
-                own[corner], own_before[(corner + 1) % len(own)] = normals[0], normals[-1]
-        return legs, np.stack([own, own_before], axis=1)
+        starts, ends = ([None if n is None else n[k] for n in self._normals] for k in (0, -1))
+        sides = zip(cross(legs[:, 0], legs[:, 3]), starts, [ends[-1], *ends[:-1]], strict=True)
+        return legs, np.array([[own if n is None else n for n in both] for own, *both in sides])
 
     def _bounds(self, turning: set[int], share: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows cross their edges, and do not meet."""
@@ -121,8 +119,6 @@ class Rows:
         crossing, apart = 0.25, 0.1
         short = 0.05  # first way, of the longer one, for which rows cross edges: they would run along those beside it
         rows, least, of_corner = [], [], np.broadcast_to(share, len(self._net.corners))
-        if (found := self._known_bounds.get(key := (*sorted(turning), of_corner.tobytes()))) is not None:
-            return found
         for corner, (legs, normals) in enumerate(zip(*self._legs(self._given), strict=True)):
             lengths = np.linalg.norm(legs[[0, 3]], axis=1)
             smooth = legs[0] @ legs[3] <= smooth_cosine * lengths.prod()
@@ -151,8 +147,7 @@ class Rows:
                     if np.abs(own @ way).max(initial=0.0) > rounding * np.abs(own).max(initial=0.0):
                         rows.append(sign * own @ way)
                         least.append(height - sign * legs[knot - 1] @ way)
-        self._known_bounds[key] = np.array(rows).reshape(len(rows), self._count), np.array(least)
-        return self._known_bounds[key]
+        return np.array(rows).reshape(len(rows), self._count), np.array(least)
 
 
 def _multipliers(form: FloatArray, missing: FloatArray) -> FloatArray:
