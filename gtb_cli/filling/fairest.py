@@ -154,10 +154,7 @@ class FairSearch:
         return self._again(found, made, rounds - 1) or [found]
 
     def _calmed(self, energy: FloatArray, one: Scored, also: Any = None) -> tuple[Scored, Any]:
-        """Return a surface, or a pulled one whose rows cross edges more at corners, where scores see curvature, too.
-
-        The other value makes points of an energy as those were made.
-        """
+        """Return a surface, or a pulled one whose rows cross edges more at corners, and what made it of an energy."""
         # Factors of shares, and pulls, of the energy's value: three more for what is curved, and gains by pulls
         steps = (1.0, 0.03), (1.4, 0.03), (1.4, 0.1), (2.0, 0.1), (2.0, 0.3), (2.0, 1.0), (2.0, 3.0)
         made: Any = self._least
