@@ -90,10 +90,7 @@ def model_rings(model: Model) -> list[Ring]:
 
 
 def hole_edges(model: Model, asked: str | None, own: float = math.inf) -> list[EdgeRef]:
-    """Return the edges around the hole that is asked for, as `one_ring` finds it; patches from `own` on fill holes.
-
-    Raises `DomainError` for a name of no open edge, and says why it is none.
-    """
+    """Return the edges of the hole asked for, or say in a `DomainError` why a name is none; `own` and later fill holes."""
     edges, rings = [edge_name(model.patches, ref) for ref in model.joints.open], model_rings(model)
     owners = {name.rpartition(" edge ")[0] for name in edges}
     if asked is None or asked in edges or asked in owners or asked.count(",") == 2:  # a point

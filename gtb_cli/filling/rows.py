@@ -151,10 +151,7 @@ class Rows:
 
 
 def _multipliers(form: FloatArray, missing: FloatArray) -> FloatArray:
-    """Return x with which ``form @ x`` is at least what is missing: positive, or 0 where a bound holds without.
-
-    If there is no solution, it is the nearest.
-    """
+    """Return x, or the nearest, with ``form @ x`` at least what is missing: positive, or 0 where a bound holds."""
     size = np.sqrt(np.where(np.diag(form) > 0, np.diag(form), 1.0))
     values, vectors = np.linalg.eigh(form / size / size[:, None])
     good = values > RANK * values[-1]
