@@ -90,7 +90,7 @@ def model_rings(model: Model) -> list[Ring]:
 
 
 def hole_edges(model: Model, asked: str | None, own: float = math.inf) -> list[EdgeRef]:
-    """Return the edges of the hole asked for, or say in a `DomainError` why a name is none; `own` and later fill holes."""
+    """Return the edges of a hole, or say in a `DomainError` why a name is none; patches from `own` on fill holes."""
     edges, rings = [edge_name(model.patches, ref) for ref in model.joints.open], model_rings(model)
     owners = {name.rpartition(" edge ")[0] for name in edges}
     if asked is None or asked in edges or asked in owners or asked.count(",") == 2:  # a point
