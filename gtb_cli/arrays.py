@@ -76,7 +76,7 @@ def cross(a: FloatArray, b: FloatArray, axis: int = -1) -> FloatArray:
     x, y, z = (each.swapaxes(axis, 0) for each in (a, b, result))
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
-        np.subtract(x[i] * y[j], x[j] * y[i], out=z[k])
+        np.subtract(x[i] * y[j], x[j] * y[i], out=z[k, ...])
     return result
 
 
@@ -87,7 +87,7 @@ def planar_cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def angles_between(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the angles in degrees between vectors, (…, 3) → (…); NaN where a vector is NaN."""
-    return np.asarray(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))))
+    return np.asarray(np.degrees(np.arctan2(np.linalg.norm(cross(a, b), axis=-1), (a * b).sum(axis=-1))))
 
 
 def two_product(a: FloatArray, b: FloatArray | float) -> tuple[FloatArray, FloatArray]:

@@ -116,7 +116,7 @@ def fill(
     """
     from gtb_cli.filling.certificate import DISAGREEING
     from gtb_cli.filling.fill import filled, filled_in_some_way, holes_of
-    from gtb_cli.filling.holes import check_hole, ring_texts
+    from gtb_cli.filling.holes import ring_texts
     from gtb_cli.filling.loops import read_loop
     from gtb_cli.filling.part_holes import Part
     from gtb_cli.language.writer import check_target, dump
@@ -139,8 +139,6 @@ def fill(
                 streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
             return
         name = None if isinstance(found, Model) else named or input_stem(loop)
-        if isinstance(found, Model) and hole is not None:
-            check_hole(found, hole, len(found))
         # What is written meets curvature, where no patch does
         bends = isinstance(found, Part) and kind is not None and continuity == {"": "g2"}
         options = {"inner": inner, "fullness": fullness or 1.0, "raises": raises, "g2_tolerance": g2_tolerance}

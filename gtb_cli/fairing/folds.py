@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, dot
+from gtb_cli.arrays import EPS, FloatArray, cross, dot
 from gtb_cli.fairing.energy import samples
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.moment.torus import block_length, exponents, shares
@@ -47,7 +47,7 @@ def folds(patch: Patch) -> FloatArray:
         """(m, 3) unit normals at (2, m) torus coordinates, or 0."""
         p, *rates, mean = np.split(columns.T @ shares(exponents(knots, weights, s)), [3, 6, 9])
         first, second = rates[0] - mean[0] * p, rates[1] - mean[1] * p
-        normals, length = np.cross(first, second, axis=0), np.sqrt((first**2 + second**2).sum(axis=0))
+        normals, length = cross(first, second, 0), np.sqrt((first**2 + second**2).sum(axis=0))
         lengths = np.linalg.norm(normals, axis=0)
         return np.asarray((normals * (lengths > rounding * length) / np.where(lengths > 0, lengths, 1.0)).T)
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, distinct
+from gtb_cli.arrays import FloatArray, IntArray, cross, distinct
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.torus import exponents, shares
 
@@ -119,8 +119,8 @@ def frame(block: Block, points: FloatArray) -> SurfaceFrame:
     three = _less(rates[5:], _product(means[5:], [p]), _product(means[2:5], one), _product(means[:2], two))
     # Coordinates whose metric is the identity
     length = np.sqrt((one[0][:3] ** 2).sum(axis=0))
-    cross = np.cross(one[0][:3], one[1][:3], axis=0)
-    scale = np.sqrt((cross**2).sum(axis=0))
+    across = cross(one[0][:3], one[1][:3], 0)
+    scale = np.sqrt((across**2).sum(axis=0))
     a, b, c = 1 / length, -(one[0][:3] * one[1][:3]).sum(axis=0) / (length * scale), length / scale
     one, two, three = (
         [a ** (n - k) * sum(math.comb(k, j) * b ** (k - j) * c**j * r[j] for j in range(k + 1)) for k in range(n + 1)]
@@ -133,7 +133,7 @@ def frame(block: Block, points: FloatArray) -> SurfaceFrame:
     three = _less(three, *(_product(slopes[d], two[d : d + 2]) for d in range(2)))
     x, y, xx, xy, yy = means[:5]
     space = scale / ((xx - x * x) * (yy - y * y) - (xy - x * y) ** 2)
-    return SurfaceFrame((cross / scale, *tangents), (one, two, three), space)
+    return SurfaceFrame((across / scale, *tangents), (one, two, three), space)
 
 
 def _less(values: Sequence[FloatArray], *others: Sequence[FloatArray]) -> list[FloatArray]:

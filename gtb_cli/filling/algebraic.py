@@ -29,31 +29,32 @@ def ways_to_surface(edges: Sequence[EdgeRows]) -> Callable[[FloatArray], FloatAr
     across = np.cross(normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True))
     for degree in (2, 3, 4):  # that of a torus
         powers = np.array([p for p in product(range(degree + 1), repeat=3) if sum(p) <= degree])
-        value, *slope = _monomials(points, powers)
-        along, rise = (np.einsum("kmp,mk->mp", np.stack(slope), way) for way in (across, normals))
+        # Of each monomial, along each axis, the factors of others in its derivative
+        rates = np.stack([powers[:, k] * (powers - powers[:, None] == e).all(axis=2) for k, e in enumerate(np.eye(3))])
+        value = _monomials(points, powers)
+        along, rise = (sum(way[:, [k]] * (value @ rates[k]) for k in range(3)) for way in (across, normals))
         table, singular, basis = np.linalg.svd(np.concatenate([value, along, rise]), full_matrices=False)
         if singular[-1] <= rounding * singular[0]:  # F that vanish twice on all edges, as a plane's square
             return None
-        _, off, best = np.linalg.svd(table[: -len(rise)])
+        _, off, best = np.linalg.svd(table[: -len(rise)], full_matrices=False)
         factors = (best[-1] / singular) @ basis
         rises = rise @ factors
         if off[-1] <= apart * off[-2] and np.min(rises * np.sign(rises.sum())) > least_slope * np.abs(rises).max():
-            return partial(_ways, powers, factors)
+            return partial(_ways, powers, np.stack([factors, *(rates @ factors)], axis=1))
     return None
 
 
 def _ways(powers: IntArray, factors: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the ways from points to the zeros of the sum of monomials with (k, 3) powers times (k,) factors."""
+    """Return the ways from points to zeros of a sum of monomials, given (k, 4) factors of its and its slopes'."""
     found = points
-    for _ in range(5):  # of Newton's method, which has converged after three
-        value, *slope = _monomials(found, powers) @ factors
+    for _ in range(3):  # of Newton's method, which has converged then
+        value, *slope = (_monomials(found, powers) @ factors).T
         with np.errstate(all="ignore"):  # where it has no gradient, NaN is far away
             found = found - (value / np.square(slope).sum(axis=0) * np.array(slope)).T
     return found - points
 
 
 def _monomials(points: FloatArray, powers: IntArray) -> FloatArray:
-    """Return (4, m, k) monomials of (m, 3) points and their derivatives."""
-    own = points[:, None] ** powers
-    rates = powers * points[:, None] ** np.maximum(powers - 1, 0)
-    return np.stack([own.prod(axis=2), *(np.where(np.arange(3) == k, rates, own).prod(axis=2) for k in range(3))])
+    """Return (m, k) monomials with (k, 3) powers of (m, 3) points."""
+    x, y, z = (axis ** np.arange(powers.max() + 1)[:, None] for axis in points.T)
+    return np.asarray((x[powers[:, 0]] * y[powers[:, 1]] * z[powers[:, 2]]).T)

@@ -8,7 +8,7 @@ the heights at 2 p₁, p₁ + p₂ and 2 p₂. A row without given planes also h
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, unit
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, unit
 from gtb_cli.values import frozen
 
 POINT = 1e-9  # size of a first way of an edge, of the longest at its corner, that is 0: such corners have other forms
@@ -37,16 +37,16 @@ class CornerForms:
         before: BoolArray = np.roll(given, 1)
         neither: BoolArray = ~given & ~before
         lengths = np.linalg.norm(b[:, 1:5], axis=-1)
-        own = np.cross(b[:, 1], b[:, 4])
+        own = cross(b[:, 1], b[:, 4])
         # Where the edges run on straight, their plane is rounding, and rows tell it.
         is_straight = neither & (np.linalg.norm(own, axis=1) <= straight * lengths[:, 0] * lengths[:, 3])
-        own[is_straight] = np.cross(b[:, 1] - b[:, 4], b[:, 2] + b[:, 3])[is_straight]
-        planes = [unit(np.cross(b[:, i], b[:, i + 1])) for i in (1, 3)]
+        own[is_straight] = cross(b[:, 1] - b[:, 4], b[:, 2] + b[:, 3])[is_straight]
+        planes = [unit(cross(b[:, i], b[:, i + 1])) for i in (1, 3)]
         normals = unit(np.where(neither[:, None], own, planes[0] * given[:, None] + planes[1] * before[:, None]))
         known = given & before | (lengths.min(axis=1) > short * lengths.max(axis=1))
         equations = []
         for i, j, k, sums in ((1, 2, 3, (5, 6, 7)), (4, 3, 2, (9, 8, 7))):
-            across = np.cross(normals, b[:, j])
+            across = cross(normals, b[:, j])
             (x0, y0), (x2, y2) = ((np.vecdot(b[:, a], b[:, j]), np.vecdot(b[:, a], across)) for a in (i, k))
             size = np.maximum(np.vecdot(across, across), 1e-300)
             row = [
@@ -58,7 +58,7 @@ class CornerForms:
             equations.append((corners[:, list(sums)], corners[:, 0], factors, normals, np.zeros(len(corners))))
         # Rows without planes begin in the corner's, and where edges run on straight on the hole's side of them.
         places = points[corners[:, 0]]
-        inward = unit(np.cross(np.cross(places, np.roll(places, -1, axis=0)).sum(axis=0), b[:, 1] - b[:, 4]))
+        inward = unit(cross(cross(places, np.roll(places, -1, axis=0)).sum(axis=0), b[:, 1] - b[:, 4]))
         for column, free in ((2, ~given), (3, ~before)):
             least = crossing * lengths[:, column * 3 - 6]
             near: BoolArray = is_straight & (np.vecdot(b[:, column], inward) <= least * (1 + 1e-9))

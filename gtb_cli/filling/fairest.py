@@ -1,19 +1,19 @@
 """The fairest surface over a net: the best by a score that sees corners, or one led to a surface that is known."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from operator import itemgetter
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray
-from gtb_cli.fairing.descent import BENDING_POWER
+from gtb_cli.fairing.descent import BENDING_POWER, together
 from gtb_cli.fairing.energy import Samples
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.metric import Block, blocks, forms, frame
-from gtb_cli.fairing.variation import bendings
+from gtb_cli.fairing.variation import Bending, bendings
 from gtb_cli.filling.algebraic import ways_to_surface
 from gtb_cli.filling.certificate import hundredth_inside
 from gtb_cli.filling.rows import CROSSING
@@ -30,13 +30,20 @@ MOST_CURVED = 150.0  # largest curvature near a corner, of 1 / its shorter edge,
 MOST_BENT = 400.0  # largest weight of bending beside its variation, in units of 1 / area
 BROKEN = 1e9  # of those, that no pull mends: rows of pulls would have no digits left
 
-_Scored: TypeAlias = tuple[float, FloatArray]
-_Calm: TypeAlias = tuple[float, FloatArray, Any]  # the last makes points of an energy
-_Pulls: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+_Pulls: TypeAlias = Sequence[FloatArray]  # rows, ways, and what rows of points should be along them
+
+
+class Scored(NamedTuple):
+    """A surface of (n, 3) control points, and its score: the smaller, the fairer."""
+
+    score: float
+    points: FloatArray
+    visible: Bending  # without what is nearer to the boundary
+    figures: FloatArray  # (4,) bending and variation of what is seen, and with what is not, too
 
 
 class FairSearch:
-    """The surfaces over a net that have the least energies, and their scores: the smaller, the fairer."""
+    """The surfaces over a net that have the least energies, and their scores."""
 
     def __init__(
         self, domain: Domain, at: Samples, depths: FloatArray, least: Any, edges: Sequence[EdgeRows], is_led: bool
@@ -50,57 +57,60 @@ class FairSearch:
         self._zones = at.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
         self._inside, self._outside = (list(blocks(*at[:3], part)) for part in parts)
+        if self._known:
+            self._t = shares(exponents(*at[:3]))  # at all places, and the form of distances there
+            self._distances = (self._t * self._zones[1]) @ self._t.T
 
-    def scores(self, surfaces: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Return (k,) products of powers of bending and of its variation in both zones, and these figures, (k, 4)."""
+    def scored(self, *surfaces: FloatArray) -> list[Scored]:
+        """Score by the product of powers of bending and of its variation, of what is seen and of all."""
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
-        zones = np.stack([self._zones[0], self._places.areas])
-        both = zip(*bendings(self._inside + self._outside, zones, surfaces), strict=True)
+        (inside,) = bendings(self._inside, self._places.areas, surfaces)
+        outside = zip(*bendings(self._outside, np.stack([self._zones[0], self._places.areas]), surfaces), strict=True)
+        both = [[together([seen, each]) for each in others] for seen, others in zip(inside, outside, strict=True)]
         figures = np.array([(b.energy, b.variation, d.energy, d.variation) for b, d in both])
         bent, varied, _, nearer = figures.T
-        return bent**self._power * varied * np.sqrt(nearer) * (bent > flat), figures
+        scores = bent**self._power * varied * np.sqrt(nearer) * (bent > flat)
+        return [Scored(*each) for each in zip(scores.tolist(), surfaces, inside, figures, strict=True)]
 
-    def fairest(self) -> list[_Scored]:
-        """Return the surface with the best score, what it was made from, and others, which may fold where it does."""
+    def fairest(self) -> Iterator[Scored]:
+        """Yield the surface with the best score, what it was made from, and others, which may fold where it does."""
         plane = np.column_stack([self._places.knots, np.zeros(len(self._places.knots))])
         second, third = forms(self._inside + self._outside, self._zones[0], plane, (2, 3))
         energies = [third + 30 / self._places.areas.sum() * second]
-        found = [self._least(energies[0])]
+        (first,) = self.scored(self._least(energies[0]))
         # In the metric of a surface, and with what is not seen, too: it varies less at the boundary, and more inside.
         # The less weight bending has, the less curvature varies, and the more some patches bend.
-        areas = self._places.areas  # where places are seen, both zones have them
-        ((first,),) = bendings(self._inside + self._outside, self._zones[0], found)
-        pairs = forms(self._inside, areas, found[0], (2, 3)) + forms(self._outside, self._zones, found[0], (2, 3))
+        inside = forms(self._inside, self._places.areas, first.points, (2, 3))  # where places are seen, of both zones
+        pairs = inside + forms(self._outside, self._zones, first.points, (2, 3))
         self._stiff = pairs[1, 1]
         weighed = (0, 100), (0, MOST_BENT), (1, 0), (1, 100), (1, MOST_BENT)
-        energies += [pairs[k, 1] + factor / first.area * pairs[k, 0] for k, factor in weighed]
-        found += [self._least(energy) for energy in energies[1:]]
-        scored, _ = self.scores(found)
-        best = int(np.argmin(scored))
-        score, points, made = self._calmed(energies[best], scored[best], found[best])
-        again = [] if self._given else self._again(score, points, made)
-        others = [self._least(energies[best], share=0.0), found[0]]  # the bounds of corners make some patches fold
-        surfaces = [*again, (score, points), *zip(self.scores(others)[0], others, strict=True)]
-        return (self._evened(energies[best], surfaces[0]) if self._given else self._led(*surfaces[0])) + surfaces
+        energies += [pairs[k, 1] + factor / first.visible.area * pairs[k, 0] for k, factor in weighed]
+        found = [first, *self.scored(*map(self._least, energies[1:]))]
+        best = min(range(len(found)), key=lambda k: found[k].score)
+        calm, made = self._calmed(energies[best], found[best])
+        surfaces = [*([] if self._given else self._again(calm, made)), calm]
+        yield from self._evened(energies[best], surfaces[0]) if self._given else self._led(surfaces[0])
+        yield from surfaces
+        yield from self.scored(self._least(energies[best], share=0.0))  # bounds of corners make some patches fold
+        yield first
 
-    def _evened(self, energy: FloatArray, one: _Scored) -> list[_Scored]:
+    def _evened(self, energy: FloatArray, one: Scored) -> list[Scored]:
         """Return a surface and where it is led; curvature inside edges is pulled to theirs as little as is enough."""
         rounds, most_bent, of_led = 5, 1.125, 0.2  # times the bending without a pull; share of the pull where it is led
-        self._strips = self._strips_of(one[1])
-        found, strength = list[tuple[float, float, list[_Scored]]](), 0.0
+        self._strips = self._strips_of(one.points)
+        found, strength = list[tuple[float, float, list[Scored]]](), 0.0
         for _ in range(rounds):
             if strength:
                 even = partial(self._even, strength * energy)
-                points = self._least(energy, pull=even)
-                one = self._calmed(energy, self.scores([points])[0][0], points, even)[:2]
-            surfaces = [*self._led(*one, of_led * strength), one]
-            points = surfaces[0][1]
-            (score,), ((bent, *_),) = self.scores([points])
-            rows, ways, wanted = self._even(None, points)
-            uneven = float(np.abs(wanted - ((rows @ points) * ways).sum(axis=1)).max())
+                (one,) = self.scored(self._least(energy, pull=even))
+                one, _ = self._calmed(energy, one, even)
+            surfaces = [*self._led(one, of_led * strength), one]
+            best, bent = surfaces[0], float(surfaces[0].figures[0])
+            rows, ways, wanted = self._even(None, best.points)
+            uneven = float(np.abs(wanted - ((rows @ best.points) * ways).sum(axis=1)).max())
             if found and bent > most_bent * found[0][1]:
                 break
-            found.append((score * max(1.0, uneven) ** 4, bent, surfaces))
+            found.append((best.score * max(1.0, uneven) ** 4, bent, surfaces))
             if uneven <= 1:
                 break
             strength = strength * min(max(2.0, uneven), 3.0) or min(0.1 * uneven, 1.0)
@@ -130,39 +140,37 @@ class FairSearch:
         stiffness = 1 / much if energy is None else np.sqrt(_value(energy, points) / len(wanted)) / much
         return rows * stiffness, ways, wanted * stiffness
 
-    def _again(self, score: float, points: FloatArray, made: Any, rounds: int = 3) -> list[_Scored]:
+    def _again(self, one: Scored, made: Any, rounds: int = 3) -> list[Scored]:
         """Return what is fairest in a sharp surface's metric, or in that one's and so on; none if a figure rises."""
         sharp, wild, enough = 4.0, 30.0, 0.99  # a sphere's curvature; bending of metrics that lead astray; of the score
-        ((bent,),) = bendings(self._inside, self._zones[1], [points])
+        bent = one.visible
         if not rounds or bent.curvature * math.sqrt(bent.area / (4 * math.pi)) < sharp or bent.energy > wild:
             return []
-        second, third = forms(self._inside + self._outside, self._zones[1], points, (2, 3))
-        found = made(third + MOST_BENT / bent.area * second)
-        (_, scored), (old, new) = self.scores([points, found])
-        scored *= self._excess(found)[1]
-        if scored > enough * score or (new > old).any():
+        second, third = forms(self._inside + self._outside, self._zones[1], one.points, (2, 3))
+        (found,) = self.scored(made(third + MOST_BENT / bent.area * second))
+        found = found._replace(score=found.score * self._excess(found.points)[1])
+        if found.score > enough * one.score or (found.figures > one.figures).any():
             return []
-        return self._again(scored, found, made, rounds - 1) or [(scored, found)]
+        return self._again(found, made, rounds - 1) or [found]
 
-    def _calmed(self, energy: FloatArray, score: float, points: FloatArray, also: Any = None) -> _Calm:
-        """Return a surface, or a pulled one whose rows cross edges more at corners, where scores see curvature, too."""
+    def _calmed(self, energy: FloatArray, one: Scored, also: Any = None) -> tuple[Scored, Any]:
+        """Return a surface, or a pulled one whose rows cross edges more at corners, and what made it of an energy."""
         # Factors of shares, and pulls, of the energy's value: three more for what is curved, and gains by pulls
         steps = (1.0, 0.03), (1.4, 0.03), (1.4, 0.1), (2.0, 0.1), (2.0, 0.3), (2.0, 1.0), (2.0, 3.0)
         made: Any = self._least
-        beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[_Calm]()
+        beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[tuple[Scored, Any]]()
         for step in (*steps, None):
-            curved, excess = self._excess(points)
+            curved, excess = self._excess(one.points)
             beyond = beyond | (curved > MOST_CURVED)
-            calmer.append((score * excess, points, made))
+            calmer.append((one._replace(score=one.score * excess), made))
             is_calm = len(calmer) > 4 and curved.max() <= MOST_CURVED / 1.5
-            no_better = len(calmer) > 2 and calmer[-1][0] > calmer[-2][0]
+            no_better = len(calmer) > 2 and calmer[-1][0].score > calmer[-2][0].score
             if step is None or not beyond.any() or curved.max() > BROKEN or is_calm or no_better:
                 break
             pull = partial(self._pull, beyond, step[1] * energy, also)
             made = partial(self._least, share=CROSSING * np.where(beyond, step[0], 1), pull=pull)
-            points = made(energy)
-            score = self.scores([points])[0][0]
-        return min(calmer, key=itemgetter(0))
+            (one,) = self.scored(made(energy))
+        return min(calmer, key=lambda each: each[0].score)
 
     def _excess(self, points: FloatArray) -> tuple[FloatArray, float]:
         """Return (r,) curvatures near corners, of 1 / the shorter edge, and the factor of scores for the largest."""
@@ -186,23 +194,22 @@ class FairSearch:
             stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
             rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))
             parts.append((rows, np.repeat(near.normals[each], 3, axis=0), np.zeros(len(rows))))
-        rows, ways, wanted = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return rows, ways, wanted
+        return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
-    def _led(self, score: float, fairest: FloatArray, strength: float = 0.0) -> list[_Scored]:
-        """Return the fairest, moved smoothly onto a surface that is known and bends more; none if it ends elsewhere."""
+    def _led(self, one: Scored, strength: float = 0.0) -> list[Scored]:
+        """Return the surface moved smoothly onto one that is known and bends more; none if it ends elsewhere."""
         rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
         if (ways := self._known) is None:
             return []
-        t, led = shares(exponents(*self._places[:3])), fairest
-        form = (t * self._zones[1]) @ t.T + stiffness * self._stiff
+        t, led = self._t, one.points
+        form = self._distances + stiffness * self._stiff
         even = partial(self._even, strength * stiffness * self._stiff) if strength else None
         for _ in range(rounds):
             origin = led + np.linalg.solve(form, (t * self._zones[1]) @ ways(t.T @ led))
             led = self._least(form, origin=origin, pull=even)
-        farther = np.abs([ways(t.T @ each) for each in (led, fairest)]).max(axis=(1, 2))
-        is_nearer = farther[0] < farther[1] and self.scores([led])[0][0] <= worst * score
-        return [(score, led)] if is_nearer else []
+        farther = np.abs([ways(t.T @ each) for each in (led, one.points)]).max(axis=(1, 2))
+        (found,) = self.scored(led)
+        return [found] if farther[0] < farther[1] and found.score <= worst * one.score else []
 
 
 def _value(energy: FloatArray, points: FloatArray) -> float:

@@ -17,7 +17,7 @@ from gtb_cli.files import read_file
 from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.cutting import fill_parts
 from gtb_cli.filling.hole_corners import corners
-from gtb_cli.filling.holes import Ring, check_hole, model_rings, one_ring, ring_sides
+from gtb_cli.filling.holes import Ring, hole_edges, model_rings, one_ring, ring_sides
 from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.one_patch import closed, fill_loop, met_with
 from gtb_cli.filling.part_holes import Part
@@ -26,7 +26,7 @@ from gtb_cli.filling.strips import curve_sides
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.models.model import Model
-from gtb_cli.theory.edges import edge_name
+from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
@@ -121,7 +121,7 @@ def filled(found: Sequence[HoleSide] | Model | Part, hole: str | None, name: str
             raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
         filling = _in_parts(found, name, (), **options)
         return _beside((), filling) if filling.parts else filling
-    refs = [found.joints.open[edge] for edge in one_ring(model_rings(found), hole, "model").edges]
+    refs = hole_edges(found, hole)
     taken = [patch.name for patch in found]
     filling = _in_parts(ring_sides(found, refs), next(_free(name or "hole", taken)), taken, **options)
     whole = found.replace(patches=(*found.patches, *filling.patches))
@@ -167,12 +167,11 @@ def with_fills(
         if not isinstance(spec, Model) or spec.dimension != 2:
             raise DomainError("`fills`: fills holes of a model of surfaces, [[patches]], and this is none")
         try:
-            check_hole(spec, hole, own)
+            end = _loose_end(spec, hole_edges(spec, hole, own))
             filling = filled_in_some_way(spec, hole, None, continuity=kind)
         except DomainError as error:
             words = str(error).removeprefix("hole: ").replace("`hole`", "`fills`")
             raise DomainError(f"`fills` {hole}: {words}") from None
-        end = _loose_end(spec, hole)
         if filling.fault:
             without = f'`fills` "{hole}=g0"'
             fault = filling.fault.replace('`continuity="g0"`', without)
@@ -198,9 +197,8 @@ def _rise(filling: Filling) -> str:
     return f"the fill {' and '.join(found)}" if found else ""
 
 
-def _loose_end(model: Model, hole: str) -> str:
+def _loose_end(model: Model, refs: Sequence[EdgeRef]) -> str:
     """Say which of several patches has all edges but one in the ring of a hole, as where copies do not close."""
-    refs = [model.joints.open[edge] for edge in one_ring(model_rings(model), hole, "model").edges]
     for k, edges in Counter(patch for patch, _ in refs).items():
         if 3 <= edges >= len(model.patches[k].domain.vertices) - 1 and len(model.patches) > 1:
             name = model.patches[k].name or f"patches[{k}]"

@@ -1,5 +1,6 @@
 """Holes: closed rings of open edges, and those of a model as sides with the tangent planes of its patches."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -88,12 +89,12 @@ def model_rings(model: Model) -> list[Ring]:
     return closed_rings(ends, names, max(MAX_GAP * float(np.ptp(points, axis=0).max()), model.weld or 0.0))
 
 
-def check_hole(model: Model, asked: str, own: int) -> None:
-    """Raise `DomainError` for a name of no open edge, and say why it is none; patches from `own` on fill holes."""
-    edges = [edge_name(model.patches, ref) for ref in model.joints.open]
+def hole_edges(model: Model, asked: str | None, own: float = math.inf) -> list[EdgeRef]:
+    """Return the edges of a hole, or say in a `DomainError` why a name is none; patches from `own` on fill holes."""
+    edges, rings = [edge_name(model.patches, ref) for ref in model.joints.open], model_rings(model)
     owners = {name.rpartition(" edge ")[0] for name in edges}
-    if asked in edges or asked in owners or asked.count(",") == 2:  # a point
-        return
+    if asked is None or asked in edges or asked in owners or asked.count(",") == 2:  # a point
+        return [model.joints.open[edge] for edge in one_ring(rings, asked, "model").edges]
     known = owners | {name for name in edges if name.rpartition(" ")[2] == asked.rpartition(" ")[2]}
     why, meant = "no open edge has this name", suggestion(asked, known)
     for pair in ([joint.first, joint.second] for joint in model.joints.shared):
@@ -101,8 +102,7 @@ def check_hole(model: Model, asked: str, own: int) -> None:
             other = asked == names[0]
             how = "its hole is filled already, and it is" if pair[other][0] >= own else "it is not open, but"
             why, meant = f"{how} joined with {names[other]}", ""
-    holes = "; ".join(ring_texts(model_rings(model))) or "none"
-    raise DomainError(f"hole: {why}; holes: {holes}{meant}")
+    raise DomainError(f"hole: {why}; holes: {'; '.join(ring_texts(rings)) or 'none'}{meant}")
 
 
 def ring_sides(model: Model, refs: Sequence[EdgeRef]) -> list[HoleSide]:

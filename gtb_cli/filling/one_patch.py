@@ -266,7 +266,7 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
         return
     depths = np.minimum(energy_samples(region, resolution, NEARER)[2] / VISIBLE, 1)
     search = FairSearch(region, places, depths, least, edges, fullness == 1)
-    for score, points in search.fairest():
+    for score, points, *_ in search.fairest():
         yield patch(points), score
-    points = least(energy_at(*places, "thin-plate"))  # it overshoots least
-    yield patch(points), search.scores([points])[0][0]
+    ((score, points, *_),) = search.scored(least(energy_at(*places, "thin-plate")))  # it overshoots least
+    yield patch(points), score

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, cross
 from gtb_cli.fairing.fair import RIDGE_FRACTION
 from gtb_cli.filling.corner_forms import POINT, CornerForms
 from gtb_cli.filling.net import Net
@@ -42,6 +42,7 @@ class Rows:
                 tangential += [self._move(net.seconds[side], shift / row[:, 3:]) for shift in second.tangential]
         self._owners, self._count = np.array(owners, dtype=np.int64), len(moves)
         self._moves = np.array(moves + tangential).reshape(-1, len(net.knots), 3)
+        self._usual = self._bounds(set(), CROSSING)
 
     def _move(self, members: IntArray, values: FloatArray) -> FloatArray:
         move = np.zeros_like(self._given)
@@ -79,13 +80,13 @@ class Rows:
             points, moves = self._at(factors)
             factors = factors + form.least(points - origin, moves)[1][: self._count]
         turning, soft = set[int](), None
-        table, least = self._bounds(turning, share)
+        table, least = self._usual if np.all(share == CROSSING) else self._bounds(turning, share)
         for number in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             # At these, ways to first control points do not turn one way, as without a fold
-            legs = [self._legs(points, corner) for corner in range(len(self._net.corners))]
-            turns = [np.cross(own[:-1], own[1:]) @ normals.sum(axis=0) for own, normals in legs]
-            if turned := {corner for corner, turn in enumerate(turns) if turn.min() <= 0} - turning:
+            legs, normals = self._legs(points)
+            turns = np.vecdot(cross(legs[:, :-1], legs[:, 1:]), normals.sum(axis=1, keepdims=True)).min(axis=1)
+            if turned := {*np.flatnonzero(turns <= 0).tolist()} - turning:
                 table, least = self._bounds(turning := turning | turned, share)
             if not len(table) or (number and not turned and not self._seconds):
                 break  # bounds are linear where there are no second rows, and hold
@@ -102,13 +103,13 @@ class Rows:
             points = final.moved(points, equations, *(pulls(points) if pulls else ()))
         return points
 
-    def _legs(self, points: FloatArray, corner: int) -> tuple[FloatArray, FloatArray]:
-        """Return (4, 3) ways from a corner to the control points of its first knots, and the normals of its sides."""
-        first = self._net.corners[corner, :5]
-        legs = points[first[1:]] - points[first[0]]
-        sides = self._normals[corner], self._normals[corner - 1]
-        own = np.cross(legs[0], legs[3])
-        return legs, np.array([own if n is None else n[end] for n, end in zip(sides, (0, -1), strict=True)])
+    def _legs(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (r, 4, 3) ways from corners to the control points of their first knots, and normals of both sides."""
+        first = self._net.corners[:, :5]
+        legs = points[first[:, 1:]] - points[first[:, :1]]
+        starts, ends = ([None if n is None else n[k] for n in self._normals] for k in (0, -1))
+        sides = zip(cross(legs[:, 0], legs[:, 3]), starts, [ends[-1], *ends[:-1]], strict=True)
+        return legs, np.array([[own if n is None else n for n in both] for own, *both in sides])
 
     def _bounds(self, turning: set[int], share: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Return (k, f) A and (k,) c: with A f ≥ c the ends of rows cross their edges, and do not meet."""
@@ -118,8 +119,7 @@ class Rows:
         crossing, apart = 0.25, 0.1
         short = 0.05  # first way, of the longer one, for which rows cross edges: they would run along those beside it
         rows, least, of_corner = [], [], np.broadcast_to(share, len(self._net.corners))
-        for corner in range(len(self._net.corners)):
-            legs, normals = self._legs(self._given, corner)
+        for corner, (legs, normals) in enumerate(zip(*self._legs(self._given), strict=True)):
             lengths = np.linalg.norm(legs[[0, 3]], axis=1)
             smooth = legs[0] @ legs[3] <= smooth_cosine * lengths.prod()
             if lengths.min() <= POINT * lengths.max():
@@ -129,20 +129,20 @@ class Rows:
             if not (smooth or corner in turning):
                 knots = self._net.knots[self._net.corners[corner, :5]]
                 parts = np.linalg.solve((knots[[4, 1]] - knots[0]).T, (knots[[2, 3]] - knots[0]).T)
-                sine = np.linalg.norm(np.cross(legs[0], legs[3])) / lengths.prod()
+                sine = np.linalg.norm(cross(legs[0], legs[3])) / lengths.prod()
                 heights = of_corner[corner] * sine * parts * seen[::-1, None]
             middle = legs[0] / lengths[0] + legs[3] / lengths[1]
-            convex = np.cross(legs[0], legs[3]) @ normals.sum(axis=0) > 0
+            convex = cross(legs[0], legs[3]) @ normals.sum(axis=0) > 0
             for knot, end, normal, sign in zip((2, 3), (0, 1), normals, (1, -1), strict=True):
                 if self._normals[corner - end] is None:
                     continue
                 own = self._moves[: self._count, self._net.corners[corner, knot]]
-                across = np.cross(normal, legs[[0, 3]] / lengths[:, None])
+                across = cross(normal, legs[[0, 3]] / lengths[:, None])
                 ways = [(across[end], heights[end, end])]
                 if seen[end] > lengths[end] and heights[1 - end, end]:
                     ways.append((-across[1 - end], heights[1 - end, end]))
                 if corner in turning and convex and not smooth:
-                    ways.append((np.cross(middle / np.linalg.norm(middle), normal), apart * lengths[end]))
+                    ways.append((cross(middle / np.linalg.norm(middle), normal), apart * lengths[end]))
                 for way, height in ways:
                     if np.abs(own @ way).max(initial=0.0) > rounding * np.abs(own).max(initial=0.0):
                         rows.append(sign * own @ way)
@@ -151,10 +151,7 @@ class Rows:
 
 
 def _multipliers(form: FloatArray, missing: FloatArray) -> FloatArray:
-    """Return x with which ``form @ x`` is at least what is missing: positive, or 0 where a bound holds without.
-
-    If there is no solution, it is the nearest.
-    """
+    """Return x, or the nearest, with ``form @ x`` at least what is missing: positive, or 0 where a bound holds."""
     size = np.sqrt(np.where(np.diag(form) > 0, np.diag(form), 1.0))
     values, vectors = np.linalg.eigh(form / size / size[:, None])
     good = values > RANK * values[-1]

@@ -93,9 +93,9 @@ def short_steps(total: LogSum, p: FloatArray, start: FloatArray, target: float) 
     bound is small enough. It also says that log(1 + l) of a step of length l leads lower (T. Sun, Q. Tran-Dinh,
     Generalized self-concordant functions, Math. Programming 178 (2019), Thm 2).
     """
-    longest = 8.0  # of the steps that are taken in full
-    s, solution, active = start, start.copy(), np.arange(start.shape[1])
-    for _ in range(16):  # most points need five; one that needs more is left
+    longest, patience = 8.0, 5  # of the steps that are taken in full; after as many longer ones, few get near
+    s, solution, active, left = start, start.copy(), np.arange(start.shape[1]), list[IntArray]()
+    for number in range(16):  # most points need five; one that needs more is left
         mean, spread, *_ = total.moments(s)
         mean -= p
         step = _step(mean, spread)
@@ -108,14 +108,16 @@ def short_steps(total: LogSum, p: FloatArray, start: FloatArray, target: float) 
             step[:, long] *= np.log1p(length[long]) / length[long]
         step += s
         s = step
-        if done.any():
+        far = ~short & (number >= patience)
+        if (done | far).any():
             solution[:, active[done]] = step[:, done]
-            keep = np.flatnonzero(~done)
+            left.append(active[far])
+            keep = np.flatnonzero(~(done | far))
             active = active[keep]
             if not len(keep):
                 break
             s, p, total = step.take(keep, axis=1), p.take(keep, axis=1), total.columns(keep)
-    return solution, active
+    return solution, np.concatenate([*left, active])
 
 
 def _minimised(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:

@@ -379,20 +379,20 @@ def corner_layer(
         factors = np.stack([xi, eta, xi * (xi - 1), xi * eta, eta * (eta - 1)], axis=1)
         place, means = t @ b, (t @ factors)[:, :, None]
         rates = (t @ (factors[:, :, None] * b[:, None]).reshape(len(b), 15)).reshape(-1, 5, 3) - means * place[:, None]
-        v, w, *_ = rates.swapaxes(0, 1)
-        # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
-        normals, long = unit(cross(v, w)), np.linalg.norm(v, axis=1)
-        axes = np.stack([v, cross(normals, v)], axis=2) / long[:, None, None]
-        shift, wide = (w[:, None] @ axes)[:, 0].T
-        a, c, d, o = 1 / long, -shift / (long * wide), 1 / wide, np.zeros(len(t))
-        turned = np.stack([a * a, o, o, r * a * c, r * a * d, o, c * c, 2 * c * d, d * d], axis=1).reshape(-1, 3, 3)
-        forms = turned @ rates[:, 2:]
-        xx, xy, yy = (forms @ normals[:, :, None])[:, :, 0].T
         rows = (factors.T - means) * t[:, None] if tables else np.zeros((len(t), 5, 0))
-        along = np.stack([a, o, c, d], axis=1).reshape(-1, 2, 2) @ rows[:, :2]
-        table = turned @ rows[:, 2:] - forms @ axes @ along
-        away = np.linalg.norm(place, axis=1) / edge
-        parts.append((members, away, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / r), normals, table))
-    members, *found = (np.concatenate(each) for each in zip(*parts, strict=True))
+        parts.append((members, place, rates, rows))
+    members, place, rates, rows = (np.concatenate(each) for each in zip(*parts, strict=True))
+    v, w, *_ = rates.swapaxes(0, 1)
+    # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
+    normals, long = unit(cross(v, w)), np.linalg.norm(v, axis=1)
+    axes = np.stack([v, cross(normals, v)], axis=2) / long[:, None, None]
+    shift, wide = (w[:, None] @ axes)[:, 0].T
+    a, c, d, o = 1 / long, -shift / (long * wide), 1 / wide, np.zeros(len(v))
+    turned = np.stack([a * a, o, o, r * a * c, r * a * d, o, c * c, 2 * c * d, d * d], axis=1).reshape(-1, 3, 3)
+    forms = turned @ rates[:, 2:]
+    xx, xy, yy = (forms @ normals[:, :, None])[:, :, 0].T
+    along = np.stack([a, o, c, d], axis=1).reshape(-1, 2, 2) @ rows[:, :2]
+    table = turned @ rows[:, 2:] - forms @ axes @ along
+    found = np.linalg.norm(place, axis=1) / edge, np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy / r), normals, table
     places: Any = slice(None) if tables else members.argsort()  # pulls need none, and take half of each group
     return CornerLayer(edge, *(each[places] for each in found))

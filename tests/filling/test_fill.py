@@ -11,6 +11,7 @@ import gtb_cli
 from gtb_cli.errors import DomainError, GtbError, RequirementError, SpecError
 from gtb_cli.filling import fill as room
 from gtb_cli.filling.certificate import Filling
+from gtb_cli.filling.holes import hole_edges
 from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.sides import loop
 from gtb_cli.models.model import Model
@@ -73,6 +74,7 @@ def test_a_weld_closes_a_hole_between_patches_that_are_apart():
     ]
     with pytest.raises(DomainError, match="hole: the model has 3"):  # each wall by itself
         gtb_cli.fill(Model(moved))
+    assert {patch for patch, _ in hole_edges(Model(moved), "patches[1]")} == {1}
     filling = gtb_cli.fill(Model(moved, weld=0.01), hole="patches[0] edge 2", raises=1)
     (said,) = (remark for remark in filling.remarks if "are moved" in remark)
     turned = float(said.rpartition("by up to ")[2].removesuffix("°"))

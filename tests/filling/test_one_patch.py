@@ -20,7 +20,7 @@ from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling import certificate, fairest, net, one_patch
 from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.corner_forms import CornerForms
-from gtb_cli.filling.fairest import FairSearch
+from gtb_cli.filling.fairest import FairSearch, Scored
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.hole_corners import concave_corners
 from gtb_cli.filling.holes import model_rings
@@ -286,8 +286,8 @@ def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
     search, made = object.__new__(FairSearch), iter(range(1, 9))
     search._domain, search._least = SimpleNamespace(vertices=[0]), lambda *_, **__: next(made)
     search._layers = lambda points: [SimpleNamespace(edge=1.0, curvatures=np.array([curved[points]]))]
-    search.scores = lambda found: [(scores[found[0]], 0)]
-    assert search._calmed(1.0, scores[0], 0)[1] == taken
+    search.scored = lambda points: [Scored(scores[points], points, None, None)]
+    assert search._calmed(1.0, *search.scored(0))[0].points == taken
 
 
 @pytest.mark.parametrize("count", [4, 12])  # fewer than the coordinates of free points, or more
@@ -335,9 +335,8 @@ def test_sharp_surfaces_are_made_again_while_no_figure_rises(scores, figure, tak
     for excess, curved, bent, kept in ((1, 4.1, 29, taken), (1.2, 4.1, 29, []), (1, 3.9, 29, []), (1, 4.1, 31, [])):
         search, made, body = object.__new__(FairSearch), iter(range(1, 7)), Bending(4 * math.pi, bent, 1, curved)
         search._inside, search._outside, search._zones, search._excess = [], [], [0, 0], lambda _, e=excess: ([], e)
-        monkeypatch.setattr(fairest, "bendings", lambda *_, b=body: [[b]])
-        search.scores = lambda pair: ([scores[k] for k in pair], np.array([[1, figure[k]] for k in pair]))
-        assert [points for _, points in search._again(9, 0, lambda _, m=made: next(m))] == kept
+        search.scored = lambda k, b=body: [Scored(scores[k], k, b, np.array([1, figure[k]]))]
+        assert [one.points for one in search._again(*search.scored(0), lambda _, m=made: next(m))] == kept
 
 
 @pytest.mark.parametrize(("place", "width"), [(1.05, 0.26), (1.0, 0.05)])
@@ -363,6 +362,7 @@ def test_beside_a_short_side_rows_cross_the_long_one():
     rows = Rows(shape := net.net(edges), edges)
     table, least = rows._bounds(set(), 0.9)
     assert len(least) == 12  # two at each corner, and of the short side's row over both long edges
+    assert np.array_equal(rows._legs(rows._given)[1][:, 1], [edges[k - 1].normals[-1] for k in range(5)])
     points, _ = rows._at(table.T @ _multipliers(table @ table.T, least))  # as near to their edges as they may be
     equations = CornerForms.of(points, shape.log_weights, shape.corners, np.ones(5, dtype=bool))
     points = _Form(np.eye(len(points)), rows._free).moved(points, equations)
