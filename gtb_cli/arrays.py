@@ -171,6 +171,20 @@ def paired(first: IntArray, second: IntArray, count: int) -> IntArray:
     return np.multiply(first, count, dtype=np.int64) + second
 
 
+def merged(count: int, pairs: IntArray) -> IntArray:
+    """Return the smallest index, (count,), to which each index is connected by (c, 2) pairs."""
+    label = np.arange(count, dtype=index_type(count))
+    one, other = pairs.T
+    while len(one):
+        np.minimum.at(label, np.maximum(one, other), np.minimum(one, other))
+        while not np.array_equal(label, above := label[label]):
+            label = above
+        one, other = label[one], label[other]
+        apart = one != other
+        one, other = one[apart], other[apart]
+    return label
+
+
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
     """Yield each number that occurs among small numbers from 0, (m,), ascending, with its places."""
     counts = np.bincount(numbers)

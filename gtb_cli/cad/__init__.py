@@ -1,1 +1,1 @@
-"""Surfaces to files, exact where they can be and fitted otherwise: STEP, IGES, BREP, and VTU with Bézier cells."""
+"""Surfaces as STEP, IGES and BREP (read by `importers`), exact or fitted, and as VTU with Bézier cells."""

@@ -9,8 +9,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad.bspline_surfaces import CLOSEST, spline_surfaces
 from gtb_cli.cad.cad_seams import Seams
+from gtb_cli.cad.cad_writing import encode_cad
 from gtb_cli.cad.exact_surfaces import SplineSurface
-from gtb_cli.cad.sewing import encode_cad
 from gtb_cli.errors import RequirementError, ToleranceError
 from gtb_cli.importers.cad_files import kernel_faults, moved
 from gtb_cli.models.model import Model

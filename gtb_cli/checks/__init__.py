@@ -1,1 +1,1 @@
-"""The paper's properties, measured on patches and models, with reports; areas, volumes and bounding boxes."""
+"""The paper's properties, measured on patches and models, with reports; bounding boxes."""

@@ -1,1 +1,1 @@
-"""Distances between patches, models, curves and meshes, their extents, and whether two of them are the same."""
+"""Distances and areas of patches, models and meshes, and whether two of them are the same."""

@@ -13,8 +13,8 @@ from gtb_cli.meshes.difference import Difference, allowed_for, are
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.hausdorff import Distance, Farthest
 from gtb_cli.meshes.mesh import Mesh, rounding
-from gtb_cli.meshes.topology import components_of
 from gtb_cli.models.model import Model
+from gtb_cli.models.openings import parts_of
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.edges import edge_curve
 from gtb_cli.theory.patch import Patch
@@ -135,8 +135,7 @@ def _repeated(
 
 def _one_sided(model: Model, rows: Sequence[int]) -> list[bool]:
     """Tell for each of some patches whether it is part of a surface with one side."""
-    pairs = np.array([(joint.first[0], joint.second[0]) for joint in model.joints.shared], dtype=np.int64)
-    part = components_of(pairs.reshape(-1, 2), len(model.patches))
+    part = parts_of(model.joints, len(model.patches))
     return list(np.isin(part, part[[joint.first[0] for joint in model.joints.one_sided]])[rows].tolist())
 
 

@@ -1,1 +1,1 @@
-"""Holes with any number of sides, filled with patches that touch their neighbours exactly, and what certifies it."""
+"""Holes with any number of sides, filled with patches that touch their neighbours; certified angles, curvature."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, cross
 from gtb_cli.fairing.fair import RIDGE_FRACTION
-from gtb_cli.filling.corner_forms import POINT, CornerForms
+from gtb_cli.filling.corner_equations import POINT, CornerForms
 from gtb_cli.filling.net import Net
 from gtb_cli.filling.osculation import polar
 from gtb_cli.filling.tangent_rows import EdgeRows

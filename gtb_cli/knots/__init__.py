@@ -1,1 +1,1 @@
-"""The geometry of the knots alone: hull, domain, faces, and the regular decompositions that liftings induce."""
+"""The geometry of the knots alone: hull, domain and which knots lie on its edges, faces, and regular decompositions."""

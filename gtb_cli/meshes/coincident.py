@@ -1,4 +1,4 @@
-"""`numbered_places` numbers points at exactly the same place alike; `merged` joins what pairs connect."""
+"""Points at exactly the same place, numbered alike."""
 
 from typing import Any
 
@@ -38,17 +38,3 @@ def numbered_places(points: NDArray[Any]) -> tuple[IntArray, IntArray]:
         least[other] = other[first[number.ravel()]]
     is_first = least == np.arange(count, dtype=kind)
     return np.flatnonzero(is_first), taken(np.cumsum(is_first, dtype=kind) - 1, least)
-
-
-def merged(count: int, pairs: IntArray) -> IntArray:
-    """Return the smallest index, (count,), to which each index is connected by (c, 2) pairs."""
-    label = np.arange(count, dtype=index_type(count))
-    one, other = pairs.T
-    while len(one):
-        np.minimum.at(label, np.maximum(one, other), np.minimum(one, other))
-        while not np.array_equal(label, above := label[label]):
-            label = above
-        one, other = label[one], label[other]
-        apart = one != other
-        one, other = one[apart], other[apart]
-    return label

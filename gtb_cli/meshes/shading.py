@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, cross, dot, paired, unit
-from gtb_cli.meshes.coincident import merged
+from gtb_cli.arrays import FloatArray, IntArray, cross, dot, merged, paired, unit
 from gtb_cli.meshes.topology import adjacent
 
 

@@ -9,8 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, IntArray, paired, taken
-from gtb_cli.meshes.coincident import merged
+from gtb_cli.arrays import BoolArray, IntArray, merged, paired, taken
 from gtb_cli.values import frozen
 
 

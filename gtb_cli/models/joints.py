@@ -12,7 +12,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import by_value
 
 if TYPE_CHECKING:
-    from gtb_cli.models.curve_equality import Match
+    from gtb_cli.models.curve_matches import Match
 
 
 @by_value

@@ -87,7 +87,7 @@ class Model:
     @cached_property
     def joints(self) -> Joints:
         """Which edges of the patches carry the same curve, and which are open."""
-        from gtb_cli.models.joined_edges import find_joints  # not needed to read a model
+        from gtb_cli.models.same_edges import find_joints  # not needed to read a model
 
         return find_joints(self.patches, self.weld)
 

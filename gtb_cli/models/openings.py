@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, merged
 from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
@@ -91,12 +91,8 @@ def _half_seams(
 
 def parts_of(joints: Joints, count: int) -> IntArray:
     """(n,) the first patch of the part, joined by shared edges, to which each of n patches belongs."""
-    pairs = np.array([(joint.first[0], joint.second[0]) for joint in joints.shared], dtype=np.int64).reshape(-1, 2)
-    part = np.arange(count)
-    while ((ends := part[pairs]).min(axis=1) < ends.max(axis=1)).any():
-        np.minimum.at(part, ends.max(axis=1), ends.min(axis=1))
-        part = part[part]
-    return part
+    pairs = [(joint.first[0], joint.second[0]) for joint in joints.shared]
+    return merged(count, np.array(pairs, dtype=np.int64).reshape(-1, 2))
 
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:
@@ -186,8 +182,8 @@ def unjoined_seams(model: Model, are_touching: bool = False) -> list[str]:
     misses = near_misses(model.joints, patches)
     if are_touching:
         tolerance = CURVE_TOLERANCE * diagonal_of(patches)
-        misses = [miss for miss in misses if part[miss[0][0]] != part[miss[1][0]]
-                  and meeting(edge_curves(patches, miss[:2]), tolerance)[0]]  # fmt: skip
+        apart = [miss for miss in misses if part[miss[0][0]] != part[miss[1][0]]]
+        misses = [miss for miss in apart if meeting(edge_curves(patches, miss[:2]), tolerance)[0]]
     lines = one_of_alike(
         (reason, f"{edge_name(patches, one)} is not joined: {reason.format(edge_name(patches, other))}")
         for one, other, reason in misses

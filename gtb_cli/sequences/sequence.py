@@ -25,6 +25,7 @@ from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.sampler import Sampler
+from gtb_cli.tessellation.too_many_faces import refuse_faces
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import MAX_FACES
@@ -208,7 +209,7 @@ def degeneration(
     # Checked before there is a patch for each value and cell: there may be thousands of both.
     n = resolution if tolerance is None else 1
     cells = sum(cell_count(len(polygon), n) for polygon in decomposition.polygons)
-    _refuse_too_many(cells, len(values) + 1, max_faces)
+    refuse_faces(cells * (len(values) + 1), n, max_faces, len(values) + 1)
     family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
     mosaic = family.uniform(resolution) if tolerance is None else family.refined(tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
@@ -242,13 +243,8 @@ def knot_sequence(
     values = sorted({float(step) for step in steps} - {1.0})
     family = approaching(limit, values)
     if tolerance is None:
-        _refuse_too_many(cell_count(limit.merged.domain, resolution), len(values) + 1, max_faces)
+        meshes = len(values) + 1
+        refuse_faces(cell_count(limit.merged.domain, resolution) * meshes, resolution, max_faces, meshes)
     mosaic = family.uniform(resolution) if tolerance is None else family.refined(tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
     return MeshSequence(patch.name or "patch", "step", (*values, 1.0), family, mosaic, fineness, normals)
-
-
-def _refuse_too_many(cells: int, meshes: int, max_faces: int) -> None:
-    if cells * meshes > max_faces:
-        size = f"{meshes} meshes of {cells} faces have more than {max_faces}"
-        raise ToleranceError(f"{size}: lower `resolution` or raise `max_faces`")

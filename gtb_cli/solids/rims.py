@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, distinct, dot, paired, point_text, unit
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, distinct, dot, merged, paired, point_text, unit
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import adjacent, are_used, sides_of

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, point_text, unit
+from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, merged, point_text, unit
 from gtb_cli.errors import one_of_alike
-from gtb_cli.meshes.coincident import merged, numbered_places
+from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, are_proper

@@ -4,9 +4,21 @@ import math
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, paired, point_text, shifted, unit
+from gtb_cli.arrays import (
+    EPS,
+    FloatArray,
+    IntArray,
+    bounds_of,
+    cross,
+    distinct,
+    dot,
+    merged,
+    paired,
+    point_text,
+    shifted,
+    unit,
+)
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import are_proper, are_used, compacted, sides_of

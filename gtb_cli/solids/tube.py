@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, dot
+from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, dot, merged
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.paths import MIN_SEGMENT_ROUNDINGS, MIN_TANGENT_COSINE, Path, paths
 from gtb_cli.meshes.shading import normals_of_corners

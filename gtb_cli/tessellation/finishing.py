@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from gtb_cli.arrays import INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, distinct, dot, index_type, paired
+from gtb_cli.arrays import INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, distinct, dot, index_type, merged, paired
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.meshes.coincident import merged
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.meshes.topology import compacted, sides_of

@@ -11,9 +11,9 @@ from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, sides_of
-from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import obstacles, parts_of, unjoined_seams
+from gtb_cli.models.same_edges import find_joints
 from gtb_cli.solids.solidity import folded_places, inward_faces, where
 from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.patch import Patch

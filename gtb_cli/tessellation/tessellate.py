@@ -14,6 +14,7 @@ from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import coarse_complexes, joined_complex
 from gtb_cli.tessellation.finishing import finished
 from gtb_cli.tessellation.sampler import Sampler, torically, torically_inside
+from gtb_cli.tessellation.too_many_faces import refuse_faces
 from gtb_cli.tessellation.welding import Weld
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.rational_basis import LinearParametrization
@@ -117,19 +118,3 @@ def percentage_of_size(shape: Patch | Model, percent: str) -> float:
     if diagonal == 0:
         raise DomainError(f"tolerance: {percent} of the size of a single point is nothing")
     return percentage(percent) / 100 * diagonal
-
-
-def refuse_faces(faces: int, resolution: int, max_faces: int) -> None:
-    """Raise `ToleranceError` if a uniform mesh has more faces than are allowed, or than the machine's memory holds."""
-    estimate = f"`resolution` {resolution} makes {faces} faces"
-    if faces > max_faces:
-        ways_out = f"take a smaller `resolution`, or allow them with `max_faces` {faces}"
-        raise ToleranceError(f"{estimate}, more than {max_faces}: {ways_out}")
-    needed = 100 * faces  # bytes, measured: 1.92 GB for twenty million faces of a model, 0.83 of a patch
-    try:
-        there = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, ValueError, OSError):  # the system does not say
-        there = math.inf
-    if needed > there:
-        memory = f"about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}"
-        raise ToleranceError(f"{estimate} and needs {memory}: take a smaller `resolution`")

@@ -1,11 +1,10 @@
-"""Vertices that a weld moves, to means of curves and corners; where `models.joined_edges` joins nothing, gaps stay."""
+"""Vertices that a weld moves, to means of curves and corners; where `models.same_edges` joins nothing, gaps stay."""
 
 from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray
-from gtb_cli.meshes.coincident import merged
+from gtb_cli.arrays import EPS, FloatArray, merged
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.complexes import Complex

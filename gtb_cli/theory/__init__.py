@@ -1,1 +1,1 @@
-"""The paper, in its order: weights, basis, parametrisations, patch, edges; then normals, curvature, quadrature."""
+"""The paper, in its order: weights, basis, points in both parametrisations, patch, edges; normals, curvature."""

@@ -70,7 +70,7 @@ def by_open_cascade(model: Model, tolerance: float, folder: Path) -> Callable[[]
     from OCP.TopoDS import TopoDS, TopoDS_Shape
 
     from gtb_cli.cad.bspline_surfaces import spline_surfaces
-    from gtb_cli.cad.sewing import encode_cad
+    from gtb_cli.cad.cad_writing import encode_cad
 
     path, shape = folder / "x.brep", TopoDS_Shape()
     path.write_bytes(encode_cad(spline_surfaces(model).surfaces, "brep")[0])

@@ -13,9 +13,9 @@ import pytest
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
 from gtb_cli.cad.cad_seams import Seams, along_edge
+from gtb_cli.cad.cad_writing import KERNEL_UNITS, encode_cad
 from gtb_cli.cad.exact_surfaces import exact_surfaces
 from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
-from gtb_cli.cad.sewing import KERNEL_UNITS, encode_cad
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.threemf import UNIT_NAMES
 from gtb_cli.importers import cad_files

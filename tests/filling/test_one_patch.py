@@ -19,7 +19,7 @@ from gtb_cli.fairing.folds import folds, sharp_turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling import certificate, fairest, net, one_patch
 from gtb_cli.filling.certificate import Filling
-from gtb_cli.filling.corner_forms import CornerForms
+from gtb_cli.filling.corner_equations import CornerForms
 from gtb_cli.filling.fairest import FairSearch, Scored
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.hole_corners import concave_corners

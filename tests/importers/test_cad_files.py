@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import gtb_cli
-from gtb_cli.cad import sewing
+from gtb_cli.cad import cad_writing
 from gtb_cli.cad.bspline_surfaces import spline_surfaces
 from gtb_cli.cad.cad_seams import along_edge
+from gtb_cli.cad.cad_writing import encode_cad
 from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
-from gtb_cli.cad.sewing import encode_cad
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.filling.fill import filled
 from gtb_cli.filling.holes import one_ring
@@ -166,8 +166,8 @@ def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_p
 
 def test_seams_are_those_of_the_file_as_it_is_read(monkeypatch):
     read, measured = [], []
-    monkeypatch.setattr(sewing, "shape_in", lambda *at: read.append(cad_files.shape_in(*at)) or read[-1])
-    monkeypatch.setattr(sewing, "seams_of", lambda *shapes, **_: measured.append(shapes))
+    monkeypatch.setattr(cad_writing, "shape_in", lambda *at: read.append(cad_files.shape_in(*at)) or read[-1])
+    monkeypatch.setattr(cad_writing, "seams_of", lambda *shapes, **_: measured.append(shapes))
     patch, box = gtb_cli.load_patch(SPECS / "bicubic.toml"), kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 1, 1)
     encode_cad(spline_surfaces(patch).surfaces, "step", part=box.Shape())
     ((whole, (face,)),) = measured
@@ -182,7 +182,7 @@ def test_planes_of_a_part_that_differ_at_a_corner_are_said(tmp_path):
         corners = [point(*each, height) for each in ((x, x), (-x, x), (-x, -x), (x, -x))]
         hill.AddWire(polygon(*corners, True).Wire())
     shape, given = hill.Shape(), tmp_path / "named.step"
-    assert sewing._write_step(shape, [(face, "side") for face in parts(shape, "FACE")], str(given), "MM", "hill")
+    assert cad_writing._write_step(shape, [(face, "side") for face in parts(shape, "FACE")], str(given), "MM", "hill")
     bounds = "--elevate", 0, "--angle", 1, "-o", tmp_path / "filled.step"
     said = gtb("fill", given, "--hole", "0,0,1", *bounds, status=0).err
     assert "planes and edges of the part disagree by 0.02 degrees at (1, -1, 0.000247): no face can meet all" in said

@@ -14,8 +14,8 @@ from gtb_cli.language.includes import sources
 from gtb_cli.language.loading import load, parse
 from gtb_cli.language.patch_reader import MAX_PATCHES
 from gtb_cli.language.writer import dump
-from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
+from gtb_cli.models.same_edges import find_joints
 from gtb_cli.theory.patch import Patch
 from tests.patches import pentagon
 from tests.specs import TRIANGLE, arrays, quickly

@@ -3,8 +3,9 @@
 import numpy as np
 from hypothesis import given, strategies as st
 
+from gtb_cli.arrays import merged
 from gtb_cli.meshes import coincident
-from gtb_cli.meshes.coincident import merged, numbered_places
+from gtb_cli.meshes.coincident import numbered_places
 from tests.specs import quickly
 
 COORDINATES = st.sampled_from([0.0, -0.0, 1.0, 1.0 + 2**-52, -1.0, 1e-300, 1e300])

@@ -7,10 +7,10 @@ import pytest
 from scipy.special import softmax
 
 from gtb_cli.bezier.elevation import elevate
-from gtb_cli.models.curve_equality import equal
-from gtb_cli.models.joined_edges import find_joints
+from gtb_cli.models.curve_matches import equal
 from gtb_cli.models.model import Model
 from gtb_cli.models.near_ends import meeting, touching
+from gtb_cli.models.same_edges import find_joints
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import Curve
 from gtb_cli.theory.patch import Patch

@@ -5,9 +5,9 @@ import pytest
 
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.errors import ToleranceError
-from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import near_misses, obstacles, seam_remarks
+from gtb_cli.models.same_edges import find_joints
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch

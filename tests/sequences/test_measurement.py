@@ -218,5 +218,5 @@ def test_a_degeneration_from_1_on_goes_upwards():
 def test_what_does_not_converge_has_no_rate_and_faces_of_all_meshes_count():
     patch = load(SPECS / "example-3.4.toml")
     assert degeneration(patch, [5], np.zeros(5), resolution=1, distances=False).predicted_rate is None
-    with pytest.raises(ToleranceError, match="3 meshes of 2 faces have more than 5"):
+    with pytest.raises(ToleranceError, match="6 faces in 3 meshes, more than 5"):
         degeneration(patch, [3, 5], resolution=1, max_faces=5)

@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.joints import Joint
 from gtb_cli.models.model import Model
+from gtb_cli.models.same_edges import find_joints
 from gtb_cli.tessellation.complexes import joined_complex
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_points_at

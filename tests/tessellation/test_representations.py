@@ -7,10 +7,10 @@ import pytest
 
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.checks.joint_checks import joint_findings
-from gtb_cli.models.curve_equality import equal, matched
-from gtb_cli.models.joined_edges import find_joints
+from gtb_cli.models.curve_matches import equal, matched
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import seam_remarks
+from gtb_cli.models.same_edges import find_joints
 from gtb_cli.tessellation.complexes import Complex, coarse_complexes, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler

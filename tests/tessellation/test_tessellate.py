@@ -8,8 +8,8 @@ import pytest
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.shading import filled_normals
-from gtb_cli.models.joined_edges import find_joints
 from gtb_cli.models.model import Model
+from gtb_cli.models.same_edges import find_joints
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.tessellation.complexes import joined_complex
 from gtb_cli.tessellation.sampler import Sampler

@@ -8,7 +8,7 @@ from itertools import permutations, product
 import numpy as np
 
 from gtb_cli.arrays import EPS
-from gtb_cli.models.curve_equality import Match, beside, equal
+from gtb_cli.models.curve_matches import Match, beside, equal
 from gtb_cli.models.joints import Joint, Joints
 from gtb_cli.models.near_ends import touching
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, edge_curves
@@ -25,7 +25,7 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     Two boundary curves have the same points at the same fractions of the linear parametrisation, in either direction,
     if their control points agree, an affine map takes the knots of one edge to those of the other, and the weights c ω
     differ only by factors κ e^{σ a}, which change nothing. Edges with the same ends but different data, such as a
-    higher degree, are the same curve if this is proved: see `gtb_cli.models.curve_equality.equal`.
+    higher degree, are the same curve if this is proved: see `gtb_cli.models.curve_matches.equal`.
 
     Edges of surfaces that are measured to be within the distance `weld` of each other, in model units, are joined as
     well, the nearest first: all edges that become one were within it. Edges up to this size count as points.

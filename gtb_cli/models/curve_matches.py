@@ -1,4 +1,4 @@
-"""Curves of edges beside each other: proofs that two are equal, and distances; `joined_edges` decides."""
+"""Curves of edges beside each other: proofs that two are equal, and distances; `same_edges` decides."""
 
 import numpy as np
 
