@@ -65,6 +65,7 @@ def test_fill_takes_files_and_models(tmp_path):
         gtb_cli.fill(triangle(), [None, np.eye(3), None])
 
 
+@long
 def test_a_weld_closes_a_hole_between_patches_that_are_apart():
     # Three walls of a pyramid without its tip, each moved by itself
     moved = [
@@ -98,7 +99,8 @@ def test_points_of_a_side_go_with_its_ends():
 
 
 @pytest.mark.parametrize(
-    ("profile", "sides"), mostly_long([([(2, 0), (3, 1), (5, 4)], 3), ([(5, 0), (5, 1), (2, 2)], 5), ([(1, 0)] * 3, 7)])
+    ("profile", "sides"),
+    mostly_long([([(2, 0), (3, 1), (5, 4)], 3), ([(5, 0), (5, 1), (2, 2)], 5), ([(1, 0)] * 3, 7)], 0),
 )
 def test_plane_rims_are_closed_by_plane_lids_and_floors(profile, sides):
     """Whatever way the walls lean, and none is turned over: the solid is inside."""
