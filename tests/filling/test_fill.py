@@ -150,7 +150,7 @@ def test_damaged_files_are_refused_or_read(name, seed):
         assert time.process_time() - start < SECONDS
 
 
-@pytest.mark.parametrize("cure", [{"fullness": 0.8}, {"fullness": 0.5}, {"raises": 1}, None])
+@pytest.mark.parametrize("cure", mostly_long([{"fullness": 0.8}, {"fullness": 0.5}, {"raises": 1}, None], 3))
 def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monkeypatch, tmp_path):
     good, path, said = replace(gtb_cli.fill(triangle(), raises=0), raises=(0, 0, 0)), tmp_path / "loop.toml", []
     words, model = ["fullness 0.8", "fullness 0.5", "degrees raised by 1"], gtb_cli.load(SPECS / "box-corner.toml")
