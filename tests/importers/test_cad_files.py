@@ -18,7 +18,6 @@ from gtb_cli.cad.sewing import encode_cad
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.filling.fill import filled
 from gtb_cli.filling.holes import one_ring
-from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.part_holes import Part, part_of
 from gtb_cli.filling.sides import points_and_tangents, stations
 from gtb_cli.importers import cad_files
@@ -140,13 +139,7 @@ def test_pieces_are_points_at_smooth_corners_and_follow_a_part_from_which_the_pa
 @long
 def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_path, monkeypatch):
     (far,) = cad_files.moved(np.array([1e6, -1e6, 0]), box_without_a_corner((2, 2, 2)))
-    part, out, made = written(far, tmp_path), tmp_path / "filled.brep", []
-
-    def once(*given, **options):  # four files of one patch
-        made[:] = made or [fill_loop(*given, **options)]
-        return made[0]
-
-    monkeypatch.setattr("gtb_cli.filling.fill.fill_loop", once)
+    part, out = written(far, tmp_path), tmp_path / "filled.brep"
     fill = "fill", part, "--elevate", 0, "--continuity", "g2", "-o", out
     words = r"\Agtb: \S+ 6 fitted faces, 1 solid, seams .*, "
     words += r"curvature to the part within (\S+) \(\S+% of 0.5\) near .* jumps by up to 0.5 at 3 corners"
