@@ -31,6 +31,10 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.load_profile("quick" if config.option.markexpr == "not long" else "gtb")
 
 
+def pytest_collection_finish() -> None:
+    gc.freeze()  # what was collected stays: searches for cycles, five of them at the end, pass it by
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say how many tests of pages did not run."""
     skipped = [(report.nodeid, str(report.longrepr)) for report in terminalreporter.stats.get("skipped", ())]

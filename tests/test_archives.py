@@ -24,21 +24,17 @@ def python(*arguments: object, folder: Path, path: Path | str = REPOSITORY) -> s
     return done.stdout
 
 
-def wheel(source: Path, folder: Path) -> Path:
-    """Made without a network: what builds it is among what tests need."""
-    offline = ("--quiet", "--no-deps", "--no-build-isolation", "--disable-pip-version-check")
-    python("-m", "pip", "wheel", *offline, "--wheel-dir", folder, source, folder=source)
-    (path,) = folder.glob("*.whl")
-    return path
+def built(kind: str, source: Path, folder: Path) -> Path:
+    """A wheel or a source archive (sdist), by the hooks that pip calls; what has them is among what tests need."""
+    hook = f"from flit_core import buildapi; print(buildapi.build_{kind}({str(folder)!r}))"
+    return folder / python("-c", hook, folder=source).strip()
 
 
 @pytest.fixture(scope="module")
 def unpacked(tmp_path_factory) -> Path:
     """The source archive, unpacked."""
     folder = tmp_path_factory.mktemp("source")
-    build = f"from flit_core import buildapi; print(buildapi.build_sdist({str(folder)!r}))"
-    name = python("-c", build, folder=REPOSITORY)
-    with tarfile.open(folder / name.strip()) as archive:
+    with tarfile.open(built("sdist", REPOSITORY, folder)) as archive:
         archive.extractall(folder, filter="data")
     return folder / f"gtb_cli-{__version__}"
 
@@ -47,7 +43,7 @@ def unpacked(tmp_path_factory) -> Path:
 def installed(unpacked, tmp_path_factory) -> Path:
     """A folder of packages with nothing in it but what the wheel holds."""
     folder = tmp_path_factory.mktemp("installed")
-    path = wheel(unpacked, tmp_path_factory.mktemp("wheel"))
+    path = built("wheel", unpacked, tmp_path_factory.mktemp("wheel"))
     options = ("--quiet", "--no-deps", "--no-index", "--disable-pip-version-check", "--target", folder)
     python("-m", "pip", "install", *options, path, folder=unpacked)
     return folder
@@ -77,8 +73,8 @@ def test_tests_run_in_the_source_archive(unpacked):
     assert "[100%]" in python("-m", "pytest", "-m", "not long", *some, folder=unpacked, path=unpacked)
 
 
-def test_the_wheel_of_the_checkout_is_that_of_the_archive(unpacked, tmp_path):
-    one, other = (wheel(source, tmp_path / source.name) for source in (REPOSITORY, unpacked))
+def test_the_wheel_of_the_checkout_is_that_of_the_archive(unpacked, tmp_path_factory):
+    one, other = (built("wheel", source, tmp_path_factory.mktemp("wheel")) for source in (REPOSITORY, unpacked))
     with zipfile.ZipFile(one) as first, zipfile.ZipFile(other) as second:
         assert sorted(first.namelist()) == sorted(second.namelist())
         held = {Path(name) for name in first.namelist() if ".dist-info/" not in name}

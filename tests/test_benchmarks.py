@@ -45,8 +45,8 @@ def test_every_line_has_a_ratio_or_a_peer_that_is_missing(name, count, capsys):
 
 
 @long
-def test_a_hole_in_a_cubic_is_filled_near_to_it(capsys):
-    filling.main(["3"])
+def test_a_hole_in_a_cubic_is_filled_near_to_it(capsys, monkeypatch):
+    monkeypatch.setattr(filling, "FINE", 60), filling.main(["3"])
     rows = [line.split() for line in capsys.readouterr().out.splitlines() if "gtb fill" in line]
     assert [row[3] for row in rows] == ["g1", "g2"]
     for missed, _, _, _, _, _, _, _, degrees, off, nearer, _, curved, folds, *_ in rows:

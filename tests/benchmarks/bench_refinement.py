@@ -11,7 +11,7 @@ from gtb_cli.language.loading import load, load_model
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
-from tests.benchmarks import Row, coarser, missing, paired, sized
+from tests.benchmarks import Row, coarser, missing, paired, segments
 from tests.benchmarks.peers import by_open_cascade
 from tests.shell import SPECS
 
@@ -51,7 +51,7 @@ def cost_of_a_triangle(name: str, part: float) -> Row:
 def beside_open_cascade(name: str, part: float, budget: float) -> Row:
     """Compare the time of a mesh of many small patches with that of Open CASCADE's, whose error is about the same."""
     model = load_model(SPECS / f"{name}.toml")
-    model = model.replace(patches=model.patches[: sized(100)])
+    model = model.replace(patches=model.patches[: segments(100)])
     tolerance = tolerance_of(model, part)
     what = f"{name} to {part:g} of its diagonal beside Open CASCADE's mesher"
     try:

@@ -349,6 +349,7 @@ def test_y_is_up_where_it_is_asked_for(kind: str, tmp_path: Path) -> None:
         assert np.abs(np.ravel(ends) - expected).max() <= 1e-3
 
 
+@long
 def test_on_the_command_line(tmp_path: Path) -> None:
     result = gtb("mesh", INTEGERS, "-o", tmp_path / "x.stp", status=0)
     assert result.err.endswith("x.stp: 5 exact faces, 1 open shell\n")

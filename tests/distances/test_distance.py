@@ -82,6 +82,7 @@ def test_weights_far_apart_do_not_keep_a_nearest_point_from_being_reached(count)
     assert found.bound <= found.tolerance
 
 
+@long
 def test_far_from_the_origin_the_same_surface_is_still_the_same():
     patch = pentagon()
     far = patch.replace(control_points=patch.control_points + 1e7)

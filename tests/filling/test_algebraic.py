@@ -69,6 +69,7 @@ def test_the_end_of_a_pipe_is_closed():
     assert fill_loop(known("pipe"), raises=1).bending.energy < 20
 
 
+@long
 def test_a_surface_that_a_patch_comes_no_nearer_to_is_not_followed(monkeypatch):
     plain = fill_loop(random_sides(5, 0), raises=0).patch
     monkeypatch.setattr(fairest, "ways_to_surface", lambda _: np.zeros_like)

@@ -66,6 +66,7 @@ def test_fill_takes_files_and_models(tmp_path):
         gtb_cli.fill(triangle(), [None, np.eye(3), None])
 
 
+@long
 def test_a_weld_closes_a_hole_between_patches_that_are_apart():
     # Three walls of a pyramid without its tip, each moved by itself
     moved = [
@@ -100,7 +101,8 @@ def test_points_of_a_side_go_with_its_ends():
 
 
 @pytest.mark.parametrize(
-    ("profile", "sides"), mostly_long([([(2, 0), (3, 1), (5, 4)], 3), ([(5, 0), (5, 1), (2, 2)], 5), ([(1, 0)] * 3, 7)])
+    ("profile", "sides"),
+    mostly_long([([(2, 0), (3, 1), (5, 4)], 3), ([(5, 0), (5, 1), (2, 2)], 5), ([(1, 0)] * 3, 7)], 0),
 )
 def test_plane_rims_are_closed_by_plane_lids_and_floors(profile, sides):
     """Whatever way the walls lean, and none is turned over: the solid is inside."""
@@ -150,7 +152,7 @@ def test_damaged_files_are_refused_or_read(name, seed):
         assert time.process_time() - start < SECONDS
 
 
-@pytest.mark.parametrize("cure", [{"fullness": 0.8}, {"fullness": 0.5}, {"raises": 1}, None])
+@pytest.mark.parametrize("cure", mostly_long([{"fullness": 0.8}, {"fullness": 0.5}, {"raises": 1}, None], 3))
 def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monkeypatch, tmp_path):
     good, path, said = replace(gtb_cli.fill(triangle(), raises=0), raises=(0, 0, 0)), tmp_path / "loop.toml", []
     words, model = ["fullness 0.8", "fullness 0.5", "degrees raised by 1"], gtb_cli.load(SPECS / "box-corner.toml")

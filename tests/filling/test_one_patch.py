@@ -139,7 +139,7 @@ def test_a_ribbon_that_points_out_of_the_hole_makes_no_corner_concave():
 
 
 @pytest.mark.parametrize(
-    ("tilt", "scale", "shift"), mostly_long([(0.6, 1e-6, 1), (0, 1, 0), (0.6, 1e9, 0), (0.6, 1, 1e7)])
+    ("tilt", "scale", "shift"), mostly_long([(0.6, 1e-6, 1), (0, 1, 0), (0.6, 1e9, 0), (0.6, 1, 1e7)], 0)
 )
 def test_a_flat_hole_is_filled_flat(tilt, scale, shift):
     """Long sides and blunt corners: with rows that keep to the planes the patch was turned over."""
@@ -246,12 +246,14 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     filling = loop_of_five(kind)
     if kind == "planes":
         assert_fills(filling, random_sides(5, 0, (2, 3)))
+    assert filling.angle < PLANES or (kind == "edges only" and math.isnan(filling.angle))
+    assert filling.bending.energy < {"planes": 0.75, "an edge only": 0.62, "edges only": 0.34}[kind]
     found = [corner_limits(filling.patch, corner) for corner in range(5)]
     assert max(each.angle + abs(each.curvature_exponent) for each in found) < 1e-6
     assert max(each.curvature + 20 * each.folds for each in found) < 20
 
 
-@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 130), (7, 2, 145), (8, 7, 145)]))
+@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 130), (7, 2, 145), (8, 7, 145)], 0))
 def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     """Rows that run along their edges have a layer of 24,000 beside limits of 100 in the first."""
     filling = fill_loop(random_sides(n, seed))
@@ -378,6 +380,7 @@ def hole_side(curve, way):
     return HoleSide("side", homogeneous(np.array(curve, float)), np.tile(way, (96, 1)))
 
 
+@long
 def test_a_row_crosses_both_edges_at_a_smooth_corner():
     """One that could run along them would be curved 400 times as much as a ball of radius 1 there."""
     lines, arch = np.arange(7)[:, None] / [3, np.inf, np.inf], [[2, 0, 0], [2, 1.3, 0], [0, 1.3, 0], [0, 0, 0]]
@@ -529,18 +532,6 @@ def test_the_order_and_direction_of_sides_do_not_matter():
     one, other = fill_loop(sides, raises=ONCE), fill_loop(mixed, raises=ONCE)
     assert any("other end" in remark for remark in other.remarks)
     np.testing.assert_allclose(one.patch.control_points, other.patch.control_points, atol=1e-9)
-
-
-@long
-def test_sides_without_ribbons_are_met():
-    sides = random_sides(5, 7)
-    bare = [HoleSide(side.name, side.curve) for side in sides]
-    filling = fill_loop(bare, raises=ONCE)
-    assert math.isnan(filling.angle)
-    mixed = fill_loop([bare[0], *sides[1:]], raises=ONCE)
-    assert mixed.angle < PLANES
-    met = fill_loop(sides, raises=ONCE)
-    assert filling.bending.energy < mixed.bending.energy < met.bending.energy
 
 
 @long
@@ -746,8 +737,7 @@ def test_a_spec_of_curves_is_filled():
     assert [side.across is None for side in sides] == [False, True, True]
     result = gtb("fill", "-", "--elevate", ONCE, stdin=TRIANGLE.encode(), status=0)
     assert "3 sides" in result.err
-    patch = parse(result.text)
-    assert len(patch.domain.vertices) == 3
+    assert len(parse(result.text).domain.vertices) == 3
     assert gtb("fill", "-", "--elevate", ONCE, stdin=TRIANGLE.encode()).out == result.out
 
 

@@ -14,8 +14,9 @@ from gtb_cli.knots.polyhedral_cones import extreme_rays
 from tests.knots.test_decomposition import GRID, brute_force
 from tests.marks import long, mostly_long
 
-CUBIC = np.array([[x, y] for x in range(4) for y in range(4 - x)])
-TURN = np.array([[cos(0.3), sin(0.3)], [-sin(0.3), cos(0.3)]])
+CUBIC = 1e-9 * np.array([[x, y] for x in range(4) for y in range(4 - x)])
+TURN = 1e9 * np.array([[cos(0.3), sin(0.3)], [-sin(0.3), cos(0.3)]])
+CATALAN = [(3, 1, 1), (4, 2, 3), (5, 5, 11), (6, 14, 45)]
 
 
 def polygon(n, radius=1.0, turn=0.0):
@@ -59,10 +60,10 @@ def numbers(knots):
 
 
 @pytest.mark.parametrize(
-    ("n", "count", "all_count"), mostly_long([(3, 1, 1), (4, 2, 3), (5, 5, 11), (6, 14, 45), (7, 42, 197)], 4)
+    ("scale", "n", "count", "all_count"),
+    mostly_long([*((scale, *each) for scale in (1, 1e-9, 1e9) for each in CATALAN), (1, 7, 42, 197)], len(CATALAN)),
 )
-@pytest.mark.parametrize("scale", mostly_long([1, 1e-9, 1e9]))
-def test_convex_polygons_have_catalan_and_schroeder_numbers(n, count, all_count, scale):
+def test_convex_polygons_have_catalan_and_schroeder_numbers(scale, n, count, all_count):
     assert numbers(scale * polygon(n)) == (count, all_count)
 
 
@@ -94,15 +95,11 @@ def test_two_concentric_triangles_have_two_triangulations_that_are_not_regular(s
 
 
 @pytest.mark.parametrize(
-    ("map_of", "shift"), mostly_long([(np.eye(2), 1e4), (1e9 * TURN, 0), (np.array([[1, 0.3], [0, 1 / 3]]), 1e4)])
+    ("knots", "count"),
+    mostly_long([(GRID + 1e4, 387), (GRID @ TURN, 387), (GRID @ [[1, 0.3], [0, 1 / 3]] + 1e4, 387), (CUBIC, 1166)]),
 )
-def test_lattices_scaled_turned_and_shifted(map_of, shift):
-    assert sum(1 for _ in islice(regular_decompositions(GRID @ map_of + shift, triangulations=True), 400)) == 387
-
-
-@long
-def test_triangulations_of_the_cubic_triangle():
-    assert sum(1 for _ in regular_decompositions(1e-9 * CUBIC, triangulations=True)) == 1166
+def test_lattices_scaled_turned_and_shifted(knots, count):
+    assert sum(1 for _ in islice(regular_decompositions(knots, triangulations=True), 1200)) == count
 
 
 def test_drops_at_all_facets_are_equal_if_the_cone_is_simplicial():

@@ -94,6 +94,7 @@ def test_no_window_is_asked_for(tmp_path):
     assert (result.status, (tmp_path / "x.png").exists()) == (0, True), result.err
 
 
+@long
 def test_open_edges_of_a_model_are_red_and_those_of_a_patch_are_not():
     box, named = (png(SPECS / "box-corner.toml", "--camera", "40,28", *SMALL, *more) for more in ((), ["--labels"]))
     assert 60 < near(box, OPEN).sum() != near(named, OPEN).sum()
@@ -162,6 +163,7 @@ control_points = [[0, -1, 0], [0, -1, 1], [0, 0, 1], [2, -1, 0], [2, -1, 1], [2,
 """
 
 
+@long
 def test_stripes_are_lamps_in_a_mirror(tmp_path):
     spec = tmp_path / "pipe.toml"
     spec.write_text(QUARTER_PIPE, encoding="utf-8")

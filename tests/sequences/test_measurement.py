@@ -27,7 +27,7 @@ from tests.shell import SPECS
 THREE_DIGITS = 5e-4
 SAMPLES = 200  # along each side: neighbours are 1 % of the size apart, and distances 0.1 % too large
 ROUGH = 3e-3
-CELLS = 40  # of meshes, likewise, whose nearest points are searched for in cells
+CELLS = 30  # of meshes, likewise, whose nearest points are searched for in cells
 
 
 @pytest.mark.parametrize("x", mostly_long([100, 5, 600, 1e8]))
@@ -105,7 +105,7 @@ def test_a_layer_of_a_knot_near_an_edge_is_not_missed():
 def crowded_at_edges(patch):
     """A mesh of rings around the middle of Δ, the nearer to edges and corners the denser, up to 1e-7 of its size."""
     layer, v = np.append(0, np.geomspace(1e-7, 0.02, CELLS // 3 - 1)), patch.domain.vertices
-    half, ring = np.append(layer, np.linspace(0.04, 0.5, CELLS)), 1 - np.append(layer, np.linspace(0.03, 0.99, 66))
+    half, ring = np.append(layer, np.linspace(0.04, 0.5, CELLS)), 1 - np.append(layer, np.linspace(0.03, 0.99, 50))
     along = np.append(half, 1 - half[-2::-1])
     outer = v[:, None] + along[:, None] * (np.roll(v, -1, axis=0) - v)[:, None]
     u = v.mean(axis=0) + ring[:, None, None] * (outer - v.mean(axis=0))[:, None]
