@@ -1,11 +1,14 @@
 """Folds of a surface, at which its normal turns over at once, and sharp turns, where it turns over in some distance."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from gtb_cli.arrays import EPS, FloatArray, dot
-from gtb_cli.fairing.energy import samples
+from gtb_cli.arrays import EPS, FloatArray, IntArray, dot
+from gtb_cli.fairing.energy import Samples, samples
+from gtb_cli.fairing.metric import blocks, frame
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.solids.solidity import folded_pairs
@@ -21,12 +24,52 @@ def sharp_turns(patch: Patch) -> FloatArray:
     return np.asarray(points[part.cells[folded_pairs(points, part.cells)[:, 0]]].mean(axis=1))
 
 
-def most_curved(patch: Patch) -> FloatArray:
-    """(3,) place of such a mesh, a hundredth of the way from edges to the middle or farther, that is curved most."""
-    u = patch.domain.center + 0.99 * (central_triangulation(patch.domain, RINGS).parameters - patch.domain.center)
-    bent = patch.curvature(u, "linear")
-    largest = np.abs(bent.mean) + np.sqrt(np.maximum(bent.mean**2 - bent.gaussian, 0))
-    return patch.evaluate(u[np.nan_to_num(largest).argmax()], "linear")
+def most_curved(patch: Patch, at: Samples, along: int) -> tuple[float, FloatArray]:
+    """Return the largest curvature that is found from a quadrature's places on, so many along an edge, and where, (3,).
+
+    It is climbed from the highest of a quarter of the places, between them and up to the ends of their region.
+    """
+    ends, points = 0.08, patch.control_points - patch.control_points.mean(axis=0)  # of Gauss's nodes, of a step
+    s = at.s.reshape(2, len(patch.domain.vertices), -1, along)
+    inwards, onwards = (sorted({*range(0, count, 2), count - 1}) for count in s.shape[2:])
+    s = s[:, :, inwards][..., onwards]
+
+    def curvatures(s: FloatArray) -> FloatArray:
+        found = np.zeros(s[0].size)
+        for block in blocks(at.knots, at.log_weights, s.reshape(2, -1)):
+            xx, xy, yy = frame(block, points[:, :, None]).normal_parts(2)
+            found[block.places] = (np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))[0]
+        return np.nan_to_num(found.reshape(s.shape[1:]))
+
+    def between(edge: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
+        i, j = (np.clip(np.floor(z).astype(int), 0, n - 2) for z, n in zip((x, y), s.shape[2:], strict=True))
+        first, last = ((j + 1 - y) * s[:, edge, k, j] + (y - j) * s[:, edge, k, j + 1] for k in (i, i + 1))
+        return np.asarray((i + 1 - x) * first + (x - i) * last)
+
+    most, place = highest(curvatures(s), lambda *place: curvatures(between(*place)), ends)
+    shown = shares(exponents(at.knots, at.log_weights, between(*place)))
+    return most, (patch.control_points.T @ shown)[:, 0]
+
+
+def highest(
+    values: FloatArray, function: Callable[[IntArray, FloatArray, FloatArray], FloatArray], ends: float
+) -> tuple[float, tuple[IntArray, FloatArray, FloatArray]]:
+    """Climb from the four highest peaks of (p, m, n) values of a function, and return the top and its place.
+
+    Places are a part, and numbers of rows and columns, which may lie in between, and beyond the last by `ends`.
+    """
+    around = sliding_window_view(np.pad(values, ((0, 0), (1, 1), (1, 1))), (3, 3), axis=(1, 2)).max(axis=(3, 4))
+    part, *near = np.unravel_index(np.argsort(np.where(values == around, values, 0).ravel())[-4:], values.shape)
+    here, heights, step, most = np.stack(near).astype(float), np.zeros(len(part)), 1.0, np.array(values.shape[1:]) - 1
+    fan = np.stack(np.meshgrid(*2 * [np.linspace(-1, 1, 7)])).reshape(2, -1, 1)
+    while True:
+        tried = np.clip(here[:, None] + step * fan, -ends, most[:, None, None] + ends)
+        found = function(part, *tried)
+        here = tried[:, found.argmax(axis=0), np.arange(len(part))]
+        k = [found.max(axis=0).argmax()]
+        if not (found > 1.005 * heights).any():
+            return float(found.max()), (part[k], here[0, k], here[1, k])
+        heights, step = found.max(axis=0), step / 3
 
 
 def folds(patch: Patch) -> FloatArray:

@@ -5,19 +5,21 @@ from collections.abc import Sequence
 from dataclasses import field, replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from gtb_cli.arrays import FloatArray, angles_between, point_text, unit
-from gtb_cli.fairing.folds import most_curved, sharp_turns as turns
+from gtb_cli.arrays import FloatArray, IntArray, angles_between, point_text, unit
+from gtb_cli.fairing.energy import samples
+from gtb_cli.fairing.fair import LEFT_OUT
+from gtb_cli.fairing.folds import highest, most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.hole_corners import at_corners, concave_corners
 from gtb_cli.filling.osculation import Rim, patch_bend
 from gtb_cli.filling.sides import HoleSide, edge_normals, edge_of, points_and_tangents, stations
 from gtb_cli.models.model import Model
-from gtb_cli.theory.corners import CornerLayer, CornerLimits, corner_layer
+from gtb_cli.theory.corners import PLANE_DEGREES, CornerLayer, CornerLimits, corner_layer
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
+BOUND = 150.0  # largest curvature at a corner, times its shorter edge, of one that is not told in short words
 SPIKE = 30.0  # largest curvature, relative to a sphere's with the same area, of a patch that does not turn sharply
 DISAGREEING = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
 
@@ -59,8 +61,8 @@ class Filling:
         In the order of the patch's edges.
     bending, bending_nearer : Bending
         Integrals over the patch without the outermost hundredth, and thousandth, of the way from edges to the middle.
-    bending_errors : (float, float)
-        Largest relative difference of each, and of its variation, to those by a coarser quadrature.
+    bending_errors : (2, 2) float
+        Relative differences of each, and of its variation, to those by a coarser quadrature, summed over edges.
     contacts : tuple of Contact
         What was measured along each side.
     corner_angles : (r,) float
@@ -88,7 +90,7 @@ class Filling:
     sides: tuple[HoleSide, ...]
     bending: Bending
     bending_nearer: Bending
-    bending_errors: tuple[float, float]
+    bending_errors: FloatArray
     contacts: tuple[Contact, ...]
     corner_angles: FloatArray
     corners: tuple[CornerLimits, ...]
@@ -127,7 +129,17 @@ class Filling:
         if self.sharpness > SPIKE:
             part = max(self.parts or (self,), key=lambda part: part.bending.curvature)
             much = f"{self.sharpness:.2g} times as much as a sphere of its area"
-            said.append(f"the patch is curved {much} near {self.at(most_curved(part.patch))}")
+            along, (shape, logs) = 24, (part.patch.domain, part.patch.log_products)
+            _, place = most_curved(part.patch, samples(shape, logs, along, LEFT_OUT[0]), along)
+            said.append(f"the patch is curved {much} near {self.at(place)}")
+        for part in self.parts or (self,):
+            ends = np.array([side.ends[0] for side in part.sides])
+            edges = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
+            is_one = [each.angle <= PLANE_DEGREES for each in part.corners]  # else what differs is told
+            near = np.nan_to_num(np.array(part.corner_curvatures)) * is_one
+            if (most := (curved := near * np.minimum(edges, np.roll(edges, 1))).max()) > BOUND:
+                where = f"corner {curved.argmax()}, {self.at(ends[curved.argmax()])}"
+                said.append(f"the patch's curvature times the shorter edge is up to {most:.2g} at {where}")
         return said
 
     @property
@@ -167,6 +179,19 @@ class Filling:
             places = "; ".join(corners)
             way_out = f"cut the hole with curves from its concave corners (gtb fill tries at most six): {places}"
         return f"the patch {what}: {way_out}"
+
+    def normals_near(self, corner: int) -> float:
+        """Return the largest angle in degrees between normals at a millionth of the shorter edge from a corner.
+
+        Limits are reached slowly where knots nearly share their order: those of all distances that are seen may differ.
+        """
+        distance, surface = 1e-6, (self.patch.domain, self.patch.log_products, self.patch.control_points)
+        rates = np.linspace(-6, 6, 241)  # to where the edges are, at such a distance
+        far = np.full(len(rates), math.log(distance))
+        for _ in range(4):
+            near = corner_layer(*surface, edge_of(self.patch, corner), np.stack([rates, far]))
+            far += np.nan_to_num(np.log(distance / near.distances))
+        return CornerLimits(near.normals[np.isfinite(near.distances)]).angle
 
     def __repr__(self) -> str:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
@@ -216,16 +241,17 @@ def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31
 def curvature_near(patch: Patch, corner: int) -> float:
     """Return the largest curvature from a tenth to a millionth of the shorter edge from a corner of Δ, or NaN."""
     surface = patch.domain, patch.rational_basis.log_weights, patch.control_points
-    steepest, peaks, fine = 600.0, 4, np.linspace(-1, 1, 7)  # rate of a way that runs in an edge; shares of a step
+    steepest, count, rows = 600.0, 41, 13  # rate of a way that runs in an edge; ways, and distances of a net
     closest, farthest, apart = 1e-6, 0.1, 8  # of the edge; how far terms of P − V are from that, at most
-    ways, top = np.linspace(-1, 1, 41), np.full(41, math.log(farthest * apart))
+    ways, top = np.linspace(-1, 1, count), np.full(count, math.log(farthest * apart))
 
     def layer(u: FloatArray, depth: FloatArray) -> CornerLayer:
         """Return places at shares of the steepest way's rate, and logarithms of distances below the farthest."""
-        far = np.interp(u, ways, top) - np.maximum(depth, 0)
+        far = np.interp(u, ways, top) - depth
         return corner_layer(*surface, corner, np.stack([u * np.log(steepest / -np.minimum(far, -1)), far]))
 
-    def curvatures(u: FloatArray, depth: FloatArray) -> FloatArray:
+    def curvatures(_: IntArray, row: FloatArray, column: FloatArray) -> FloatArray:
+        u, depth = column * (ways[1] - ways[0]) - 1, span * (np.maximum(row, 0) / (rows - 1)) ** 1.5
         near = layer(u, depth)
         reached = (near.distances >= closest) & (near.distances <= farthest)  # 0 elsewhere
         return np.asarray(np.where(reached, np.nan_to_num(near.curvatures), 0.0).reshape(u.shape))
@@ -233,16 +259,8 @@ def curvature_near(patch: Patch, corner: int) -> float:
     for _ in range(3):  # many a largest curvature is at the farthest distance
         top += np.minimum(np.nan_to_num(np.log(farthest / layer(ways, 0 * ways).distances) - 1e-6), 0)
     span = math.log(apart * farthest / closest * apart)
-    u, depth = np.meshgrid(ways, span * np.linspace(0, 1, 13) ** 1.5)
-    found = curvatures(u, depth)
-    around = sliding_window_view(np.pad(found, 1), (3, 3)).max(axis=(2, 3))
-    best = np.argsort(np.where(found == around, found, 0).ravel())[-peaks:]
-    at, shares = np.stack([u, depth]).reshape(2, -1)[:, best], np.stack(np.meshgrid(fine, fine)).reshape(2, -1, 1)
-    steps = np.stack([np.full(peaks, ways[1] - ways[0]), np.gradient(depth[:, 0])[best // len(ways)]])
-    heights = np.zeros(peaks)  # of the highest, over a fan of ways and distances: they are climbed to the top
-    while ((found := curvatures(*(tried := at[:, None] + shares * steps[:, None]))) > 1.005 * heights).any():
-        at, heights, steps = tried[:, found.argmax(axis=0), np.arange(peaks)], found.max(axis=0), steps / 3
-    return float(found.max()) or math.nan
+    found = curvatures(np.zeros(1, dtype=int), *np.indices((rows, count)).astype(float))
+    return highest(found[None], curvatures, 1)[0] or math.nan
 
 
 def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:

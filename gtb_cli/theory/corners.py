@@ -381,7 +381,8 @@ def corner_layer(
         rates = (t @ (factors[:, :, None] * b[:, None]).reshape(len(b), 15)).reshape(-1, 5, 3) - means * place[:, None]
         v, w, *_ = rates.swapaxes(0, 1)
         # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
-        normals, long = unit(cross(v, w)), np.linalg.norm(v, axis=1)
+        turn = np.sign(determinants(x[chain[first]], x[chain[second]], gaps))  # of what v and w are dual to
+        normals, long = turn * unit(cross(v, w)), np.linalg.norm(v, axis=1)
         axes = np.stack([v, cross(normals, v)], axis=2) / long[:, None, None]
         shift, wide = (w[:, None] @ axes)[:, 0].T
         a, c, d, o = 1 / long, -shift / (long * wide), 1 / wide, np.zeros(len(t))

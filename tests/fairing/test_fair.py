@@ -287,7 +287,7 @@ def test_fair_prints_a_spec():
 def test_quadratures_are_refined_until_they_agree_to_three_thousandths():
     """Of the pentagon the first two differ by 0.0035 outside its corners."""
     patch = load(PENTAGON)
-    assert agreed(patch, [patch.control_points])[1][0] <= 3e-3
+    assert agreed(patch, [patch.control_points])[1][0].max() <= 3e-3
     said = [agreed_text(4712.3, error) for error in (1e-3, 1e-2, 0.085, 0.6)]  # in whose last digits they do
     assert said == ["4.71e+03", "4.7e+03", "5e+03", "unknown"]
 

@@ -15,7 +15,8 @@ from scipy.spatial import cKDTree
 from gtb_cli.arrays import unit
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.fairing.folds import folds, sharp_turns
+from gtb_cli.fairing.fair import agreed
+from gtb_cli.fairing.folds import folds, most_curved, sharp_turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling import certificate, fairest, net, one_patch
 from gtb_cli.filling.certificate import Filling
@@ -246,6 +247,9 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     filling = loop_of_five(kind)
     if kind == "planes":
         assert_fills(filling, random_sides(5, 0, (2, 3)))
+    assert not filling.doubts
+    sharp = replace(filling, corner_curvatures=(1.0, 1.0, 150.0, 400.0, math.nan))  # edges are some 1.2 long
+    assert re.search(r"the shorter edge is up to \S+ at corner 3, \(-0", sharp.doubts[0])
     found = [corner_limits(filling.patch, corner) for corner in range(5)]
     assert max(each.angle + abs(each.curvature_exponent) for each in found) < 1e-6
     assert max(each.curvature + 20 * each.folds for each in found) < 20
@@ -338,6 +342,36 @@ def test_sharp_surfaces_are_made_again_while_no_figure_rises(scores, figure, tak
         monkeypatch.setattr(fairest, "bendings", lambda *_, b=body: [[b]])
         search.scores = lambda pair: ([scores[k] for k in pair], np.array([[1, figure[k]] for k in pair]))
         assert [points for _, points in search._again(9, 0, lambda _, m=made: next(m))] == kept
+
+
+@pytest.mark.parametrize(("seed", "place"), [(2, [-0.800, 0.109, -0.008]), (5, [0.979, 0.140, -0.317])])
+def test_figures_of_the_certificate_are_as_near_as_it_says(seed, place):
+    """Differences of quadratures in two triangles cancel: of variation in the second loop, they are a tenth for .26."""
+    filling = fill_loop(random_sides(3, seed))
+    (bent,), _, zones = agreed(filling.patch, [filling.patch.control_points], (72, 108))
+    for told, errors, fine in zip((filling.bending, filling.bending_nearer), filling.bending_errors, bent, strict=True):
+        off = np.array([told.energy / fine.energy, told.variation / fine.variation]) - 1
+        assert (np.abs(off) < errors).all()
+        assert 0.995 < told.curvature / fine.curvature < 1.02
+    assert most_curved(filling.patch, zones[0], 108)[1] == pytest.approx(place, abs=0.02)
+
+
+def test_normals_at_a_millionth_of_an_edge_are_measured():
+    """Inner knots hardly below a line with the others: limits are 90 degrees apart, and reached much later."""
+    knots = np.array([[0, 0], [1, 0], [0, 1], [0.52, 0.47], [0.47, 0.52]])
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0.5, 0.5], [0.5, 1, -0.5]])
+    rates = np.exp(np.linspace(-1.8, 1.8, 201)[:, None] * [1, -1])
+    ways = rates[:, None] / rates.min(axis=1)[:, None, None]
+    shares = np.exp((ways * np.linspace(-16, -12, 400)[:, None]) @ knots.T)
+    t = shares[np.abs(np.linalg.norm(shares @ points, axis=-1) / 1e-6 - 1) < 0.02]
+    pairs = list(itertools.combinations(range(1, 5), 2))
+    normals = unit(
+        sum(t[:, [j]] * t[:, [k]] * np.linalg.det(knots[[j, k]]) * np.cross(*points[[j, k]]) for j, k in pairs)
+    )
+    seen = np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min()))
+    told = Filling.normals_near(SimpleNamespace(patch=Patch(knots, points)), 0)
+    assert told == pytest.approx(seen, rel=5e-3)
+    assert abs(told - corner_limits(Patch(knots, points), 0).angle) > 5
 
 
 @pytest.mark.parametrize(("place", "width"), [(1.05, 0.26), (1.0, 0.05)])
