@@ -362,7 +362,7 @@ def test_normals_at_a_millionth_of_an_edge_are_measured():
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0.5, 0.5], [0.5, 1, -0.5]])
     rates = np.exp(np.linspace(-1.8, 1.8, 401)[:, None] * [1, -1])
     ways = rates[:, None] / rates.min(axis=1)[:, None, None]
-    shares = np.exp((ways * np.linspace(-16, -12, 400)[:, None]) @ knots.T)
+    shares = np.exp((ways * np.linspace(-19, -12, 700)[:, None]) @ knots.T)
     t = shares[np.abs(np.linalg.norm(shares @ points, axis=-1) / 1e-6 - 1) < 0.02]
     pairs = list(itertools.combinations(range(1, 5), 2))
     normals = unit(
