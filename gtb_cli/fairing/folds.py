@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, dot
+from gtb_cli.arrays import EPS, FloatArray, dot
 from gtb_cli.fairing.energy import Samples, samples
 from gtb_cli.fairing.metric import blocks, frame
 from gtb_cli.knots.triangulation import central_triangulation
@@ -31,8 +31,7 @@ def most_curved(patch: Patch, at: Samples, along: int) -> tuple[float, FloatArra
     """
     ends, points = 0.08, patch.control_points - patch.control_points.mean(axis=0)  # of Gauss's nodes, of a step
     s = at.s.reshape(2, len(patch.domain.vertices), -1, along)
-    inwards, onwards = (sorted({*range(0, count, 2), count - 1}) for count in s.shape[2:])
-    s = s[:, :, inwards][..., onwards]
+    rows, columns = (sorted({*range(0, count, 2), count - 1}) for count in s.shape[2:])
 
     def curvatures(s: FloatArray) -> FloatArray:
         found = np.zeros(s[0].size)
@@ -41,35 +40,33 @@ def most_curved(patch: Patch, at: Samples, along: int) -> tuple[float, FloatArra
             found[block.places] = (np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))[0]
         return np.nan_to_num(found.reshape(s.shape[1:]))
 
-    def between(edge: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
-        i, j = (np.clip(np.floor(z).astype(int), 0, n - 2) for z, n in zip((x, y), s.shape[2:], strict=True))
-        first, last = ((j + 1 - y) * s[:, edge, k, j] + (y - j) * s[:, edge, k, j + 1] for k in (i, i + 1))
-        return np.asarray((i + 1 - x) * first + (x - i) * last)
-
-    most, place = highest(curvatures(s), lambda *place: curvatures(between(*place)), ends)
-    shown = shares(exponents(at.knots, at.log_weights, between(*place)))
-    return most, (patch.control_points.T @ shown)[:, 0]
+    most, place = highest(curvatures, s[:, :, rows][..., columns], ends)
+    return most, (patch.control_points.T @ shares(exponents(at.knots, at.log_weights, place[:, None])))[:, 0]
 
 
-def highest(
-    values: FloatArray, function: Callable[[IntArray, FloatArray, FloatArray], FloatArray], ends: float
-) -> tuple[float, tuple[IntArray, FloatArray, FloatArray]]:
-    """Climb from the four highest peaks of (p, m, n) values of a function, and return the top and its place.
+def highest(function: Callable[[FloatArray], FloatArray], net: FloatArray, ends: float) -> tuple[float, FloatArray]:
+    """Climb from the four highest peaks of a function over (2, p, m, n) places, and return the top and its place, (2,).
 
-    Places are a part, and numbers of rows and columns, which may lie in between, and beyond the last by `ends`.
+    In each of p nets it is looked for between rows and columns, and beyond the last of them by `ends` of a step.
     """
+    values, most = function(net), np.array(net.shape[2:]).reshape(2, 1, 1) - 1
     around = sliding_window_view(np.pad(values, ((0, 0), (1, 1), (1, 1))), (3, 3), axis=(1, 2)).max(axis=(3, 4))
-    part, *near = np.unravel_index(np.argsort(np.where(values == around, values, 0).ravel())[-4:], values.shape)
-    here, heights, step, most = np.stack(near).astype(float), np.zeros(len(part)), 1.0, np.array(values.shape[1:]) - 1
+    peaks = np.argsort(np.where(values == around, values, 0).ravel())[-4:]
+    start, down, right = (each.reshape(2, 1, -1)[..., peaks] for each in (net, *np.gradient(net, axis=(2, 3))))
+    first = np.stack(np.unravel_index(peaks, values.shape))[1:, None]
+    here, heights, step = first.astype(float), np.zeros(len(peaks)), 1.0
     fan = np.stack(np.meshgrid(*2 * [np.linspace(-1, 1, 7)])).reshape(2, -1, 1)
     while True:
-        tried = np.clip(here[:, None] + step * fan, -ends, most[:, None, None] + ends)
-        found = function(part, *tried)
-        here = tried[:, found.argmax(axis=0), np.arange(len(part))]
-        k = [found.max(axis=0).argmax()]
+        tried = np.clip(here + step * fan, -ends, most + ends)
+        x, y = tried - first
+        found = function(places := start + x * down + y * right)
         if not (found > 1.005 * heights).any():
-            return float(found.max()), (part[k], here[0, k], here[1, k])
-        heights, step = found.max(axis=0), step / 3
+            return float(found.max()), places.reshape(2, -1)[:, found.argmax()]
+        here, heights, step = (
+            tried[:, found.argmax(axis=0), np.arange(len(peaks))][:, None],
+            found.max(axis=0),
+            step / 3,
+        )
 
 
 def folds(patch: Patch) -> FloatArray:

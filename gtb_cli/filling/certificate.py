@@ -6,7 +6,7 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, angles_between, point_text, unit
+from gtb_cli.arrays import FloatArray, angles_between, point_text, unit
 from gtb_cli.fairing.energy import samples
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.folds import highest, most_curved, sharp_turns as turns
@@ -246,26 +246,24 @@ def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31
 def curvature_near(patch: Patch, corner: int) -> float:
     """Return the largest curvature from a tenth to a millionth of the shorter edge from a corner of Δ, or NaN."""
     surface = patch.domain, patch.rational_basis.log_weights, patch.control_points
-    steepest, count, rows = 600.0, 41, 13  # rate of a way that runs in an edge; ways, and distances of a net
+    steepest = 600.0  # rate of a way that runs in an edge
     closest, farthest, apart = 1e-6, 0.1, 8  # of the edge; how far terms of P − V are from that, at most
-    ways, top = np.linspace(-1, 1, count), np.full(count, math.log(farthest * apart))
+    ways, top = np.linspace(-1, 1, 41), np.full(41, math.log(farthest * apart))
 
     def layer(u: FloatArray, depth: FloatArray) -> CornerLayer:
         """Return places at shares of the steepest way's rate, and logarithms of distances below the farthest."""
         far = np.interp(u, ways, top) - depth
         return corner_layer(*surface, corner, np.stack([u * np.log(steepest / -np.minimum(far, -1)), far]))
 
-    def curvatures(_: IntArray, row: FloatArray, column: FloatArray) -> FloatArray:
-        u, depth = column * (ways[1] - ways[0]) - 1, span * (np.maximum(row, 0) / (rows - 1)) ** 1.5
-        near = layer(u, depth)
+    def curvatures(at: FloatArray) -> FloatArray:
+        near = layer(at[0], np.maximum(at[1], 0))
         reached = (near.distances >= closest) & (near.distances <= farthest)  # 0 elsewhere
-        return np.asarray(np.where(reached, np.nan_to_num(near.curvatures), 0.0).reshape(u.shape))
+        return np.asarray(np.where(reached, np.nan_to_num(near.curvatures), 0.0).reshape(at.shape[1:]))
 
     for _ in range(3):  # many a largest curvature is at the farthest distance
         top += np.minimum(np.nan_to_num(np.log(farthest / layer(ways, 0 * ways).distances) - 1e-6), 0)
-    span = math.log(apart * farthest / closest * apart)
-    found = curvatures(np.zeros(1, dtype=int), *np.indices((rows, count)).astype(float))
-    return highest(found[None], curvatures, 1)[0] or math.nan
+    depths = math.log(apart * farthest / closest * apart) * np.linspace(0, 1, 13) ** 1.5
+    return highest(curvatures, np.stack(np.meshgrid(ways, depths))[:, None], 1)[0] or math.nan
 
 
 def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:

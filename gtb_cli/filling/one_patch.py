@@ -197,7 +197,7 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
     rank, rough = itemgetter(slice(2)), 16
     best, left = attempt(*plans[0]), []
     if best.sharpness > SPIKE and not (best.faults or best.after_others):  # mostly far less so with single fields
-        for plan in sorted(plans[1:], key=lambda plan: (not plan[1], plan[0]))[:3]:
+        for plan in sorted(plans[1:], key=lambda plan: (not plan[1], plan[0]))[:4]:
             best = min(best, tried := attempt(*plan), key=rank)
             if not tried.faults and tried.sharpness <= SPIKE:
                 break

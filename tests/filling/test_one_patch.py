@@ -356,24 +356,6 @@ def test_figures_of_the_certificate_are_as_near_as_it_says(seed, place):
     assert most_curved(filling.patch, zones[0], 108)[1] == pytest.approx(place, abs=0.02)
 
 
-def test_normals_at_a_millionth_of_an_edge_are_measured():
-    """Inner knots nearly in line with the others: limits are 90 degrees apart, and are reached slowly."""
-    knots = np.array([[0, 0], [1, 0], [0, 1], [0.45, 0.35], [0.35, 0.45]])
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0.5, 0.5], [0.5, 1, -0.5]])
-    rates = np.exp(np.linspace(-1.8, 1.8, 401)[:, None] * [1, -1])
-    ways = rates[:, None] / rates.min(axis=1)[:, None, None]
-    shares = np.exp((ways * np.linspace(-19, -12, 700)[:, None]) @ knots.T)
-    t = shares[np.abs(np.linalg.norm(shares @ points, axis=-1) / 1e-6 - 1) < 0.02]
-    pairs = list(itertools.combinations(range(1, 5), 2))
-    normals = unit(
-        sum(t[:, [j]] * t[:, [k]] * np.linalg.det(knots[[j, k]]) * np.cross(*points[[j, k]]) for j, k in pairs)
-    )
-    seen = np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min()))
-    told = Filling.normals_near(SimpleNamespace(patch=Patch(knots, points)), 0)
-    assert told == pytest.approx(seen, rel=5e-3)
-    assert abs(told - corner_limits(Patch(knots, points), 0).angle) > 5
-
-
 @pytest.mark.parametrize(("place", "width"), [(1.05, 0.26), (1.0, 0.05)])
 def test_narrow_ridges_near_corners_are_found(place, width, monkeypatch):
     """One of height 2 along an edge, at .09 or .1 of its length, beside a broad one; distances are .4 of terms."""
