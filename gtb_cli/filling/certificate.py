@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -85,6 +86,8 @@ class Filling:
     tried : tuple of str
         Options with which the patch has a fault, too, or had one before it was made with others.
     """
+
+    refused: ClassVar[float] = 2000.0  # sharpness of a patch that is as good as folded
 
     patch: Patch
     sides: tuple[HoleSide, ...]
@@ -173,7 +176,7 @@ class Filling:
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
             way_out = f"{'try a fullness of 0.8 or 0.5,' if planes else 'raise degrees more, or try'} {others}"
-        elif self.sharpness > 2000 or (corners and (self.sharp_turns or self.sharpness > SPIKE)):
+        elif self.sharpness > self.refused or (corners and (self.sharp_turns or self.sharpness > SPIKE)):
             what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
             way_out = f"raise degrees more, or try {others}"
         else:

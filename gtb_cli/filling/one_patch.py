@@ -198,7 +198,7 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
     best, left = attempt(*plans[0]), []
     if best.sharpness > SPIKE and not (best.faults or best.after_others):  # mostly far less so with single fields
         for plan in sorted(plans[1:], key=lambda plan: (not plan[1], plan[0]))[:4]:
-            best = min(best, tried := attempt(*plan), key=rank)
+            best = min(best, tried := attempt(*plan), key=lambda each: (each.sharpness > Filling.refused, *rank(each)))
             if not tried.faults and tried.sharpness <= SPIKE:
                 break
         return best

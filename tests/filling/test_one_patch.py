@@ -494,7 +494,8 @@ def test_of_patches_without_faults_the_one_with_the_best_score_is_taken():
         plans = [(plan, False) for plan in range(count)]
         assert one_patch._best(lambda plan, *_: attempts[plan], plans).raises == (taken,)
     plans = [(2, False), (5, False), (1, False), (2, True), (3, False), (4, True)]
-    for last, scores, taken in ((29, [9], 0), (29, [9, 8], 1), (29, [7, 8], 0), (31, [9, 8, 7, 6, 5], 4)):
+    scored = (29, [9], 0), (29, [9, 8], 1), (29, [7, 8], 0), (31, [9, 8, 7, 6, 5], 4), (2001, [9, 8, 7, 6, 5], 3)
+    for last, scores, taken in scored:
         sharp = [31] * (len(scores) - 1) + [last]
         attempts = [one_patch._Attempt(0, x, False, 0, 0, (k,), None, (), (), sharp[k]) for k, x in enumerate(scores)]
         made, tried = iter(attempts), []
