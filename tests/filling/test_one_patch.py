@@ -358,10 +358,10 @@ def test_figures_of_the_certificate_are_as_near_as_it_says(seed, place):
 
 @pytest.mark.parametrize(("place", "width"), [(1.05, 0.26), (1.0, 0.05)])
 def test_narrow_ridges_near_corners_are_found(place, width, monkeypatch):
-    """One of height 2 along an edge, at .09 or .1 of its length, beside a broad one; distances are .4 of terms."""
+    """One of height 2 along an edge, at .09 or .1 of its length, beside a broad one; distances are powers of terms."""
 
     def layer(_, __, ___, ____, at):
-        u, far = at[0] / np.log(600 / -np.minimum(at[1], -1)), at[1] / np.log(10) + np.log10(0.4)
+        u, far = at[0] / np.log(600 / -np.minimum(at[1], -1)), 1.3 * (at[1] / np.log(10) + np.log10(0.4))
         ridge = 2 * np.exp(-(((u - 0.925) / 0.026) ** 2) - ((far + place) / width) ** 2)
         ridge += np.exp(-4 * u**2 - (far + 3) ** 2) + 9 * (far > -1)
         return SimpleNamespace(distances=10**far, curvatures=ridge)
