@@ -190,7 +190,7 @@ FILLED: dict[str, Kind] = {
         {
             "corner": INTEGER,
             "at": POINT,
-            **_each("angle curvature curvature_exponent curvature_near", (NUMBER, None)),
+            **_each("angle angle_near curvature curvature_exponent curvature_near", (NUMBER, None)),
             "folds": BOOLEAN,
         }
     ],

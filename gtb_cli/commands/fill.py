@@ -202,6 +202,7 @@ def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dic
                 "corner": corner,
                 "at": side.ends[0].tolist(),
                 "angle": known(limits.angle),
+                "angle_near": known(part.normals_near(corner)),
                 "curvature": known(limits.curvature),
                 "curvature_exponent": known(limits.curvature_exponent),
                 "curvature_near": known(near),
@@ -212,8 +213,8 @@ def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dic
                 zip(part.sides, part.corners, part.corner_curvatures, strict=True)
             )
         ],
-        **_bending(filling.bending, filling.bending_errors[0]),
-        "nearer": _bending(filling.bending_nearer, filling.bending_errors[1]),
+        **_bending(filling.bending, float(filling.bending_errors[0].max())),
+        "nearer": _bending(filling.bending_nearer, float(filling.bending_errors[1].max())),
         "folds": filling.folds,
         "sharp_turns": filling.sharp_turns,
         "patches": [patch.name for patch in filling.patches],
@@ -265,8 +266,8 @@ def _report(filling: Filling, console: Console, is_long: bool, *, written: bool)
     _report_corners(filling, console)
     console.note(size)
     measured = zip((filling.bending, filling.bending_nearer), filling.bending_errors, strict=True)
-    for what, (bending, error) in zip(("hundredth", "thousandth"), measured, strict=True):
-        bent, varied = (agreed_text(value, error) for value in (bending.energy, bending.variation))
+    for what, (bending, errors) in zip(("hundredth", "thousandth"), measured, strict=True):
+        bent, varied = map(agreed_text, (bending.energy, bending.variation), errors.tolist())
         largest = f"largest curvature {bending.curvature:.2g}"
         console.note(f"to a {what} of the way from the edges: bending {bent}, variation {varied}, {largest}")
 
@@ -287,6 +288,7 @@ def _report_corners(filling: Filling, console: Console) -> None:
             others, told = "other ", "limits of curvature are not known"
             if limits.angle > PLANE_DEGREES:
                 told = f"limits of normals are up to {limits.angle:.3g} degrees apart"
+                told += f", and normals at a millionth of an edge {part.normals_near(corner):.3g}"
             elif math.isinf(limits.curvature):
                 told = f"one tangent plane, and curvature grows like distance ^ {limits.curvature_exponent:.2g}"
             console.note(f"{place}, of {part.sides[corner - 1].name} and {part.sides[corner].name}: {told}")

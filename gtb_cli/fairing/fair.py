@@ -147,14 +147,15 @@ def _faired(patch: Patch, energy: Fairness, keeps: Sequence[Keep]) -> Fairing:
         energies = least[0] * size * size, least[1] * size * size
     elif len(free):
         found = _least_varied(patch, given, free)
-    (before, after), (error, _) = agreed(patch, [given, found])
+    (before, after), (errors, _), _ = agreed(patch, [given, found])
     if energies is None and (figures(after) > np.maximum(figures(before), FLAT)).any():  # by the finest quadrature
         found, after = given, before
     if found is not given:
         points = found * size + middle
         points[kept] = patch.control_points[kept]
         patch = patch.replace(control_points=points)
-    return Fairing(patch, before[0].scaled(size), after[0].scaled(size), error, len(free), len(folds(patch)), energies)
+    bent = before[0].scaled(size), after[0].scaled(size)
+    return Fairing(patch, *bent, float(errors.max()), len(free), len(folds(patch)), energies)
 
 
 def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray:
@@ -192,24 +193,29 @@ def refined(domain: Domain, log_weights: FloatArray, resolutions: Sequence[int])
 
 def agreed(
     patch: Patch, surfaces: Sequence[FloatArray], resolutions: Sequence[int] = (32, 48, 64, 96)
-) -> tuple[list[list[Bending]], tuple[float, float]]:
+) -> tuple[list[list[Bending]], FloatArray, list[Samples]]:
     """Measure surfaces without what is `LEFT_OUT`, by ever finer quadratures until two agree in the first region.
 
-    Also return the largest relative difference of bending and variation in each region.
+    Also return (2, 2) largest relative differences of bending and variation, a row for each region, and the last
+    quadrature. They are summed over the triangles of edges, as the difference in one may be hidden by others.
     """
-    enough = 3e-3
-    earlier, errors = None, (math.inf, math.inf)
+    enough, r = 3e-3, len(patch.domain.vertices)
+    earlier, errors = None, np.full((2, 2), math.inf)
     for zones in refined(patch.domain, patch.log_products, resolutions):
-        bent = measured([(blocks(*each[:3]), each.areas) for each in zones], surfaces)
-        now = np.array([figures(one) for one in bent])
-        if earlier is not None:
-            known = np.isfinite(now) & np.isfinite(earlier) & (now > FLAT)
-            change = np.where(known, np.abs(earlier / np.where(known, now, 1.0) - 1), 0.0)
-            errors = float(change[:, :2].max()), float(change[:, 2:].max())
-        if errors[0] <= enough:
+        parts = [(each, part) for each in zones for part in np.split(np.arange(len(each.areas)), r)]
+        bent = measured([(blocks(*each[:3], part), each.areas) for each, part in parts], surfaces)
+        with np.errstate(all="ignore"):  # where a surface has no tangent plane, integrals are not finite
+            area = np.array([[(1.0, b.area) for b in one] for one in bent])
+            values = np.array([[(b.energy, b.variation) for b in one] for one in bent])
+            now = values / area  # sums over the triangles so far
+            if earlier is not None:
+                change = np.abs(np.diff(now - earlier, axis=1, prepend=0)).cumsum(axis=1) / now
+                known = np.isfinite(change) & (values > FLAT)
+                errors = np.where(known, change, 0.0)[:, [r - 1, -1]].max(axis=0)
+        if errors[0].max() <= enough:
             break
         earlier = now
-    return bent, errors
+    return [[one[r - 1], one[-1]] for one in bent], errors, zones
 
 
 def agreed_text(value: float, error: float) -> str:

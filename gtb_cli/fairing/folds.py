@@ -1,11 +1,14 @@
 """Folds of a surface, at which its normal turns over at once, and sharp turns, where it turns over in some distance."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from gtb_cli.arrays import EPS, FloatArray, cross, dot
-from gtb_cli.fairing.energy import samples
+from gtb_cli.fairing.energy import Samples, samples
+from gtb_cli.fairing.metric import blocks, frame
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.solids.solidity import folded_pairs
@@ -21,12 +24,49 @@ def sharp_turns(patch: Patch) -> FloatArray:
     return np.asarray(points[part.cells[folded_pairs(points, part.cells)[:, 0]]].mean(axis=1))
 
 
-def most_curved(patch: Patch) -> FloatArray:
-    """(3,) place of such a mesh, a hundredth of the way from edges to the middle or farther, that is curved most."""
-    u = patch.domain.center + 0.99 * (central_triangulation(patch.domain, RINGS).parameters - patch.domain.center)
-    bent = patch.curvature(u, "linear")
-    largest = np.abs(bent.mean) + np.sqrt(np.maximum(bent.mean**2 - bent.gaussian, 0))
-    return patch.evaluate(u[np.nan_to_num(largest).argmax()], "linear")
+def most_curved(patch: Patch, at: Samples, along: int) -> tuple[float, FloatArray]:
+    """Return the largest curvature that is found from a quadrature's places on, so many along an edge, and where, (3,).
+
+    It is climbed from the highest of a quarter of the places, between them and up to the ends of their region.
+    """
+    ends, points = 0.08, patch.control_points - patch.control_points.mean(axis=0)  # of Gauss's nodes, of a step
+    s = at.s.reshape(2, len(patch.domain.vertices), -1, along)
+    rows, columns = (sorted({*range(0, count, 2), count - 1}) for count in s.shape[2:])
+
+    def curvatures(s: FloatArray) -> FloatArray:
+        found = np.zeros(s[0].size)
+        for block in blocks(at.knots, at.log_weights, s.reshape(2, -1)):
+            xx, xy, yy = frame(block, points[:, :, None]).normal_parts(2)
+            found[block.places] = (np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))[0]
+        return np.nan_to_num(found.reshape(s.shape[1:]))
+
+    most, place = highest(curvatures, s[:, :, rows][..., columns], ends)
+    return most, (patch.control_points.T @ shares(exponents(at.knots, at.log_weights, place[:, None])))[:, 0]
+
+
+def highest(function: Callable[[FloatArray], FloatArray], net: FloatArray, ends: float) -> tuple[float, FloatArray]:
+    """Climb from the four highest peaks of a function over (2, p, m, n) places, and return the top and its place, (2,).
+
+    In each of p nets it is looked for between rows and columns, and beyond the last of them by `ends` of a step.
+    """
+    values, most = function(net), np.array(net.shape[2:]).reshape(2, 1, 1) - 1
+    around = sliding_window_view(np.pad(values, ((0, 0), (1, 1), (1, 1))), (3, 3), axis=(1, 2)).max(axis=(3, 4))
+    peaks = np.argsort(np.where(values == around, values, 0).ravel())[-4:]
+    start, down, right = (each.reshape(2, 1, -1)[..., peaks] for each in (net, *np.gradient(net, axis=(2, 3))))
+    first = np.stack(np.unravel_index(peaks, values.shape))[1:, None]
+    here, heights, step = first.astype(float), np.zeros(len(peaks)), 1.0
+    fan = np.stack(np.meshgrid(*2 * [np.linspace(-1, 1, 7)])).reshape(2, -1, 1)
+    while True:
+        tried = np.clip(here + step * fan, -ends, most + ends)
+        x, y = tried - first
+        found = function(places := start + x * down + y * right)
+        if not (found > 1.005 * heights).any():
+            return float(found.max()), places.reshape(2, -1)[:, found.argmax()]
+        here, heights, step = (
+            tried[:, found.argmax(axis=0), np.arange(len(peaks))][:, None],
+            found.max(axis=0),
+            step / 3,
+        )
 
 
 def folds(patch: Patch) -> FloatArray:

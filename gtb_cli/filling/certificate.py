@@ -3,21 +3,24 @@
 import math
 from collections.abc import Sequence
 from dataclasses import field, replace
+from typing import ClassVar
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from gtb_cli.arrays import FloatArray, angles_between, point_text, unit
-from gtb_cli.fairing.folds import most_curved, sharp_turns as turns
+from gtb_cli.fairing.energy import samples
+from gtb_cli.fairing.fair import LEFT_OUT
+from gtb_cli.fairing.folds import highest, most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.hole_corners import at_corners, concave_corners
 from gtb_cli.filling.osculation import Rim, patch_bend
 from gtb_cli.filling.sides import HoleSide, edge_normals, edge_of, points_and_tangents, stations
 from gtb_cli.models.model import Model
-from gtb_cli.theory.corners import CornerLayer, CornerLimits, corner_layer
+from gtb_cli.theory.corners import PLANE_DEGREES, CornerLayer, CornerLimits, corner_layer
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
+BOUND = 150.0  # largest curvature at a corner, times its shorter edge, of one that is not told in short words
 SPIKE = 30.0  # largest curvature, relative to a sphere's with the same area, of a patch that does not turn sharply
 DISAGREEING = 1.0  # degrees between planes at a corner from which on normals have several limits, whatever is done
 
@@ -59,8 +62,8 @@ class Filling:
         In the order of the patch's edges.
     bending, bending_nearer : Bending
         Integrals over the patch without the outermost hundredth, and thousandth, of the way from edges to the middle.
-    bending_errors : (float, float)
-        Largest relative difference of each, and of its variation, to those by a coarser quadrature.
+    bending_errors : (2, 2) float
+        Relative differences of each, and of its variation, to those by a coarser quadrature, summed over edges.
     contacts : tuple of Contact
         What was measured along each side.
     corner_angles : (r,) float
@@ -84,11 +87,13 @@ class Filling:
         Options with which the patch has a fault, too, or had one before it was made with others.
     """
 
+    refused: ClassVar[float] = 2000.0  # sharpness of a patch that is as good as folded
+
     patch: Patch
     sides: tuple[HoleSide, ...]
     bending: Bending
     bending_nearer: Bending
-    bending_errors: tuple[float, float]
+    bending_errors: FloatArray
     contacts: tuple[Contact, ...]
     corner_angles: FloatArray
     corners: tuple[CornerLimits, ...]
@@ -127,7 +132,17 @@ class Filling:
         if self.sharpness > SPIKE:
             part = max(self.parts or (self,), key=lambda part: part.bending.curvature)
             much = f"{self.sharpness:.2g} times as much as a sphere of its area"
-            said.append(f"the patch is curved {much} near {self.at(most_curved(part.patch))}")
+            along, (shape, logs) = 24, (part.patch.domain, part.patch.log_products)
+            _, place = most_curved(part.patch, samples(shape, logs, along, LEFT_OUT[0]), along)
+            said.append(f"the patch is curved {much} near {self.at(place)}")
+        for part in self.parts or (self,):
+            ends = np.array([side.ends[0] for side in part.sides])
+            edges = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
+            is_one = [each.angle <= PLANE_DEGREES for each in part.corners]  # else what differs is told
+            near = np.nan_to_num(np.array(part.corner_curvatures)) * is_one
+            if (most := (curved := near * np.minimum(edges, np.roll(edges, 1))).max()) > BOUND:
+                where = f"corner {curved.argmax()}, {self.at(ends[curved.argmax()])}"
+                said.append(f"the patch's curvature times the shorter edge is up to {most:.2g} at {where}")
         return said
 
     @property
@@ -151,12 +166,17 @@ class Filling:
         others = "other ribbons, or " * planes + "curves that cut the hole into smaller ones"
         if self.angle > 45:  # where fields follow the planes at all, it is below a degree
             far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
-            side = self.sides[int(np.nanargmax([each.angle for each in self.contacts]))].name
-            what, way_out = f"{far} along {side}", 'let its ribbon point into the hole, or take `continuity="g0"`'
+            side = self.sides[int(np.nanargmax([each.angle for each in self.contacts]))]
+            ends = np.concatenate([each.points[:-1] for each in self.sides])
+            area = np.cross(ends, np.roll(ends, -1, axis=0)).sum(axis=0)
+            inwards = np.cross(area, points_and_tangents(side.curve, stations())[1])
+            is_inward = side.across is not None and bool(((inwards * side.across).sum(axis=1) > 0).all())
+            other = "give it another ribbon" if is_inward else "let its ribbon point into the hole"
+            what, way_out = f"{far} along {side.name}", f'{other}, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
             way_out = f"{'try a fullness of 0.8 or 0.5,' if planes else 'raise degrees more, or try'} {others}"
-        elif self.sharpness > 2000 or (corners and (self.sharp_turns or self.sharpness > SPIKE)):
+        elif self.sharpness > self.refused or (corners and (self.sharp_turns or self.sharpness > SPIKE)):
             what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
             way_out = f"raise degrees more, or try {others}"
         else:
@@ -167,6 +187,19 @@ class Filling:
             places = "; ".join(corners)
             way_out = f"cut the hole with curves from its concave corners (gtb fill tries at most six): {places}"
         return f"the patch {what}: {way_out}"
+
+    def normals_near(self, corner: int) -> float:
+        """Return the largest angle in degrees between normals at a millionth of the shorter edge from a corner.
+
+        Limits are reached slowly where knots nearly share their order: those of all distances that are seen may differ.
+        """
+        distance, surface = 1e-6, (self.patch.domain, self.patch.log_products, self.patch.control_points)
+        rates = np.linspace(-6, 6, 241)  # to where the edges are, at such a distance
+        far = np.full(len(rates), math.log(distance))
+        for _ in range(4):
+            near = corner_layer(*surface, edge_of(self.patch, corner), np.stack([rates, far]))
+            far += np.nan_to_num(np.log(distance / near.distances))
+        return CornerLimits(near.normals[np.isfinite(near.distances)]).angle
 
     def __repr__(self) -> str:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
@@ -216,33 +249,24 @@ def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31
 def curvature_near(patch: Patch, corner: int) -> float:
     """Return the largest curvature from a tenth to a millionth of the shorter edge from a corner of Δ, or NaN."""
     surface = patch.domain, patch.rational_basis.log_weights, patch.control_points
-    steepest, peaks, fine = 600.0, 4, np.linspace(-1, 1, 7)  # rate of a way that runs in an edge; shares of a step
+    steepest = 600.0  # rate of a way that runs in an edge
     closest, farthest, apart = 1e-6, 0.1, 8  # of the edge; how far terms of P − V are from that, at most
     ways, top = np.linspace(-1, 1, 41), np.full(41, math.log(farthest * apart))
 
     def layer(u: FloatArray, depth: FloatArray) -> CornerLayer:
         """Return places at shares of the steepest way's rate, and logarithms of distances below the farthest."""
-        far = np.interp(u, ways, top) - np.maximum(depth, 0)
+        far = np.interp(u, ways, top) - depth
         return corner_layer(*surface, corner, np.stack([u * np.log(steepest / -np.minimum(far, -1)), far]))
 
-    def curvatures(u: FloatArray, depth: FloatArray) -> FloatArray:
-        near = layer(u, depth)
-        reached = (near.distances >= closest) & (near.distances <= farthest)  # 0 elsewhere
-        return np.asarray(np.where(reached, np.nan_to_num(near.curvatures), 0.0).reshape(u.shape))
+    def curvatures(at: FloatArray) -> FloatArray:
+        near = layer(at[0], np.maximum(at[1], 0))
+        reached = (near.distances >= closest) & (near.distances <= 1.002 * farthest)  # 0 elsewhere
+        return np.asarray(np.where(reached, np.nan_to_num(near.curvatures), 0.0).reshape(at.shape[1:]))
 
-    for _ in range(3):  # many a largest curvature is at the farthest distance
-        top += np.minimum(np.nan_to_num(np.log(farthest / layer(ways, 0 * ways).distances) - 1e-6), 0)
-    span = math.log(apart * farthest / closest * apart)
-    u, depth = np.meshgrid(ways, span * np.linspace(0, 1, 13) ** 1.5)
-    found = curvatures(u, depth)
-    around = sliding_window_view(np.pad(found, 1), (3, 3)).max(axis=(2, 3))
-    best = np.argsort(np.where(found == around, found, 0).ravel())[-peaks:]
-    at, shares = np.stack([u, depth]).reshape(2, -1)[:, best], np.stack(np.meshgrid(fine, fine)).reshape(2, -1, 1)
-    steps = np.stack([np.full(peaks, ways[1] - ways[0]), np.gradient(depth[:, 0])[best // len(ways)]])
-    heights = np.zeros(peaks)  # of the highest, over a fan of ways and distances: they are climbed to the top
-    while ((found := curvatures(*(tried := at[:, None] + shares * steps[:, None]))) > 1.005 * heights).any():
-        at, heights, steps = tried[:, found.argmax(axis=0), np.arange(peaks)], found.max(axis=0), steps / 3
-    return float(found.max()) or math.nan
+    for most in (1, 1, 1, 1, 0, 0):  # many a largest curvature is at the farthest distance, and none beyond counts
+        top += np.minimum(np.nan_to_num(np.log(farthest / layer(ways, 0 * ways).distances) - 1e-6), most)
+    depths = math.log(apart * farthest / closest * apart) * np.linspace(0, 1, 13) ** 1.5
+    return highest(curvatures, np.stack(np.meshgrid(ways, depths))[:, None], 1)[0] or math.nan
 
 
 def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:

@@ -74,7 +74,7 @@ def fill_parts(
         parts[0],
         bending=together([part.bending for part in parts]),
         bending_nearer=together([part.bending_nearer for part in parts]),
-        bending_errors=tuple(np.max([part.bending_errors for part in parts], axis=0).tolist()),
+        bending_errors=np.max([part.bending_errors for part in parts], axis=0),
         corner_angles=np.concatenate([part.corner_angles for part in parts]),
         sharp_turns=sum(part.sharp_turns for part in parts),
         remarks=tuple(remarks),

@@ -8,6 +8,7 @@ domain, then in that of the surface.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from operator import itemgetter
@@ -19,7 +20,7 @@ from gtb_cli.arrays import EPS, FloatArray, angles_between
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_at, energy_samples, samples
 from gtb_cli.fairing.fair import agreed
-from gtb_cli.fairing.folds import folds as fold_places, sharp_turns
+from gtb_cli.fairing.folds import folds as fold_places, most_curved, sharp_turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.certificate import DISAGREEING, SPIKE, Filling, angles_to, contact, corner_bends, curvature_near
 from gtb_cli.filling.corner_equations import POINT
@@ -49,7 +50,7 @@ class _Attempt(NamedTuple):
     raises: tuple[int, ...]
     patch: Patch
     bending: Sequence[Bending] = ()  # in both zones; none of a rough patch
-    errors: tuple[float, float] = (0.0, 0.0)
+    errors: FloatArray = np.zeros((2, 2))
     sharpness: float = 0.0  # as of a `Filling`, where planes are given
 
 
@@ -196,8 +197,8 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
     rank, rough = itemgetter(slice(2)), 16
     best, left = attempt(*plans[0]), []
     if best.sharpness > SPIKE and not (best.faults or best.after_others):  # mostly far less so with single fields
-        for plan in sorted(plans[1:], key=lambda plan: (not plan[1], plan[0]))[:3]:
-            best = min(best, tried := attempt(*plan), key=rank)
+        for plan in sorted(plans[1:], key=lambda plan: (not plan[1], plan[0]))[:4]:
+            best = min(best, tried := attempt(*plan), key=lambda each: (each.sharpness > Filling.refused, *rank(each)))
             if not tried.faults and tried.sharpness <= SPIKE:
                 break
         return best
@@ -233,7 +234,7 @@ def _attempt(
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     # By which the certificate is measured: digits on which they agree are said; no more places with many sides
-    quadratures = [math.ceil(each * math.sqrt(min(1.0, 12 / len(sides)))) for each in (24, 36)]
+    quadratures = [math.ceil(each * math.sqrt(min(1.0, 12 / len(sides)))) for each in (20, 36)]
     much = 100.0  # times the score of the fairest: with less, other plans have little to win
     found = list[_Attempt]()
     for patch, score in islice(_solved(edges, inner, fullness, samples_along), most):
@@ -247,7 +248,9 @@ def _attempt(
     best = min(found, key=lambda each: each[:2])
     if samples_along < 32:
         return best
-    (bending,), errors = agreed(best.patch, [best.patch.control_points], quadratures)
+    (bent,), errors, zones = agreed(best.patch, [best.patch.control_points], quadratures)
+    most_bent = np.maximum.accumulate([most_curved(best.patch, at, quadratures[-1])[0] for at in zones]).tolist()
+    bending = [replace(b, curvature=max(b.curvature, most)) for b, most in zip(bent, most_bent, strict=True)]
     sharpness = bending[0].curvature * math.sqrt(bending[0].area / (4 * math.pi)) * any(n is not None for n in normals)
     return best._replace(bending=bending, errors=errors, sharpness=sharpness)
 

@@ -380,11 +380,12 @@ def corner_layer(
         place, means = t @ b, (t @ factors)[:, :, None]
         rates = (t @ (factors[:, :, None] * b[:, None]).reshape(len(b), 15)).reshape(-1, 5, 3) - means * place[:, None]
         rows = (factors.T - means) * t[:, None] if tables else np.zeros((len(t), 5, 0))
-        parts.append((members, place, rates, rows))
-    members, place, rates, rows = (np.concatenate(each) for each in zip(*parts, strict=True))
+        turn = np.sign(determinants(x[chain[first]], x[chain[second]], gaps))  # of what v and w are dual to
+        parts.append((members, place, rates, rows, np.full((len(t), 1), turn)))
+    members, place, rates, rows, turns = (np.concatenate(each) for each in zip(*parts, strict=True))
     v, w, *_ = rates.swapaxes(0, 1)
     # In coordinates along P_v and across it, in which the metric is the identity, what is tangential goes
-    normals, long = unit(cross(v, w)), np.linalg.norm(v, axis=1)
+    normals, long = turns * unit(cross(v, w)), np.linalg.norm(v, axis=1)
     axes = np.stack([v, cross(normals, v)], axis=2) / long[:, None, None]
     shift, wide = (w[:, None] @ axes)[:, 0].T
     a, c, d, o = 1 / long, -shift / (long * wide), 1 / wide, np.zeros(len(v))

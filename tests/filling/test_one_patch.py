@@ -15,7 +15,8 @@ from scipy.spatial import cKDTree
 from gtb_cli.arrays import unit
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy_samples
-from gtb_cli.fairing.folds import folds, sharp_turns
+from gtb_cli.fairing.fair import agreed
+from gtb_cli.fairing.folds import folds, most_curved, sharp_turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling import certificate, fairest, net, one_patch
 from gtb_cli.filling.certificate import Filling
@@ -248,6 +249,9 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
         assert_fills(filling, random_sides(5, 0, (2, 3)))
     assert filling.angle < PLANES or (kind == "edges only" and math.isnan(filling.angle))
     assert filling.bending.energy < {"planes": 0.75, "an edge only": 0.62, "edges only": 0.34}[kind]
+    assert not filling.doubts
+    sharp = replace(filling, corner_curvatures=(1.0, 1.0, 150.0, 400.0, math.nan))  # edges are some 1.2 long
+    assert re.search(r"the shorter edge is up to \S+ at corner 3, \(-0", sharp.doubts[0])
     found = [corner_limits(filling.patch, corner) for corner in range(5)]
     assert max(each.angle + abs(each.curvature_exponent) for each in found) < 1e-6
     assert max(each.curvature + 20 * each.folds for each in found) < 20
@@ -341,12 +345,24 @@ def test_sharp_surfaces_are_made_again_while_no_figure_rises(scores, figure, tak
         assert [one.points for one in search._again(*search.scored(0), lambda _, m=made: next(m))] == kept
 
 
+@pytest.mark.parametrize(("seed", "place"), [(2, [-0.800, 0.109, -0.008]), (5, [0.979, 0.140, -0.317])])
+def test_figures_of_the_certificate_are_as_near_as_it_says(seed, place):
+    """Differences of quadratures in two triangles cancel: of variation in the second loop, they are a tenth for .26."""
+    filling = fill_loop(random_sides(3, seed))
+    (bent,), _, zones = agreed(filling.patch, [filling.patch.control_points], (72, 108))
+    for told, errors, fine in zip((filling.bending, filling.bending_nearer), filling.bending_errors, bent, strict=True):
+        off = np.array([told.energy / fine.energy, told.variation / fine.variation]) - 1
+        assert (np.abs(off) < errors).all()
+        assert 0.995 < told.curvature / fine.curvature < 1.02
+    assert most_curved(filling.patch, zones[0], 108)[1] == pytest.approx(place, abs=0.02)
+
+
 @pytest.mark.parametrize(("place", "width"), [(1.05, 0.26), (1.0, 0.05)])
 def test_narrow_ridges_near_corners_are_found(place, width, monkeypatch):
-    """One of height 2 along an edge, at .09 or .1 of its length, beside a broad one; distances are .4 of terms."""
+    """One of height 2 along an edge, at .09 or .1 of its length, beside a broad one; distances are powers of terms."""
 
     def layer(_, __, ___, ____, at):
-        u, far = at[0] / np.log(600 / -np.minimum(at[1], -1)), at[1] / np.log(10) + np.log10(0.4)
+        u, far = at[0] / np.log(600 / -np.minimum(at[1], -1)), 1.3 * (at[1] / np.log(10) + np.log10(0.4))
         ridge = 2 * np.exp(-(((u - 0.925) / 0.026) ** 2) - ((far + place) / width) ** 2)
         ridge += np.exp(-4 * u**2 - (far + 3) ** 2) + 9 * (far > -1)
         return SimpleNamespace(distances=10**far, curvatures=ridge)
@@ -481,12 +497,13 @@ def test_of_patches_without_faults_the_one_with_the_best_score_is_taken():
         plans = [(plan, False) for plan in range(count)]
         assert one_patch._best(lambda plan, *_: attempts[plan], plans).raises == (taken,)
     plans = [(2, False), (5, False), (1, False), (2, True), (3, False), (4, True)]
-    for last, scores, taken in ((29, [9], 0), (29, [9, 8], 1), (29, [7, 8], 0), (31, [9, 8, 7, 6], 3)):
+    scored = (29, [9], 0), (29, [9, 8], 1), (29, [7, 8], 0), (31, [9, 8, 7, 6, 5], 4), (2001, [9, 8, 7, 6, 5], 3)
+    for last, scores, taken in scored:
         sharp = [31] * (len(scores) - 1) + [last]
         attempts = [one_patch._Attempt(0, x, False, 0, 0, (k,), None, (), (), sharp[k]) for k, x in enumerate(scores)]
         made, tried = iter(attempts), []
         assert one_patch._best(lambda *plan, t=tried, m=made: t.append(plan[:2]) or next(m), plans).raises == (taken,)
-        assert tried == [plans[k] for k in (0, 3, 5, 2)[: len(scores)]]  # those with single fields first
+        assert tried == [plans[k] for k in (0, 3, 5, 2, 4)[: len(scores)]]  # those with single fields first
 
 
 def test_corners_where_ribbons_disagree_are_said():
