@@ -1,11 +1,13 @@
 """Solids: a surface mesh and its offset, joined along the rim, so that an open surface can be printed."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import (
     EPS,
+    BoolArray,
     FloatArray,
     IntArray,
     bounds_of,
@@ -236,41 +238,96 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     """(m, 3) vertices of the offset.
 
     Beside a concave edge, offsets that would pass the corner and turn faces over move between their neighbours, in the
-    tangent planes of the offset, if fewer faces are turned over for it. Where this does not suffice, as where three
-    patches meet, vertices of seams move along these as well: so up to about seven rows of faces are kept.
+    tangent planes of the offset, if fewer faces are turned over for it: rings of faces about those that are, twice as
+    many in each round. Where this does not suffice, vertices of seams move along these as well.
     """
-    rounds = 32  # which suffice for four rows of faces, and after which seams move, or nothing is to be hoped for
     moves = _displacements(mesh)
-    moved = mesh.vertices + thickness * moves
     is_mitred = dot(moves, moves) > 1 + 1e-6
-    folded = _turned_over(mesh, moved)
+    best = mesh.vertices + thickness * moves
+    folded = _turned_over(mesh, best)
     if not len(folded) or not is_mitred.any():
-        return moved
-    sides = sides_of(mesh.cells)
-    rim = are_used(sides.directed[sides.alone], len(moved))
-    # The neighbours of a vertex of the rim are those along the rim.
-    ends = np.concatenate([sides.edges[(sides.uses == 1) | ~rim[sides.edges[:, k]]][:, [k, 1 - k]] for k in (0, 1)])
-    part = _cell_groups(mesh)
-    is_seam = np.bincount(sides.edge.ravel(), np.repeat(part, 3)) != sides.uses * part[sides.first // 3]
-    seams = sides.edges[is_seam & is_mitred[sides.edges].all(axis=1)]
-    ends = np.concatenate([ends[~is_mitred[ends[:, 0]]], seams, seams[:, ::-1]])
-    stays = is_mitred & (np.bincount(seams.ravel(), minlength=len(moved)) != 2)
-    best, fewest = moved.copy(), len(folded)
-    is_moving = np.zeros(len(moved), dtype=bool)
-    latest = rounds
-    for number in range(8 * rounds):
-        is_moving[mesh.cells[folded]] = True
-        is_moving &= ~(is_mitred if number < rounds else stays)
-        start, end = ends[is_moving[ends[:, 0]]].T
-        count = np.bincount(start, minlength=len(moved))[is_moving, None]
-        means = np.stack([np.bincount(start, moved[end, k], len(moved))[is_moving] for k in range(3)], axis=1) / count
-        normal, way = moves[is_moving], means - moved[is_moving]
-        moved[is_moving] += way - dot(way, normal)[:, None] * normal
-        if len(folded := _turned_over(mesh, moved)) < fewest:
-            best, fewest, latest = moved.copy(), len(folded), max(number, rounds)
-        if not fewest or number >= latest + rounds:
-            break
+        return best
+    count, links = len(best), _links(mesh, is_mitred)
+    on_seam = np.bincount(links.start[is_mitred[links.start]], minlength=count) == 2
+    is_corner = are_used(_boundary(mesh)[0], count) & ~links.along.any(axis=1)
+    for stays in (is_mitred | is_corner, (is_mitred & ~on_seam) | is_corner):
+        is_moving, latest = np.zeros(count, dtype=bool), folded
+        for rings in 2 ** np.arange(8):
+            is_moving[mesh.cells[latest]] = True
+            for _ in range(rings):
+                is_moving[mesh.cells[is_moving[mesh.cells].any(axis=1)]] = True
+            is_moving &= ~stays
+            moved = mesh.vertices + thickness * _evened(moves, links, is_moving)
+            latest = _turned_over(mesh, moved)
+            if len(latest) < len(folded) and np.isfinite(moved).all():
+                best, folded = moved, latest
+            if not len(folded):
+                return best
     return best
+
+
+class _Links(NamedTuple):
+    """Pairs of neighbouring vertices, and how much the displacement of the first takes after that of the second.
+
+    `along` are (m, 3) unit vectors along the rim, 0 elsewhere and where the rim has a corner.
+    """
+
+    start: IntArray
+    end: IntArray
+    shares: FloatArray
+    along: FloatArray
+
+
+def _links(mesh: Mesh, is_mitred: BoolArray) -> _Links:
+    """Return the neighbours of vertices: of mitred ones along their seams, and of those of the rim along the rim.
+
+    With their shares, displacements that are linear on plane patches are the mean of their neighbours': inside
+    patches shares are cotangents of the opposite angles, and along seams and rims reciprocals of lengths.
+    """
+    steepest = 1e6  # cotangent: triangles with smaller angles are lines
+    straight = math.cos(math.radians(20))  # of half the angle by which a rim turns: beyond, it has a corner
+    sides, corners = sides_of(mesh.cells), mesh.vertices[mesh.cells]
+    ways = np.roll(corners, -1, axis=1) - corners
+    ahead, back = np.roll(ways, -1, axis=1), np.roll(ways, 1, axis=1)
+    areas = np.linalg.norm(np.cross(ahead, back), axis=2)
+    cotangents = -(ahead * back).sum(axis=2) / np.where(areas > 0, areas, np.inf)
+    inside = np.bincount(sides.edge.ravel(), cotangents.clip(-steepest, steepest).ravel())
+    lengths = np.linalg.norm(np.diff(mesh.vertices[sides.edges], axis=1)[:, 0], axis=1)
+    along = 1 / np.maximum(lengths, EPS * lengths.max())
+    rim = sides.directed[sides.alone]
+    part, is_rim, rim_ways = _cell_groups(mesh), are_used(rim, len(mesh.vertices)), np.zeros_like(mesh.vertices)
+    for k in (0, 1):
+        np.add.at(rim_ways, rim[:, k], unit(np.diff(mesh.vertices[rim], axis=1)[:, 0]) / 2)
+    rim_ways[np.linalg.norm(rim_ways, axis=1) < straight] = 0.0
+    is_seam = np.bincount(sides.edge.ravel(), np.repeat(part, 3)) != sides.uses * part[sides.first // 3]
+    is_seam &= is_mitred[sides.edges].all(axis=1)
+    found = []
+    for one, other in (sides.edges.T, sides.edges.T[::-1]):
+        kept = np.where(is_mitred[one], is_seam, (sides.uses == 1) | ~is_rim[one])
+        found.append((one[kept], other[kept], np.where(is_mitred[one] | is_rim[one], along, inside)[kept]))
+    start, end, shares = (np.concatenate(each) for each in zip(*found, strict=True))
+    return _Links(start, end, shares, unit(rim_ways))
+
+
+def _evened(moves: FloatArray, links: _Links, is_moving: BoolArray) -> FloatArray:
+    """(m, 3) displacements: those that move become means of their neighbours', but for their parts along normals."""
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    hold = 1e-9  # a share of its own displacement, which keeps what nothing else holds
+    rows, result, number = np.flatnonzero(is_moving), moves.copy(), np.cumsum(is_moving) - 1
+    start, end, shares = (each[is_moving[links.start]] for each in links[:3])
+    own, is_free = number[start], is_moving[end]
+    sums = np.bincount(own, shares, len(rows))
+    held = np.bincount(own, hold * np.abs(shares), len(rows)) + np.finfo(float).tiny  # where all triangles are lines
+    entries = np.append(sums + held, -shares[is_free])
+    line, column = (np.append(np.arange(len(rows)), each[is_free]) for each in (own, number[end]))
+    right = held[:, None] * moves[rows]
+    np.add.at(right, own[~is_free], (shares[:, None] * moves[end])[~is_free])
+    ways, along = splu(csc_array((entries, (line, column)))).solve(right) - moves[rows], links.along[rows]
+    ways = np.where(along.any(axis=1, keepdims=True), dot(ways, along)[:, None] * along, ways)
+    result[rows] += ways - (dot(ways, moves[rows]) / dot(moves[rows], moves[rows]))[:, None] * moves[rows]
+    return result
 
 
 def _displacements(mesh: Mesh) -> FloatArray:

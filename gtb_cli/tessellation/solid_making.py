@@ -21,7 +21,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import Parametrization, Rim
+from gtb_cli.vocabulary import RESOLUTION, Parametrization, Rim
 
 Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 # A tube or a wall; faults of the surface, which no other thickness mends; folds; and where the wall is thin
@@ -106,14 +106,15 @@ class WallMaker:
             return "no thickness is solid, as the surface passes through itself"
         if abs(thickness) <= CROSSING_DEPTH * (size := max(surface.bounds[1] - surface.bounds[0])):
             return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
-        with suppress(ToleranceError):
-            tolerance = float(f"{min(abs(thickness) / 50, size / 500):.1g}")
-            coarse = tessellate(self.spec, None, tolerance, normals=True, max_faces=len(surface.cells))
-            if is_solid(thickness, coarse):
-                narrow = "beside an inner corner faces are narrower than the thickness"
-                return f"{narrow}: with wider ones, `tolerance` {tolerance:g}, it was tried and is solid"
-        found = _smaller("thickness", thickness, is_solid, len(surface.cells))
-        is_other = len(surface.cells) < MANY_CELLS and is_solid(-thickness)
+        tolerance, cells = float(f"{min(abs(thickness) / 50, size / 500):.1g}"), len(surface.cells)
+        even = f"`resolution` {RESOLUTION}", RESOLUTION, max(2 * cells, MANY_CELLS)
+        for way, n, most in ((f"`tolerance` {tolerance:g}", None, cells), even):
+            with suppress(ToleranceError):
+                other = tessellate(self.spec, n, None if n else tolerance, normals=True, max_faces=most)
+                if len(other.cells) != cells and is_solid(thickness, other):
+                    return f"beside inner corners it hangs on the faces: with {way} it was tried and is solid"
+        found = _smaller("thickness", thickness, is_solid, cells)
+        is_other = cells < MANY_CELLS and is_solid(-thickness)
         return found + f"; on the other side `thickness` {-thickness:g} is solid" * is_other
 
     def _rimmed(self, wall: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
