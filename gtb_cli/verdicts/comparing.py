@@ -58,7 +58,13 @@ class Comparing:
                 command = f"gtb mesh {spec} OPTIONS -f ply --ascii | gtb diff {mesh} -"
                 notes = [f"what other options, as --fill and --weld, make of {spec} is compared by {command}"]
         verdict = replace(verdict, found=found, warnings=found.limits, notes=tuple(notes))
-        return verdict if found.same else replace(verdict, word="different", meshes=(a.known.mesh, b.known.mesh))
+        if found.same:
+            return verdict
+        meshes: list[Mesh | None] = [None, None]
+        for k, each in enumerate((a, b)):
+            with suppress(GtbError):  # a spec that has too many patches for a mesh
+                meshes[k] = each.known.mesh
+        return replace(verdict, word="different", meshes=(meshes[0], meshes[1]))
 
     def each(self, a: str, b: str) -> Iterator[Verdict]:
         """Compare all files of two folders that have the same name, sorted by name; or two files."""
