@@ -28,12 +28,11 @@ def extents(shape: Patch | Model) -> dict[str, Extent]:
     weights bend a curve where even places miss it; areas and volumes by `quadrature`, of higher and higher order. Their
     error is three times the larger of the last two changes, and at least 1e-12 of the size.
     """
-    frame = Frame.around(*(patch.control_points for patch in shape.patches))
     if shape.dimension == 1:
-        length, error = (each[:, 0].sum() for each in _curve_integrals(shape.patches, frame))
-        return _in_model_units(frame, {"length": (length, error, 1)})
+        return _lengths(shape)
     joints = (shape if isinstance(shape, Model) else Model((shape,))).joints
-    values, errors = _surface_integrals(shape.patches, frame)
+    frame = Frame.around(*(patch.control_points for patch in shape.patches))
+    values, errors = _all_integrals(shape.patches, frame)
     values[:, 1] *= np.where(joints.flipped, -1, 1)
     value, error = values.sum(axis=0), errors.sum(axis=0)
     error[1] += 4 * value[0] * frame.length(max((joint.distance for joint in joints.shared), default=0.0), -1)  # strips
@@ -48,17 +47,11 @@ def coverage(patches: Sequence[Patch], frame: Frame) -> tuple[FloatArray, FloatA
     If two surfaces in the same place are covered equally often, then the sums of both are equal, however they are cut
     into patches; if not, then they are so only by chance. The weights are from 1/e to e.
     """
-    if patches[0].dimension == 1:
-        return _curve_integrals(patches, frame)
-    values, errors = _surface_integrals(patches, frame)
+    values, errors = _all_integrals(patches, frame)
     return values[:, ::2], errors[:, ::2]
 
 
-def _weight(points: FloatArray) -> FloatArray:
-    return np.exp(points @ (0.51, 0.33, 0.16))  # no symmetry exchanges places of equal weight
-
-
-def _surface_integrals(patches: Sequence[Patch], frame: Frame) -> tuple[FloatArray, FloatArray]:
+def _all_integrals(patches: Sequence[Patch], frame: Frame) -> tuple[FloatArray, FloatArray]:
     """Return the integrals of `_integrals` over some patches, (p, 3), and their errors; equal bases share a rule."""
     most = 2_500_000  # values of T_i, by the last rules of all patches together
     alike: dict[RationalBasis, list[int]] = {}
@@ -72,7 +65,10 @@ def _surface_integrals(patches: Sequence[Patch], frame: Frame) -> tuple[FloatArr
 
 
 def _integrals(patch: Patch, nets: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
-    """Return areas, volumes towards the origin, and weighted areas of (p, n, 3) nets of a patch, (p, 3); and errors."""
+    """Return areas, volumes towards the origin, and weighted areas of (p, n, 3) nets of a patch, (p, 3); and errors.
+
+    For curves, they are lengths, and the second says nothing.
+    """
     orders = (8, 12, 16, 24, 32, 48, 64, 96, 128)
     sums, errors, rows = np.zeros((len(orders), len(nets), 3)), np.zeros((len(nets), 3)), np.arange(len(nets))
     for k, order in enumerate(orders):
@@ -98,37 +94,34 @@ def _integrals_of(patch: Patch, nets: FloatArray, order: int) -> FloatArray:
     for begin in range(0, len(rule.weights), count):
         p, weights = rule.parameters[begin : begin + count], rule.weights[begin : begin + count]
         t = basis.values(basis.locations(p, "linear"), len(p))
-        offsets = [knots[:, axis] - p[:, axis, None] for axis in (0, 1)]
-        u, v = (t * offset for offset in offsets)
-        (uu, uv), vv = ((u * each).sum(axis=1) for each in offsets), (v * offsets[1]).sum(axis=1)
-        points = (t @ values).reshape(-1, 3)
-        across = cross((u @ values).reshape(-1, 3), (v @ values).reshape(-1, 3))
-        determinant = uu * vv - uv**2
-        scale = weights / np.where(determinant > 1e-14 * uu * vv, determinant, np.inf)
-        area = np.sqrt(dot(across, across))
-        for column, each in enumerate((area, dot(points, across) / 3, area * _weight(points))):
+        offsets = [axis - own[:, None] for axis, own in zip(knots.T, p.T, strict=True)]
+        u, v = t * offsets[0], t * offsets[-1]
+        (uu, uv), vv = ((u * each).sum(axis=1) for each in (offsets[0], offsets[-1])), (v * offsets[-1]).sum(axis=1)
+        points, across = (t @ values).reshape(-1, 3), (u @ values).reshape(-1, 3)
+        determinant, product = (uu, 0.0) if patch.dimension == 1 else (uu * vv - uv**2, uu * vv)
+        across = across if patch.dimension == 1 else cross(across, (v @ values).reshape(-1, 3))
+        scale = weights / np.where(determinant > 1e-14 * product, determinant, np.inf)
+        area, uneven = np.sqrt(dot(across, across)), np.exp(points @ (0.51, 0.33, 0.16))
+        for column, each in enumerate((area, dot(points, across) / 3, area * uneven)):
             result[:, column] += scale @ each.reshape(len(p), -1)
     return result
 
 
-def _curve_integrals(patches: Sequence[Patch], frame: Frame) -> tuple[FloatArray, FloatArray]:
-    """Return lengths of curves, and weighted ones, (p, 2), and their errors.
-
-    They are found by Gauss's rule between the vertices of a mesh, beside those of a coarser one.
-    """
+def _lengths(shape: Patch | Model) -> dict[str, Extent]:
+    """Return the length of curves, by Gauss's rule between the vertices of a mesh, and beside it of a coarser mesh."""
     nodes, weights = np.polynomial.legendre.leggauss(8)
-    sums = np.zeros((2, len(patches), 2))
-    for index, patch in enumerate(patches):
+    frame = Frame.around(*(patch.control_points for patch in shape.patches))
+    sums = np.zeros(2)
+    for patch in shape.patches:
         placed = patch.replace(control_points=frame.inside(patch.control_points))
         for k, tolerance in enumerate((1e-4, 1e-6)):  # in the frame
             mesh = tessellate(placed, tolerance=tolerance, normals=False)
             assert mesh.parameters is not None
             ends = np.sort(mesh.parameters.ravel())
-            places = (ends[:-1, None] + np.diff(ends)[:, None] * (nodes + 1) / 2).ravel()
-            slopes = placed.derivatives(places, 1, "linear").reshape(-1, 3)
-            lengths = np.sqrt(dot(slopes, slopes)) * (np.diff(ends)[:, None] * weights / 2).ravel()
-            sums[k, index] = lengths.sum(), lengths @ _weight(placed.evaluate(places, "linear"))
-    return sums[1], np.maximum(np.abs(sums[1] - sums[0]), 1e-9 * sums[1])
+            places = ends[:-1, None] + np.diff(ends)[:, None] * (nodes + 1) / 2
+            slopes = placed.derivatives(places.ravel(), 1, "linear").reshape(-1, 3)
+            sums[k] += np.sqrt(dot(slopes, slopes)) @ (np.diff(ends)[:, None] * weights / 2).ravel()
+    return _in_model_units(frame, {"length": (sums[1], max(abs(sums[1] - sums[0]), 1e-9 * sums[1]), 1)})
 
 
 def _in_model_units(frame: Frame, found: dict[str, tuple[float, float, int]]) -> dict[str, Extent]:

@@ -118,10 +118,11 @@ def _repeated(
     nets = [frame.inside(patch.control_points).clip(-1, 1) for patch in patches]
     sizes = [np.linalg.norm(np.ptp(net, axis=0)) if a.dimension == 2 else 1.0 for net in nets]
     strips = 8 * float(frame.length(allowed, -1)) * sum(sizes)  # edges, four of this length, may move by the tolerance
-    limits = errors.sum(axis=0) + 1e-9 * (one + other) + strips * np.array([1, np.e])
+    # Errors are estimates, too small by up to 1e-4 of all with weights from 1e-4 to 1e4
+    limits = errors.sum(axis=0) + 1e-3 * (one + other) + strips * np.array([1, np.e])
     what = "area" if a.dimension == 2 else "length"
     if (np.abs(one - other) <= limits).all():
-        doubt = "where patches are cut otherwise, one that is there twice may go unseen at this tolerance"
+        doubt = "where patches are cut otherwise, a small one that is there twice may go unseen"
         return (), (doubt,) * bool(limits[0] >= values[:, 0].min())
     if not all(rest):
         n, name = max(numbers)

@@ -29,8 +29,8 @@ def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
     -------
     Mesh
         Triangles or segments, with vertices and cells in the order of the file. Polygons are cut into triangles, which
-        do not overlap unless the polygon crosses itself. Corners of STL facets at exactly the same place become one
-        vertex. Normals and texture coordinates are not read.
+        do not overlap unless it crosses itself or has thousands of corners. Corners of STL facets at exactly the same
+        place become one vertex. Normals and texture coordinates are not read.
 
     Raises `GtbError` if the file cannot be read; the message is one line that names it.
     """
