@@ -185,9 +185,9 @@ class Scene:
         entry = {} if number is None else self.tree["materials" if table == "shadings" else table][number]
         if table == "bufferViews":
             start, buffer = entry.get("byteOffset", 0), self.tree["buffers"][entry.get("buffer", 0)]
-            held = self.binary[start : start + entry["byteLength"]]
-            self._left -= len(held)
-            return mark_of(buffer.get("uri", held))
+            content = self.binary[start : start + entry["byteLength"]]
+            self._left -= len(content)
+            return mark_of(buffer.get("uri", content))
         if table == "accessors":
             held = [entry] if "bufferView" in entry else []
             if sparse := entry.get("sparse"):
