@@ -139,6 +139,8 @@ def _are_alike(first: str, second: str) -> bool:
             if isinstance(value, float):
                 is_far = key.startswith("distance")
                 pairs[k] = key, 0.0 if is_far and abs(value) <= none else float(f"{value:.{6 if is_far else 12}g}")
+        if len(dict(pairs)) < len(pairs):
+            raise ValueError("a key is there twice")
         return dict(pairs)
 
     none = 0.0  # the largest distance that is rounding
@@ -147,8 +149,8 @@ def _are_alike(first: str, second: str) -> bool:
         with suppress(GtbError, LookupError, TypeError):  # a sequence without files of meshes
             mesh = os.path.join(os.path.dirname(first), os.path.basename(json.loads(texts[0])["meshes"][-1]["file"]))
             none = 1e-14 * float(abs(read_mesh(mesh).bounds).max()) if os.path.isfile(mesh) else none
-        one, other = (json.loads(text, object_pairs_hook=near) for text in texts)
-        return bool(one == other)
+        one, other = (json.dumps(json.loads(text, object_pairs_hook=near), sort_keys=True) for text in texts)
+        return one == other  # as texts: True is 1
     return False
 
 
