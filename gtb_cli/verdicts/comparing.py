@@ -48,6 +48,9 @@ class Comparing:
 
         a, b = self.read(first), self.read(second)
         found = compared(a, b, self.tolerance, self.kind, self.ignore)
+        formats = [each.known.format.upper() for each in (a, b) if each.spec is None]
+        if suffix_of(first) == suffix_of(second) != "" and len({*formats}) > 1:  # other programs go by the name
+            found = replace(found, values=(*found.values, f"format: {' against '.join(formats)}"))
         notes = []
         (one, spec), (file, mesh) = sorted(zip((a, b), shown, strict=True), key=lambda side: side[0].spec is None)
         if found.method == "surface" != self.kind and found.same_kind and one.spec and self.recipe.tolerance is None:
