@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection
+from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -131,6 +132,7 @@ def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots
     return one.ravel(), other.ravel()
 
 
+@np.errstate(all="ignore")  # of huge numbers
 def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, at_vertices: bool) -> list[str]:
     if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
@@ -141,13 +143,11 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
         told = f"{count} {one if count == 1 else many} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
     if name == NORMALS:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            rows, others = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (rows, others))
+        rows, others = (each / reduce(np.hypot, each.T)[:, None] for each in (rows, others))
     gone = np.logical_xor(*((each == ABSENT) | np.isnan(each) for each in (rows, others))).any(axis=1)
     if gone.any():
         return [f"{name}: at {gone.sum()} corners in one of them only, first at vertex {vertex[np.argmax(gone)]}"]
-    with np.errstate(invalid="ignore", over="ignore"):
-        apart = np.where((rows == others) | np.isnan(rows), 0.0, np.abs(rows - others))
+    apart = np.where((rows == others) | np.isnan(rows), 0.0, np.abs(rows - others))
     if name == NORMALS:
         chords = np.linalg.norm(apart, axis=1)
         most = int(chords.argmax())
@@ -161,8 +161,7 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
     allowed = max(allowed, 1e-15 * min(sizes[0], 1e6))  # rounding beside a value that stands for itself
     if all(each.dtype.kind == "i" or _are_whole(each) for each in (rows, others)):
         allowed = 0.0
-    with np.errstate(invalid="ignore"):
-        beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
+    beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
     beyond = np.where(np.isnan(beyond), np.inf, beyond).max(axis=1)
     most = int(beyond.argmax())
     told = f"up to {apart[most].max():.3g} apart (tolerance {allowed:.3g})"
