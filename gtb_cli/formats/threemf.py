@@ -147,7 +147,7 @@ class _Reader:
         if archive.getinfo(name).file_size > min(LARGEST, max(least, ratio * archive.getinfo(name).compress_size)):
             raise GtbError(f"says that its model has more than {LARGEST >> 30} GB, or {ratio} times its packed size")
         self.depth = self.named = self.foreign = 0  # depths, of which the last is that of an element of an extension
-        self.left = (1 << 18) + archive.getinfo(name).compress_size  # elements: each takes a byte, or repeats
+        self.left = (1 << 18) + archive.getinfo(name).compress_size // 2  # elements: each takes four bytes, or repeats
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
         self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}
@@ -195,7 +195,7 @@ class _Reader:
         if self.depth > deepest or self.named > most:
             raise GtbError(f"has elements more than {deepest} deep, or more than {most} objects, materials and uses")
         if self.left < 0:
-            raise GtbError("has far more elements than bytes in the archive")
+            raise GtbError("has more elements than its bytes in the archive can hold")
         if "id" in given:
             self.order.setdefault(given["id"], f"{len(self.order)}")
         if self.foreign:
