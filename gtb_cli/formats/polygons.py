@@ -59,7 +59,7 @@ def unfolded(content: FileArrays) -> tuple[FileArrays, int]:
             normals = cross(sides[:, :-1], sides[:, 1:])
             means, squares = normals.sum(axis=1), np.einsum("pkx,pkx->p", normals, normals)
             along, size = np.einsum("pkx,px->pk", normals, means), dot(means, means)
-            for k in np.flatnonzero(along.min(axis=1) < 1e-9 * (squares - size)).tolist():
+            for k in np.flatnonzero(along.min(axis=1) < 1e-7 * (squares - 2 * size)).tolist():
                 axis = int(np.abs(means[k]).argmax())
                 plan = points[k][:, [(axis + 1) % 3, (axis + 2) % 3]] * [np.sign(means[k, axis]), 1]
                 found, effort = _ears(plan, effort) if size[k] > 1e-18 * squares[k] else ([], effort)
