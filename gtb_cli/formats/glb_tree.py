@@ -92,6 +92,7 @@ class Scene:
         self.placed = [*_placed_nodes(tree)]
         self.labels: dict[int, Any] = {}  # of the nodes of the scene: their names, if no other one has them
         self._marks: dict[tuple[str, Any], Any] = {}
+        self._left = 4 * len(binary) + (1 << 28)  # bytes that marks may stand for: views of a buffer may overlap
 
     def placed_meshes(self) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:
         """Yield the meshes with the names of their nodes and their (4, 4) places."""
@@ -146,6 +147,8 @@ class Scene:
         unseen += [mesh for number, mesh in enumerate(meshes) if number not in shown]
         for name, values in (("nodes", of_nodes), ("others", [*map(self._told, unseen)])):  # in any order
             told |= {name: sorted(values, key=partial(json.dumps, sort_keys=True))} if values else {}
+        if self._left <= 0:
+            raise GtbError("has parts of its buffer that overlap, which would be more than four times the file")
         return mark_of(json.dumps(told, sort_keys=True)) if told else None
 
     def _told(self, value: Any, key: str = "", above: str = "") -> Any:
@@ -170,11 +173,11 @@ class Scene:
 
     def _mark(self, table: str, number: Any) -> Any:
         """Return what stands for an entry of a table, which is its number if there is no such entry."""
-        if (table, number) not in self._marks:
+        if (table, number) not in self._marks and self._left > 0:
             self._marks[table, number] = number
             with suppress(LookupError, TypeError, AttributeError, GtbError):
                 self._marks[table, number] = self._found(table, number)
-        return self._marks[table, number]
+        return self._marks.get((table, number))
 
     def _found(self, table: str, number: Any) -> Any:
         if table == "nodes" and number in self.labels:
@@ -182,13 +185,17 @@ class Scene:
         entry = {} if number is None else self.tree["materials" if table == "shadings" else table][number]
         if table == "bufferViews":
             start, buffer = entry.get("byteOffset", 0), self.tree["buffers"][entry.get("buffer", 0)]
-            return mark_of(buffer.get("uri", self.binary[start : start + entry["byteLength"]]))
+            content = self.binary[start : start + entry["byteLength"]]
+            self._left -= len(content)
+            return mark_of(buffer.get("uri", content))
         if table == "accessors":
             held = [entry] if "bufferView" in entry else []
             if sparse := entry.get("sparse"):
                 held += [entry | {"byteOffset": 0, "count": sparse["count"]} | sparse["values"]]
                 held += [{"type": "SCALAR", "count": sparse["count"]} | sparse["indices"]]
-            return mark_of(*(meant(_rows(self.tree, self.binary, each), each).tobytes() for each in held))
+            rows = [meant(_rows(self.tree, self.binary, each), each) for each in held]
+            self._left -= sum(each.nbytes for each in rows)
+            return mark_of(*(each.tobytes() for each in rows))
         told = entry if table in ("materials", "shadings", "nodes") else entry | {"name": None}
         return mark_of(json.dumps(self._told(told, table), sort_keys=True))
 

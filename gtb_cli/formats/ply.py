@@ -152,7 +152,8 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
             rest[f"{name} of {what}"] = numbers, counts
     for label, (numbers, counts) in [each for each in rest.items() if each[1][1].any()]:  # rows, in any order
         longest, exact, suffix = int(counts.max()), _exact(numbers), ""
-        if longest >= 64 and longest * len(counts) > 2 * len(numbers):  # marks take less memory
+        takes_much = longest >= 64 and longest * len(counts) > 2 * len(numbers)
+        if takes_much or (longest > 8 and longest * cells.size > 1 << 24):  # marks take less memory
             parts = np.split(_single(exact), np.cumsum(counts)[:-1])
             exact, longest = np.array([[int(mark_of(part.tobytes()))] for part in parts]), 1
             counts, suffix = np.ones_like(counts), MARKED

@@ -59,7 +59,7 @@ def unfolded(content: FileArrays) -> tuple[FileArrays, int]:
             normals = cross(sides[:, :-1], sides[:, 1:])
             means, squares = normals.sum(axis=1), np.einsum("pkx,pkx->p", normals, normals)
             along, size = np.einsum("pkx,px->pk", normals, means), dot(means, means)
-            for k in np.flatnonzero(along.min(axis=1) < 1e-9 * (squares - size)).tolist():
+            for k in np.flatnonzero(along.min(axis=1) < 1e-7 * (squares - 2 * size)).tolist():
                 axis = int(np.abs(means[k]).argmax())
                 plan = points[k][:, [(axis + 1) % 3, (axis + 2) % 3]] * [np.sign(means[k, axis]), 1]
                 found, effort = _ears(plan, effort) if size[k] > 1e-18 * squares[k] else ([], effort)
@@ -80,14 +80,16 @@ def _ears(points: FloatArray, effort: int) -> tuple[list[list[int]], int]:
     What is left of the effort is returned, too: a corner takes as many steps as there are others, and a constant.
     """
     rest, found, at, tried = [*range(len(points))], list[list[int]](), 0, 0
-    while len(rest) > 2 and tried < len(rest) and effort > 0:
+    rounding = 1e-9 * float(np.ptp(points, axis=0).max()) ** 2  # of areas: last digits make no other ears
+    while len(rest) > 2 and tried < 2 * len(rest) and effort > 0:
         effort -= 500 + len(rest)
         ear = [rest[at - 1], rest[at], rest[(at + 1) % len(rest)]]
         p, others = points[ear], points[rest]
         sides = np.stack([planar_cross(p[k] - p[k - 1], others - p[k - 1]) for k in range(3)])
-        within = (sides >= 0).all(axis=0) & (others != p[:, None]).any(axis=2).all(axis=0)
+        least = rounding if tried < len(rest) else -rounding  # first those with an area, away from other corners
+        within = (sides >= -least).all(axis=0) & (others != p[:, None]).any(axis=2).all(axis=0)
         tried += 1
-        if planar_cross(p[1] - p[0], p[2] - p[0]) >= 0 and not within.any():
+        if planar_cross(p[1] - p[0], p[2] - p[0]) >= least and not within.any():
             found.append(ear)
             del rest[at]
             at, tried = at - 1, 0

@@ -143,6 +143,7 @@ class _Reader:
         if archive.getinfo(name).file_size > min(LARGEST, max(least, ratio * archive.getinfo(name).compress_size)):
             raise GtbError(f"says that its model has more than {LARGEST >> 30} GB, or {ratio} times its packed size")
         self.depth = self.named = self.foreign = 0  # depths, of which the last is that of an element of an extension
+        self.left = (1 << 18) + archive.getinfo(name).compress_size // 2  # elements: each takes four bytes, or repeats
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
         self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}
@@ -162,8 +163,14 @@ class _Reader:
         parser.buffer_text = True
         parser.CharacterDataHandler = self.text
         parser.EntityDeclHandler = self.refuse  # it may stand for more than any memory holds
+        fed, longest = 0, 1 << 20  # bytes, also of a comment, which the parser reads again at each call until it ends
         with archive.open(name) as stream:
-            parser.ParseFile(stream)
+            while block := stream.read(1 << 16):
+                parser.Parse(block)
+                fed += len(block)
+                if fed - parser.CurrentByteIndex > longest:
+                    raise GtbError("has an element, or a comment, of more than 1 MB")
+        parser.Parse(b"", True)
 
     def refuse(self, *_: object) -> None:
         raise GtbError("declares an entity, which no 3MF file may")
@@ -179,9 +186,12 @@ class _Reader:
         deepest, most = 32, 100_000  # elements within elements, and objects, materials and their uses
         name = name.rpartition(":")[2]
         self.depth += 1
+        self.left -= 1
         self.named += name in ("object", "component", "item", "basematerials", "base", "colorgroup", "color")
         if self.depth > deepest or self.named > most:
             raise GtbError(f"has elements more than {deepest} deep, or more than {most} objects, materials and uses")
+        if self.left < 0:
+            raise GtbError("has more elements than its bytes in the archive can hold")
         if "id" in given:
             self.order.setdefault(given["id"], f"{len(self.order)}")
         if self.foreign:

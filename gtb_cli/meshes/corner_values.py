@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection
+from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -59,6 +60,7 @@ def _remarks(
             if name.startswith(OTHER):
                 remarks += [f"{name}: not the same"] if (rows[of[0, 0]] != others[others_of[0, 0]]).any() else []
                 continue
+            step = 1
             if isinstance(slots, float):
                 keys += [] if keys else _numbers(a.mesh, b.mesh, slots)
                 one, other = _met(keys, (rows, of.ravel()), (others, others_of.ravel()))
@@ -67,8 +69,8 @@ def _remarks(
                 one, other = (each[::step] for each in slots)
             held, others_held = rows[of.ravel()[one]], others[others_of.ravel()[other]]
             nowhere = [f"{name}: cannot be compared, as no vertices are in the same place"]
-            at_places, vertex = len(keys) > 0, a.mesh.cells.ravel()[one]
-            remarks += _unlike(name, held, others_held, vertex, at_places) if len(one) else nowhere
+            vertex = a.mesh.cells.ravel()[one]
+            remarks += _unlike(name, held, others_held, vertex, step == 1) if len(one) else nowhere
         elif a.format == b.format or (name in on_request and on_request[name] >= {a.format, b.format}):
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
@@ -130,23 +132,22 @@ def _paired_by_values(cells: IntArray, here: Values, there: Values, slots: Slots
     return one.ravel(), other.ravel()
 
 
-def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, at_places: bool) -> list[str]:
+@np.errstate(all="ignore")  # of huge numbers
+def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, at_vertices: bool) -> list[str]:
     if rows.shape != others.shape:
         return [f"{name}: {rows.shape[1]} against {others.shape[1]} numbers at a corner"]
     if are_marks(name):
         moved = np.flatnonzero(~np.isclose(rows, others, rtol=0, atol=VALUES_TOLERANCE, equal_nan=True).all(axis=1))
-        one, many = ("vertex has", "vertices have") if at_places else ("cell has", "cells have")
-        count = len(np.unique(vertex[moved])) if at_places else len(moved)
+        one, many = ("vertex has", "vertices have") if at_vertices else ("cell has", "cells have")
+        count = len(np.unique(vertex[moved])) if at_vertices else len(moved)
         told = f"{count} {one if count == 1 else many} another one, first at vertex"
         return [f"{name}: {told} {vertex[moved[0]]}"] if len(moved) else []
     if name == NORMALS:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            rows, others = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (rows, others))
+        rows, others = (each / reduce(np.hypot, each.T)[:, None] for each in (rows, others))
     gone = np.logical_xor(*((each == ABSENT) | np.isnan(each) for each in (rows, others))).any(axis=1)
     if gone.any():
         return [f"{name}: at {gone.sum()} corners in one of them only, first at vertex {vertex[np.argmax(gone)]}"]
-    with np.errstate(invalid="ignore", over="ignore"):
-        apart = np.where((rows == others) | np.isnan(rows), 0.0, np.abs(rows - others))
+    apart = np.where((rows == others) | np.isnan(rows), 0.0, np.abs(rows - others))
     if name == NORMALS:
         chords = np.linalg.norm(apart, axis=1)
         most = int(chords.argmax())
@@ -160,8 +161,7 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
     allowed = max(allowed, 1e-15 * min(sizes[0], 1e6))  # rounding beside a value that stands for itself
     if all(each.dtype.kind == "i" or _are_whole(each) for each in (rows, others)):
         allowed = 0.0
-    with np.errstate(invalid="ignore"):
-        beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
+    beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
     beyond = np.where(np.isnan(beyond), np.inf, beyond).max(axis=1)
     most = int(beyond.argmax())
     told = f"up to {apart[most].max():.3g} apart (tolerance {allowed:.3g})"

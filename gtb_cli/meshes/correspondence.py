@@ -51,7 +51,8 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
     has_numbers = a.has_indices and b.has_indices
     are_short = not {a.format, b.format} <= {"obj", "spec"}  # numbers of 32 bits
     for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short):
-        found = _matched(a, b, cells, other_cells)
+        is_own = cells is a.mesh.cells  # which an STL file has not
+        found = _matched(a, b, cells, other_cells) if a.has_indices == b.has_indices or not is_own else None
         if found is None:
             continue
         if found.distances.max() <= tolerance:
@@ -59,7 +60,7 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
                 return found
             turned = turned or found  # faces that are there twice may look to both sides
             continue
-        is_named = has_numbers and cells is a.mesh.cells
+        is_named = has_numbers and is_own
         if is_certain and first is None and (is_named or _is_likely(a.mesh, b.mesh, found, tolerance)):
             first = found
         here, there = (np.sort(each.mesh.used, axis=0) for each in (a, b))

@@ -48,6 +48,9 @@ class Comparing:
 
         a, b = self.read(first), self.read(second)
         found = compared(a, b, self.tolerance, self.kind, self.ignore)
+        formats = [each.known.format.upper() for each in (a, b) if each.spec is None]
+        if suffix_of(first) == suffix_of(second) != "" and len({*formats}) > 1:  # other programs go by the name
+            found = replace(found, values=(*found.values, f"format: {' against '.join(formats)}"))
         notes = []
         (one, spec), (file, mesh) = sorted(zip((a, b), shown, strict=True), key=lambda side: side[0].spec is None)
         if found.method == "surface" != self.kind and found.same_kind and one.spec and self.recipe.tolerance is None:
@@ -58,7 +61,13 @@ class Comparing:
                 command = f"gtb mesh {spec} OPTIONS -f ply --ascii | gtb diff {mesh} -"
                 notes = [f"what other options, as --fill and --weld, make of {spec} is compared by {command}"]
         verdict = replace(verdict, found=found, warnings=found.limits, notes=tuple(notes))
-        return verdict if found.same else replace(verdict, word="different", meshes=(a.known.mesh, b.known.mesh))
+        if found.same:
+            return verdict
+        meshes: list[Mesh | None] = [None, None]
+        for k, each in enumerate((a, b)):
+            with suppress(GtbError):  # a spec that has too many patches for a mesh
+                meshes[k] = each.known.mesh
+        return replace(verdict, word="different", meshes=(meshes[0], meshes[1]))
 
     def each(self, a: str, b: str) -> Iterator[Verdict]:
         """Compare all files of two folders that have the same name, sorted by name; or two files."""
@@ -133,6 +142,8 @@ def _are_alike(first: str, second: str) -> bool:
             if isinstance(value, float):
                 is_far = key.startswith("distance")
                 pairs[k] = key, 0.0 if is_far and abs(value) <= none else float(f"{value:.{6 if is_far else 12}g}")
+        if len(dict(pairs)) < len(pairs):
+            raise ValueError("a key is there twice")
         return dict(pairs)
 
     none = 0.0  # the largest distance that is rounding
@@ -141,8 +152,8 @@ def _are_alike(first: str, second: str) -> bool:
         with suppress(GtbError, LookupError, TypeError):  # a sequence without files of meshes
             mesh = os.path.join(os.path.dirname(first), os.path.basename(json.loads(texts[0])["meshes"][-1]["file"]))
             none = 1e-14 * float(abs(read_mesh(mesh).bounds).max()) if os.path.isfile(mesh) else none
-        one, other = (json.loads(text, object_pairs_hook=near) for text in texts)
-        return bool(one == other)
+        one, other = (json.dumps(json.loads(text, object_pairs_hook=near), sort_keys=True) for text in texts)
+        return one == other  # as texts: True is 1
     return False
 
 
