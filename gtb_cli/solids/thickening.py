@@ -223,11 +223,12 @@ def _cell_groups(mesh: Mesh) -> IntArray:
 def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     """(m, 3) vertices of the offset.
 
-    Beside a concave edge, offsets that would pass the corner and turn faces over move between their neighbours, in the
-    tangent planes of the offset, if fewer faces are turned over for it. Where this does not suffice, as where three
-    patches meet, vertices of seams move along these as well: so up to about seven rows of faces are kept.
+    Beside a concave edge, offsets that would pass the corner and turn faces over move in the tangent planes of the
+    offset, if fewer faces are turned over for it: by as much as their neighbours do, the nearest above all, which
+    keeps ten rows of faces and more; or, where this does not suffice, as where three patches meet, between their
+    neighbours. After some rounds vertices of seams move along these as well.
     """
-    rounds = 32  # which suffice for four rows of faces, and after which seams move, or nothing is to be hoped for
+    rounds = 32  # after which seams move, or nothing is to be hoped for
     moves = _displacements(mesh)
     moved = mesh.vertices + thickness * moves
     is_mitred = dot(moves, moves) > 1 + 1e-6
@@ -243,21 +244,29 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     seams = sides.edges[is_seam & is_mitred[sides.edges].all(axis=1)]
     ends = np.concatenate([ends[~is_mitred[ends[:, 0]]], seams, seams[:, ::-1]])
     stays = is_mitred & (np.bincount(seams.ravel(), minlength=len(moved)) != 2)
-    best, fewest = moved.copy(), len(folded)
-    is_moving = np.zeros(len(moved), dtype=bool)
-    latest = rounds
-    for number in range(8 * rounds):
-        is_moving[mesh.cells[folded]] = True
-        is_moving &= ~(is_mitred if number < rounds else stays)
-        start, end = ends[is_moving[ends[:, 0]]].T
-        count = np.bincount(start, minlength=len(moved))[is_moving, None]
-        means = np.stack([np.bincount(start, moved[end, k], len(moved))[is_moving] for k in range(3)], axis=1) / count
-        normal, way = moves[is_moving], means - moved[is_moving]
-        moved[is_moving] += way - dot(way, normal)[:, None] * normal
-        if len(folded := _turned_over(mesh, moved)) < fewest:
-            best, fewest, latest = moved.copy(), len(folded), max(number, rounds)
-        if not fewest or number >= latest + rounds:
-            break
+    lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
+    nearness = 1 / np.maximum(lengths, EPS * np.abs(mesh.vertices).max())
+    best, fewest = moved, len(folded)
+    for origin, sweeps, weights in ((mesh.vertices, 8, nearness), (np.zeros(3), 1, np.ones(len(ends)))):
+        shifts, turned, latest = moved - origin, folded, rounds
+        is_moving = np.zeros(len(moved), dtype=bool)
+        for number in range(8 * rounds):
+            is_moving[mesh.cells[turned]] = True
+            is_moving &= ~(is_mitred if number < rounds else stays)
+            used = is_moving[ends[:, 0]]
+            (start, end), weight = ends[used].T, weights[used]
+            total = np.bincount(start, weight, len(moved))[is_moving, None]
+            normal = moves[is_moving]
+            for _ in range(sweeps):
+                sums = [np.bincount(start, weight * shifts[end, k], len(moved))[is_moving] for k in range(3)]
+                way = np.stack(sums, axis=1) / total - shifts[is_moving]
+                shifts[is_moving] += way - dot(way, normal)[:, None] * normal
+            if len(turned := _turned_over(mesh, origin + shifts)) < fewest:
+                best, fewest, latest = origin + shifts, len(turned), max(number, rounds)
+            if not fewest:
+                return best
+            if number >= latest + rounds:
+                break
     return best
 
 

@@ -106,12 +106,12 @@ class WallMaker:
             return "no thickness is solid, as the surface passes through itself"
         if abs(thickness) <= CROSSING_DEPTH * (size := max(surface.bounds[1] - surface.bounds[0])):
             return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
-        with suppress(ToleranceError):
-            tolerance = float(f"{min(abs(thickness) / 50, size / 500):.1g}")
-            coarse = tessellate(self.spec, None, tolerance, normals=True, max_faces=len(surface.cells))
-            if is_solid(thickness, coarse):
-                narrow = "beside an inner corner faces are narrower than the thickness"
-                return f"{narrow}: with wider ones, `tolerance` {tolerance:g}, it was tried and is solid"
+        for share in (50, 10):
+            tolerance = float(f"{min(abs(thickness) / share, size / 500):.1g}")
+            with suppress(ToleranceError):
+                coarse = tessellate(self.spec, None, tolerance, normals=True, max_faces=len(surface.cells))
+                if is_solid(thickness, coarse):
+                    return f"it hangs on the fineness: with `tolerance` {tolerance:g} it was tried and is solid"
         found = _smaller("thickness", thickness, is_solid, len(surface.cells))
         is_other = len(surface.cells) < MANY_CELLS and is_solid(-thickness)
         return found + f"; on the other side `thickness` {-thickness:g} is solid" * is_other
