@@ -225,8 +225,8 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
 
     Beside a concave edge, offsets that would pass the corner and turn faces over move in the tangent planes of the
     offset, if fewer faces are turned over for it: by as much as their neighbours do, the nearest above all, which
-    keeps ten rows of faces and more; or, where this does not suffice, as where three patches meet, between their
-    neighbours. After some rounds vertices of seams move along these as well.
+    keeps about eight rows of faces; or, where this does not suffice, as where three patches meet, between their
+    neighbours, which keeps seven. After some rounds vertices of seams move along these as well.
     """
     rounds = 32  # after which seams move, or nothing is to be hoped for
     moves = _displacements(mesh)
@@ -248,7 +248,7 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     nearness = 1 / np.maximum(lengths, EPS * np.abs(mesh.vertices).max())
     best, fewest = moved, len(folded)
     for origin, sweeps, weights in ((mesh.vertices, 8, nearness), (np.zeros(3), 1, np.ones(len(ends)))):
-        shifts, turned, latest = moved - origin, folded, rounds
+        shifts, turned, least, latest = moved - origin, folded, len(folded), rounds
         is_moving = np.zeros(len(moved), dtype=bool)
         for number in range(8 * rounds):
             is_moving[mesh.cells[turned]] = True
@@ -261,8 +261,9 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
                 sums = [np.bincount(start, weight * shifts[end, k], len(moved))[is_moving] for k in range(3)]
                 way = np.stack(sums, axis=1) / total - shifts[is_moving]
                 shifts[is_moving] += way - dot(way, normal)[:, None] * normal
-            if len(turned := _turned_over(mesh, origin + shifts)) < fewest:
-                best, fewest, latest = origin + shifts, len(turned), max(number, rounds)
+            if len(turned := _turned_over(mesh, origin + shifts)) < least:
+                least, latest = len(turned), max(number, rounds)
+                best, fewest = (origin + shifts, least) if least < fewest else (best, fewest)
             if not fewest:
                 return best
             if number >= latest + rounds:
