@@ -30,6 +30,12 @@ _SLIPS = (
     ("^Unclosed array$", r"\n\Z", r"^\[\[[\w-]+\]\]", _UNCLOSED),
     ("^Unclosed array$", "", r"^[)}]", "a list ends with ]"),
     ("^Invalid value$", r"[\[,=\n][ \t]*\Z", r"^\(", "a list stands in [square brackets], an expression in quotes"),
+    ("^Invalid initial", "", r"^[ \t\r]*(?:#.*)?\Z", "a table in {braces} stands on one line"),
+    ("^Invalid (?:initial|value$)", r",[ \t]*\Z", r"^[,}]", "this comma or the one before is too many"),
+    ("^Expected newline", "", r"^,[ \t\r]*(?:#.*)?\Z", "a line ends without a comma, except in a list"),
+    ("^Expected newline", r"""["'][ \t]*\Z""", "^,", "a list stands in [square brackets]"),
+    ("^Expected '='", r"\w[ \t]+\Z", r"^[\w-]+[ \t]*=", "a name before = has no blank, but may have _"),
+    ("^(?:Invalid statement|Expected newline)", "", r"^[\])}]", "this bracket closes none"),
     (
         "^Unclosed",
         r"""[\]\w."'}][ \t\r]*(?:#[^\n]*)?(?:\n[ \t\r]*(?:#[^\n]*)?)*$""",

@@ -23,8 +23,10 @@ _WORDS = re.compile(
 # Signs of other programs, and of web pages
 _HINTS = {"^": "powers are written **", "°": "degrees are written *deg", "\xa0": "type a plain blank"}
 _HINTS |= dict.fromkeys("×·", "a product is written *") | dict.fromkeys("−–", "a minus sign is -")
+_HINTS |= dict.fromkeys("[]{}", "brackets are ( )") | {"÷": "a quotient is written /"}
 _WORD_HINTS = dict.fromkeys(("mm", "cm", "m", "inch", "in"), "lengths are numbers without a unit")
 _WORD_HINTS |= {COUNTER: "which is the number of a copy, in moves of copies with `repeat` alone", "pow": _HINTS["^"]}
+_WORD_HINTS |= {f"{name}d": f"angles are radians: {name}(x*deg) takes degrees" for name in ("sin", "cos", "tan")}
 _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]] = {
     ast.Add: ("+", operator.add),
     ast.Sub: ("-", operator.sub),
@@ -97,9 +99,12 @@ def _unknown(word: str, names: Mapping[str, float]) -> str:
 
     if word in _WORD_HINTS:
         return f"unknown name {word!r}, {_WORD_HINTS[word]}"
-    if likely := difflib.get_close_matches(word, names, n=1):
-        return f"unknown name {word!r}, did you mean {likely[0]}?"
     known = (*FUNCTIONS, *CONSTANTS, *names)
+    alike = [name for name in known if name.lower() == word.lower()]
+    if likely := alike or difflib.get_close_matches(word, names, n=1):
+        return f"unknown name {word!r}, did you mean {likely[0]}?"
+    if product := next((f"{a}*{word[len(a) :]}" for a in names if word.startswith(a) and word[len(a) :] in known), ""):
+        return f"unknown name {word!r}, did you mean {product}?"
     return f"unknown name {word!r}, known are {', '.join(known[:30])}" + ", ..." * (len(known) > 30)
 
 

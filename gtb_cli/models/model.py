@@ -60,7 +60,7 @@ class Model:
         if not self.patches:
             raise DomainError("patches: a model needs at least one")
         if len({patch.dimension for patch in self.patches}) > 1:
-            raise DomainError("patches: curves and surfaces cannot be mixed in one model")
+            raise DomainError("patches: curves and surfaces cannot be mixed in one model: they make a mesh each")
 
     def __len__(self) -> int:
         return len(self.patches)

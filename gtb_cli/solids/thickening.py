@@ -31,7 +31,7 @@ MIN_THICKNESS_ROUNDINGS = 64
 # Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share the
 # normal. A solid is 3 % too thin on an edge between patches at this angle.
 SMOOTH_COSINE = math.cos(math.radians(15))
-MAX_MITRE = 2.0  # largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°
+MAX_MITRE = 4.0  # largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 29°
 
 
 def thicken(mesh: Mesh, thickness: float) -> Mesh:

@@ -106,13 +106,14 @@ class WallMaker:
             return "no thickness is solid, as the surface passes through itself"
         if abs(thickness) <= CROSSING_DEPTH * (size := max(surface.bounds[1] - surface.bounds[0])):
             return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
-        tolerance, cells = float(f"{min(abs(thickness) / 50, size / 500):.1g}"), len(surface.cells)
-        even = f"`resolution` {RESOLUTION}", RESOLUTION, max(2 * cells, MANY_CELLS)
-        for way, n, most in ((f"`tolerance` {tolerance:g}", None, cells), even):
+        tolerances, cells = [min(abs(thickness) / share, size / 500) for share in (50, 10)], len(surface.cells)
+        ways = [(f"`tolerance` {each:.1g}", None, float(f"{each:.1g}"), cells) for each in tolerances]
+        even = f"`resolution` {RESOLUTION}", RESOLUTION, None, max(2 * cells, MANY_CELLS)
+        for way, n, tolerance, most in (*ways, even):
             with suppress(ToleranceError):
-                other = tessellate(self.spec, n, None if n else tolerance, normals=True, max_faces=most)
+                other = tessellate(self.spec, n, tolerance, normals=True, max_faces=most)
                 if len(other.cells) != cells and is_solid(thickness, other):
-                    return f"beside inner corners it hangs on the faces: with {way} it was tried and is solid"
+                    return f"it hangs on the fineness: with {way} it was tried and is solid"
         found = _smaller("thickness", thickness, is_solid, cells)
         is_other = cells < MANY_CELLS and is_solid(-thickness)
         return found + f"; on the other side `thickness` {-thickness:g} is solid" * is_other
