@@ -13,6 +13,7 @@ from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.messages import Console
 from gtb_cli.shell.options import INPUT, console_option, difference_option, ignore_option
 from gtb_cli.shell.streams import opened
+from gtb_cli.shell.watching import stamp
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict
 from gtb_cli.vocabulary import FORMATS, suffix_of
@@ -41,7 +42,7 @@ def approve(golden: str, out: str, names: tuple[str, ...], prune: bool, comparin
     new = files_in(out, unreadable)
     if not new and not unreadable:
         raise GtbError(f"{out}: has no files to take over")
-    stamps = {path: _stamp(path) for path in new.values()}
+    stamps = {path: stamp(path) for path in new.values()}
     found: Iterable[Verdict] = (Verdict(name, (os.path.join(golden, name), new[name]), "extra") for name in sorted(new))
     if os.path.isdir(golden) and files_in(golden, unreadable):
         found = comparing.each(golden, out)
@@ -104,12 +105,6 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
     return [verdict for name in chosen if not (verdict := verdicts[name]).same or verdict.found is not None]
 
 
-def _stamp(path: str) -> object:
-    """Return what changes with a file's bytes; None for a link to nowhere."""
-    found = os.stat(path) if os.path.exists(path) else None
-    return found and (found.st_ino, found.st_ctime_ns, found.st_size)
-
-
 def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, stamps: Mapping[str, object]) -> list[str]:
     """Replace all files or none; return what changes in each."""
     from gtb_cli.files import StagedFiles
@@ -120,7 +115,7 @@ def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, stam
             target = verdict.paths[0]
             try:
                 content = _new_content(golden, verdict)
-                if _stamp(verdict.paths[1]) != stamps.get(verdict.paths[1]):
+                if stamp(verdict.paths[1]) != stamps.get(verdict.paths[1]):
                     raise GtbError(Fault("was changed after it was compared", verdict.paths[1]))
                 changes.append(f"{target}: {_changed(verdict, content, comparing)}")
             except GtbError as error:

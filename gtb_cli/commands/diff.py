@@ -19,6 +19,7 @@ from gtb_cli.shell.options import (
     max_faces_option,
     parametrization_option,
     reads,
+    recipe_of,
     resolution_option,
     streams_options,
 )
@@ -26,17 +27,13 @@ from gtb_cli.shell.streams import Streams, refuse_overwriting, refuse_reports, s
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict, Verdicts
-from gtb_cli.vocabulary import RESOLUTION, Parametrization, suffix_of
+from gtb_cli.vocabulary import suffix_of
 
 
 def _reports(paths: tuple[str, ...]) -> tuple[str, ...]:
     if wrong := [path for path in paths if suffix_of(path) not in ("html", "md")]:
         raise ValueError(f"expected a name that ends in .html or .md, got {wrong[0]!r}")
     return paths
-
-
-def _recipe(resolution: int | None, parametrization: Parametrization, max_faces: int) -> Recipe:
-    return Recipe(resolution or RESOLUTION, None, parametrization, max_faces=max_faces)
 
 
 @click.command
@@ -66,7 +63,7 @@ def _recipe(resolution: int | None, parametrization: Parametrization, max_faces:
     help="Also write a report on all that differs: PAGE.html, to look at old and new side by side, offline; or "
     "PAGE.md, a table of the numbers. May be repeated.",
 )
-@gathered("recipe", _recipe, resolution_option, parametrization_option, max_faces_option)
+@gathered("recipe", recipe_of, resolution_option, parametrization_option, max_faces_option, takes=Recipe)
 @json_option
 @streams_options
 def diff(

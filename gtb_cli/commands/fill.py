@@ -160,8 +160,8 @@ def fill(
             warnings.append(f"{' and '.join(lost)} of the part's faces are not kept")
         write_blocks(streams.output, [block])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
-        text = dump(filling.model or filling.patch, streams.output)
-        streams.write(text)  # before its certificate: it may be impossible
+        # Before its certificate: it may be impossible
+        streams.write(dump(filling.model or filling.patch, streams.output))
     if as_json:
         write_json(STANDARD, _certificate(filling, seams, written=not bends))
     if filling.fault:

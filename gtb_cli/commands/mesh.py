@@ -34,6 +34,7 @@ from gtb_cli.shell.streams import (
 from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfaces
 from gtb_cli.shell.watching import watched
 from gtb_cli.shell.workers import Workers, workers_option
+from gtb_cli.values import grouped
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
@@ -223,12 +224,10 @@ def _output(place: str, kind: str, stem: str | None) -> str:
 
 def _check_targets(plan: Iterable[Task]) -> None:
     """Refuse two files of one name in the folder, and files that this command reads."""
-    sources: dict[str, str] = {}
-    for task in plan:
-        if task.output in sources:
-            name = os.path.basename(task.output)
-            raise click.UsageError(f"{sources[task.output]} and {task.path} would both be written to {name}")
-        sources[task.output] = task.path
+    sources = grouped((task.output, task.path) for task in plan)
+    for output, paths in sources.items():
+        if len(paths) > 1:
+            raise click.UsageError(f"{paths[0]} and {paths[1]} would both be written to {os.path.basename(output)}")
     check_outputs(*sources)
 
 

@@ -13,6 +13,7 @@ from gtb_cli.language.reading import Numbers, Reading
 from gtb_cli.shell.faults import in_options
 from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.limit_options import limit_options
+from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import (
     INPUT,
@@ -196,9 +197,7 @@ def _content(path: str, recipe: Recipe | None, reading: Reading, limit: Approach
 
 def _refuse_solid(recipe: Recipe | None, reason: str) -> None:
     """Refuse options of the mesh of a spec, but its resolution."""
-    for name in ("tolerance", "radius", "thickness", "weld"):
-        if recipe is not None and getattr(recipe, name) is not None:
-            raise click.UsageError(f"--{name} {reason}")
+    MeshOptions(recipe or Recipe()).refuse(reason, "tolerance", "radius", "thickness", "weld")
 
 
 def _refuse_too_many(faces: int) -> None:

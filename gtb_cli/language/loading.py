@@ -14,6 +14,7 @@ from gtb_cli.language.document import MAX_BYTES, Document, Faults, error_about, 
 from gtb_cli.language.includes import Library
 from gtb_cli.language.keys_and_values import Budget, Values, valid_name
 from gtb_cli.language.model_reader import read_spec
+from gtb_cli.language.names import Unknown
 from gtb_cli.language.reading import NO_LET, Let, Reading
 from gtb_cli.language.scanner import Path
 from gtb_cli.models.model import Model
@@ -77,11 +78,7 @@ def parse(
     files: list[Faults] = []
 
     def spec(
-        text: bytes | str,
-        format: SpecFormat | None,
-        readers: tuple[str, ...],
-        given: Let,
-        unknown: Callable[[str, str], object],
+        text: bytes | str, format: SpecFormat | None, readers: tuple[str, ...], given: Let, unknown: Unknown
     ) -> Patch | Model | None:
         """Read one file, the last of `readers`, each of which includes the next."""
         document = read(text, readers[-1], format)
@@ -104,10 +101,7 @@ def parse(
             check_ranges(document, faults, values.names, given)
         return found
 
-    def not_there(number: str, fault: str) -> None:
-        files[0].add((), f"`let` {number}: the spec {fault}")
-
-    result = spec(text, format, (source,), let, not_there)
+    result = spec(text, format, (source,), let, lambda name, what: files[0].add((), f"`let` {name}: the spec {what}"))
     if result is None or any(faults.count for faults in files):
         raise error_about(files)
     if doubt := next(filter(None, (faults.doubted() for faults in files)), None):

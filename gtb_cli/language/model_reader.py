@@ -7,7 +7,7 @@ from typing import Any
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import shown
 from gtb_cli.language.keys_and_values import FINITE, POSITIVE, Table, Values
-from gtb_cli.language.names import numbers_in_no_let, read_numbers
+from gtb_cli.language.names import Unknown, numbers_in_no_let, read_numbers
 from gtb_cli.language.patch_reader import INCLUDE_KEYS, MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.reading import NO_LET, Let
 from gtb_cli.language.scanner import Path
@@ -20,13 +20,7 @@ Include = Callable[[str, Let, Path], tuple[Patch, ...]]
 
 
 def read_spec(
-    values: Values,
-    include: Include,
-    data: object,
-    name: str | None,
-    row: int | None,
-    given: Let,
-    unknown: Callable[[str, str], object],
+    values: Values, include: Include, data: object, name: str | None, row: int | None, given: Let, unknown: Unknown
 ) -> Patch | Model | None:
     """Read a whole document; None if faults, here or in included files, leave the model without patches.
 

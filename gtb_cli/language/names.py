@@ -4,7 +4,7 @@ import keyword
 import math
 import re
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import shown
@@ -13,16 +13,15 @@ from gtb_cli.language.keys_and_values import FINITE, Values, suggestion
 from gtb_cli.language.patch_reader import MODEL_KEYS, PATCH_KEYS
 from gtb_cli.language.reading import Let, Number
 
+Unknown: TypeAlias = Callable[[str, str], object]  # is told a given name that no number has, and what is said of it
+
 NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number
 MAX_NUMBER_NAME = 60  # longest name of a number, in characters
 MAX_NAMES = 1000  # named numbers
 
 
-def read_numbers(table: dict[str, Any], values: Values, given: Let, unknown: Callable[[str, str], object]) -> None:
-    """Read ``let``, if present, with the `given` numbers in place of those of the same names.
-
-    `unknown` is told each given name that ``let`` does not have, and what is said of it.
-    """
+def read_numbers(table: dict[str, Any], values: Values, given: Let, unknown: Unknown) -> None:
+    """Read ``let``, if present, with the `given` numbers in place of those of the same names."""
     values.names = names = dict[str, float]()
     # Without one, a table with another name is probably meant
     others = [entry for key, entry in table.items() if isinstance(entry, dict) and key not in PATCH_KEYS | MODEL_KEYS]

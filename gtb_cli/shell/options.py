@@ -333,7 +333,7 @@ def spec_from_spec(function: Callable[..., Spec]) -> Function:
 
 def recipe_of(resolution: int | None, **values: Any) -> Recipe:
     """Return the recipe for the values of options."""
-    if resolution is not None and values["tolerance"] is not None:
+    if resolution is not None and values.get("tolerance") is not None:
         raise click.UsageError("-n and --tolerance exclude each other")
     return Recipe(resolution or RESOLUTION, **values)
 

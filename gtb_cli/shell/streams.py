@@ -17,6 +17,7 @@ import click
 from gtb_cli.errors import ExportError, Fault, GtbError, SpecError
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.messages import STANDARD, Console, abandon
+from gtb_cli.values import grouped
 from gtb_cli.vocabulary import SCHEMA, suffix_of
 
 if TYPE_CHECKING:
@@ -156,11 +157,9 @@ def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
     Anything but a regular file, such as a terminal, may be both.
     """
     outputs = [output for output in outputs if output != STANDARD and not is_device(output)]
-    places: set[str] = set()
-    for output in outputs:
-        if (place := os.path.realpath(output)) in places:
-            raise click.UsageError(f"{output} would be written twice")
-        places.add(place)
+    for alike in grouped((os.path.realpath(output), output) for output in outputs).values():
+        if len(alike) > 1:
+            raise click.UsageError(f"{alike[1]} would be written twice")
     existing = [(output, os.stat(output)) for output in outputs if os.path.isfile(output)]
     if not existing:
         return

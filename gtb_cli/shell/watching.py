@@ -25,21 +25,21 @@ class Files:
     def changed(self) -> bool:
         """Tell whether one of them is another than at the last question, or there are others; at first, they are."""
         paths = self._paths()
-        if all(path in self._stamps for path in paths) and all(_stamp(f) == stamp for f, stamp in self._stamps.items()):
+        if all(path in self._stamps for path in paths) and all(stamp(f) == old for f, old in self._stamps.items()):
             return False
         from gtb_cli.language.includes import sources
 
         files = [file for path in paths for file in (sources(path) if os.path.isfile(path) else [path])]
-        self._stamps = {file: _stamp(file) for file in files}
+        self._stamps = {file: stamp(file) for file in files}
         return True
 
 
-def _stamp(path: str) -> object:
-    """Return a value that changes when a file, or a file in a folder, changes."""
+def stamp(path: str) -> object:
+    """Return a value that changes when a file, or a file in a folder, is written or replaced."""
     try:
         inner = [os.path.join(path, name) for name in sorted(os.listdir(path))] if os.path.isdir(path) else [path]
         stamps = [(name, os.stat(name)) for name in inner]
-        return [(name, status.st_mtime_ns, status.st_size, status.st_ino) for name, status in stamps]
+        return [(name, at.st_mtime_ns, at.st_ctime_ns, at.st_size, at.st_ino) for name, at in stamps]
     except OSError as error:
         return str(error)
 

@@ -88,20 +88,6 @@ def test_errors_of_the_system_are_said_in_words_of_what_they_are_about(error, wo
     assert result.err.startswith(f"gtb: error: {words}")
 
 
-@pytest.mark.parametrize("variables", [{}, {"COMP_WORDS": "gtb", "COMP_CWORD": "x"}, {"_GTB_COMPLETE": "x"}])
-def test_a_question_of_no_shell_is_a_usage_error(variables, monkeypatch):
-    monkeypatch.setenv("_GTB_COMPLETE", "bash_complete")
-    for name, value in variables.items():
-        monkeypatch.setenv(name, value)
-    result = gtb(status=2)
-    assert result.err == "gtb: error: _GTB_COMPLETE is for shells, which also set COMP_WORDS and COMP_CWORD\n"
-
-
-def test_a_question_that_is_empty_is_none(monkeypatch):
-    monkeypatch.setenv("_GTB_COMPLETE", "")
-    assert gtb("info", PENTAGON, status=0).text
-
-
 # --- messages
 
 
