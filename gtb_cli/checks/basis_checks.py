@@ -3,7 +3,7 @@
 import numpy as np
 
 from gtb_cli.arrays import EPS
-from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, largest, points_at_torus, principal_axes
+from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, largest, points_at_torus
 from gtb_cli.checks.report import Finding, at_most, not_applicable, number, within_rounding
 from gtb_cli.errors import DomainError
 from gtb_cli.moment.solve import RESIDUAL
@@ -58,12 +58,9 @@ def corners(probe: Probe) -> Finding:
 def hull(probe: Probe) -> Finding:
     """Measure how far points are outside the convex hull of the control points."""
     flat_width = 1e-9  # of the extent: narrower control points are flat, without a solid hull
-    middle = probe.patch.control_points.mean(axis=0)
-    control, points = ((array - middle) / probe.extent for array in (probe.patch.control_points, probe.points))
-    if not np.isfinite(points).all():
+    if not np.isfinite(probe.points).all():
         return at_most(np.inf, probe.distance_rounding, "there are points that are not finite")
-    axes = principal_axes(control)
-    control, points = control @ axes.T, points @ axes.T
+    control, points = probe.along_principal_axes(probe.patch.control_points, probe.points)
     outside = [(control.min(axis=0) - points).max(), (points - control.max(axis=0)).max()]
     rank = int((np.ptp(control, axis=0) > flat_width).sum())
     if rank > 1:

@@ -119,6 +119,14 @@ class Probe:
         """Return the largest distance of (m, 3) points from others, as a fraction of `extent`."""
         return largest(np.sqrt((((first - second) / self.extent) ** 2).sum(axis=1)))
 
+    def along_principal_axes(self, *arrays: FloatArray) -> list[FloatArray]:
+        """Return (m, 3) points along the principal axes of control points, from their mean, in units of `extent`."""
+        middle = self.patch.control_points.mean(axis=0)
+        # Rows of zeros give even two points three axes.
+        control = np.concatenate([(self.patch.control_points - middle) / self.extent, np.zeros((3, 3))])
+        axes = np.linalg.svd(control, full_matrices=False)[2]
+        return [(array - middle) / self.extent @ axes.T for array in arrays]
+
     @cached_property
     def merged(self) -> Patch:
         """The patch with its repeated knots merged; the patch itself if no knot is repeated."""
@@ -133,16 +141,9 @@ def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
     return patch.points_at([where], count)
 
 
-def principal_axes(points: FloatArray) -> FloatArray:
-    """Return the principal axes, the rows of (3, 3), of (m, 3) points about 0, the longest first."""
-    # Rows of zeros give even two points three axes.
-    return np.asarray(np.linalg.svd(np.concatenate([points, np.zeros((3, 3))]), full_matrices=False)[2])
-
-
 def choice(count: int, most: int) -> list[int]:
     """Return at most `most` indices below `count`, evenly spread from the first to the last."""
-    spread: list[int] = np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64)).tolist()
-    return spread
+    return list(map(int, np.linspace(0, count - 1, min(count, most))))
 
 
 def largest(values: FloatArray) -> float:

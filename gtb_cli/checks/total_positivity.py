@@ -6,7 +6,7 @@ from itertools import permutations
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
-from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, principal_axes
+from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe
 from gtb_cli.checks.report import Finding, at_most, not_applicable, number, within_rounding
 
 MAX_MINOR_ORDER = 4  # rows of a sampled minor, which is then a sum of at most 24 products
@@ -159,14 +159,11 @@ def _turning(points: FloatArray) -> tuple[float, float]:
 def _in_principal_axes(probe: Probe, count: int) -> tuple[FloatArray, FloatArray, bool]:
     """Return control points, (n, 3), and even points of the curve, (count, 3), and tell whether all are in a plane.
 
-    Coordinates are along the principal axes of the control points, from their middle, in units of the extent.
+    Coordinates are those of `Probe.along_principal_axes`.
     """
     patch = probe.patch
     control = patch.control_points[np.argsort(patch.knots[:, 0], kind="stable")]
-    middle = (control.min(axis=0) + control.max(axis=0)) / 2
     start, end = patch.domain.vertices
     points = patch.evaluate(np.linspace(start, end, count), "linear")
-    control, points = ((array - middle) / probe.extent for array in (control, points))
-    axes = principal_axes(control - control.mean(axis=0))
-    control, points = control @ axes.T, points @ axes.T
+    control, points = probe.along_principal_axes(control, points)
     return control, points, bool(np.ptp(control[:, 2]) <= PLANE_WIDTH + 8 * EPS * np.abs(control).max())

@@ -62,11 +62,8 @@ def highest(function: Callable[[FloatArray], FloatArray], net: FloatArray, ends:
         found = function(places := start + x * down + y * right)
         if not (found > 1.005 * heights).any():
             return float(found.max()), places.reshape(2, -1)[:, found.argmax()]
-        here, heights, step = (
-            tried[:, found.argmax(axis=0), np.arange(len(peaks))][:, None],
-            found.max(axis=0),
-            step / 3,
-        )
+        here = tried[:, found.argmax(axis=0), np.arange(len(peaks))][:, None]
+        heights, step = found.max(axis=0), step / 3
 
 
 def folds(patch: Patch) -> FloatArray:

@@ -4,13 +4,13 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from operator import itemgetter
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray
 from gtb_cli.fairing.descent import BENDING_POWER, together
-from gtb_cli.fairing.energy import Samples
+from gtb_cli.fairing.energy import Samples, energy_at
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import Bending, bendings
@@ -29,8 +29,6 @@ VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary n
 MOST_CURVED = 150.0  # largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores
 MOST_BENT = 400.0  # largest weight of bending beside its variation, in units of 1 / area
 BROKEN = 1e9  # of those, that no pull mends: rows of pulls would have no digits left
-
-_Pulls: TypeAlias = Sequence[FloatArray]  # rows, ways, and what rows of points should be along them
 
 
 class Scored(NamedTuple):
@@ -93,6 +91,7 @@ class FairSearch:
         yield from surfaces
         yield from self.scored(self._least(energies[best], share=0.0))  # bounds of corners make some patches fold
         yield first
+        yield from self.scored(self._least(energy_at(*self._places, "thin-plate")))  # it overshoots least
 
     def _evened(self, energy: FloatArray, one: Scored) -> list[Scored]:
         """Return a surface and where it is led; curvature inside edges is pulled to theirs as little as is enough."""
@@ -128,7 +127,7 @@ class FairSearch:
         s = MomentMap(*self._places[:2]).inverse(places[0], 1e-10)
         return list(blocks(*self._places[:2], s)), on_edges, none * float(max(largest)) or 1.0
 
-    def _even(self, energy: FloatArray | None, points: FloatArray) -> _Pulls:
+    def _even(self, energy: FloatArray | None, points: FloatArray) -> Sequence[FloatArray]:
         """Return rows, ways and what they should be, for κ₁ + κ₂ inside edges to be as at these; squares as energy."""
         places, wanted, much = self._strips
         rows, ways = np.zeros((len(wanted), len(points))), np.zeros((len(wanted), 3))
@@ -184,8 +183,8 @@ class FairSearch:
         tables = among is not None
         return [corner_layer(self._domain, self._places.log_weights, points, each, fan, tables) for each in corners]
 
-    def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> _Pulls:
-        """Return rows and ways that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
+    def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> Sequence[FloatArray]:
+        """Return rows, ways and zeros that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
         quiet = MOST_CURVED / 1.5  # squares have the energy's value; half of the places
         value, parts = _value(energy, points), [also(points)] if also else []
         for near in self._layers(points, beyond):

@@ -26,7 +26,7 @@ from gtb_cli.filling.strips import curve_sides
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.models.model import Model
-from gtb_cli.theory.edges import EdgeRef, edge_name
+from gtb_cli.theory.edges import EdgeRef, edge_name, patch_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
 
@@ -201,7 +201,7 @@ def _loose_end(model: Model, refs: Sequence[EdgeRef]) -> str:
     """Say which of several patches has all edges but one in the ring of a hole, as where copies do not close."""
     for k, edges in Counter(patch for patch, _ in refs).items():
         if 3 <= edges >= len(model.patches[k].domain.vertices) - 1 and len(model.patches) > 1:
-            name = model.patches[k].name or f"patches[{k}]"
+            name = patch_name(model.patches[k], k)
             return f"the hole has {edges} edges of {name}: a copy may be missing, or not turned as far as it has to be"
     return ""
 

@@ -271,5 +271,3 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
     search = FairSearch(region, places, depths, least, edges, fullness == 1)
     for score, points, *_ in search.fairest():
         yield patch(points), score
-    ((score, points, *_),) = search.scored(least(energy_at(*places, "thin-plate")))  # it overshoots least
-    yield patch(points), score

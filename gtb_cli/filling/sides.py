@@ -240,8 +240,8 @@ def edge_normals(patch: Patch, edge: int, t: FloatArray) -> FloatArray:
 def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     """Put sides in order, so that each begins where the one before ends, and close gaps due to rounding or in the weld.
 
-    Return them without those that are points, and remarks that say so. Raises `DomainError` if they do not close, or
-    are fewer than three.
+    Return them without those that are points, and remarks that say so. Raises `DomainError` if they do not close, lie
+    on one line, or are fewer than three.
     """
     size = float(np.ptp(np.concatenate([side.points for side in sides]), axis=0).max()) if sides else 0.0
     if not size > 0:
@@ -272,6 +272,9 @@ def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
         if np.linalg.norm(side.ends[0] - other.ends[0]) <= MAX_GAP * size and 1 < j - i < len(chain) - 1:
             at = ", ".join(f"{x:.6g}" for x in side.ends[0])
             raise DomainError(f"loop: passes ({at}) twice, before {side.name} and {other.name}: fill each part alone")
+    points = np.concatenate([side.points for side in chain])
+    if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] <= POINT_SIZE * size:
+        raise DomainError("loop: all its sides lie on one line: there is no area between them to be filled")
     starts, ends = np.moveaxis(np.array([side.ends for side in chain]), 1, 0)
     corners = (starts + np.roll(ends, 1, axis=0)) / 2
     worst = 2 * float(np.abs(corners - starts).max())

@@ -29,7 +29,7 @@ def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> F
     e = exponents(knots, log_weights, s)
     safe = 250.0  # neither overflows nor underflows, even times coordinates: then the largest need not be subtracted
     bound = np.abs(knots).max(axis=0) @ np.abs(s).max(axis=1, initial=0.0) + np.abs(log_weights).max()
-    return np.exp(e, out=e) if bound <= safe else scaled_exponentials(e)
+    return np.exp(e, out=e) if bound <= safe and len(knots) > 1 else scaled_exponentials(e)  # 1 of a single knot
 
 
 def scaled_exponentials(e: FloatArray) -> FloatArray:
@@ -41,8 +41,6 @@ def scaled_exponentials(e: FloatArray) -> FloatArray:
 
 def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray) -> FloatArray:
     """Return sums of weights and of weighted (n, k) values, up to a common factor: (d, m) → (1 + k, m)."""
-    if len(knots) == 1:
-        return np.repeat(np.concatenate([np.ones((1, 1)), values.T]), s.shape[1], axis=1)
     factors = np.concatenate([np.ones((1, len(values))), values.T])
     return np.asarray(factors @ exponentials(knots, log_weights, s))
 
