@@ -346,6 +346,7 @@ class CornerLayer(NamedTuple):
     table: FloatArray
 
 
+@np.errstate(divide="ignore", over="ignore", invalid="ignore")  # at places without a normal
 def corner_layer(
     domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int, at: FloatArray, tables: bool = False
 ) -> CornerLayer:
