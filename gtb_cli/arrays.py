@@ -153,11 +153,16 @@ def as_indices(values: NDArray[Any], kind: type[np.signedinteger[Any]]) -> IntAr
     return indices if indices is values or np.array_equal(indices, values) else values.astype(np.int64)
 
 
+def row_blocks(count: int, length: int) -> Iterator[slice]:
+    """Yield the rows from 0 to `count`, at most `length` at a time."""
+    return (slice(start, min(start + length, count)) for start in range(0, count, length))
+
+
 def taken(values: NDArray[Any], indices: IntArray) -> NDArray[Any]:
     """Return the values at (k, c) indices, by blocks: numpy makes 64 bits of all indices that it takes at once."""
     result = np.empty(indices.shape, dtype=values.dtype)
-    for start in range(0, len(indices), INDEX_ROWS):
-        result[start : start + INDEX_ROWS] = values[indices[start : start + INDEX_ROWS]]
+    for rows in row_blocks(len(indices), INDEX_ROWS):
+        result[rows] = values[indices[rows]]
     return result
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, cross, dot
+from gtb_cli.arrays import FloatArray, cross, dot, row_blocks
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.tessellate import tessellate
@@ -89,8 +89,8 @@ def _integrals_of(patch: Patch, nets: FloatArray, order: int) -> FloatArray:
     count = max(1, 500_000 // max(len(knots), 3 * len(nets)))  # of places at a time
     result = np.zeros((len(nets), 3))
     values = np.moveaxis(nets, 0, 1).reshape(len(knots), -1)
-    for begin in range(0, len(rule.weights), count):
-        p, weights = rule.parameters[begin : begin + count], rule.weights[begin : begin + count]
+    for rows in row_blocks(len(rule.weights), count):
+        p, weights = rule.parameters[rows], rule.weights[rows]
         t = basis.values(basis.locations(p, "linear"), len(p))
         offsets = [axis - own[:, None] for axis, own in zip(knots.T, p.T, strict=True)]
         u, v = t * offsets[0], t * offsets[-1]

@@ -74,11 +74,7 @@ def distance(a: Comparable, b: Comparable) -> Distance:
 
 
 def compared(
-    a: Operand,
-    b: Operand,
-    tolerance: float | str | None = None,
-    kind: Comparison = "auto",
-    ignore: Aspect | Collection[Aspect] = (),
+    a: Operand, b: Operand, tolerance: float | str | None, kind: Comparison, ignore: Aspect | Collection[Aspect]
 ) -> Difference:
     """Compare two operands; see `diff`."""
     aspects = (ignore,) if isinstance(ignore, str) else tuple(ignore)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, column_dot
+from gtb_cli.arrays import FloatArray, IntArray, column_dot, row_blocks
 from gtb_cli.distances.strata import Strata
 
 ROUNDING = 1e-14  # distance, as a fraction of the size of the surfaces, below which all is rounding
@@ -17,8 +17,7 @@ def projected(
     """
     block = 1 + 100_000 // len(strata.log_weights)
     distances, found = np.empty(len(points)), np.empty_like(s)
-    for start in range(0, len(points), block):
-        rows = slice(start, start + block)
+    for rows in row_blocks(len(points), block):
         there, least = strata.chosen(stratum[rows]), enough[rows] ** 2
         squares, found[rows] = _least_squares(there, points[rows].T, s[rows].T, 0.2 * accuracy, least)
         distances[rows] = np.sqrt(squares)

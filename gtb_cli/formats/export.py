@@ -9,7 +9,7 @@ from typing import IO
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, row_blocks
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, first_beyond, single_half_steps
@@ -258,8 +258,7 @@ def held_vertices(mesh: Mesh, kind: str, ascii: bool = False) -> FloatArray:
     if FORMATS[kind].text == "on request" or not np.isfinite(vertices).all():
         return vertices
     digits = decimals(vertices)
-    starts = range(0, len(vertices), BLOCK_ROWS)
-    texts = (number_lines("", vertices[start : start + BLOCK_ROWS], digits) for start in starts)
+    texts = (number_lines("", vertices[rows], digits) for rows in row_blocks(len(vertices), BLOCK_ROWS))
     return np.concatenate([np.array(text.split(), dtype=np.float64) for text in texts]).reshape(-1, 3)
 
 

@@ -251,11 +251,8 @@ def _matrix(node: dict[str, Any]) -> FloatArray:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     matrix = np.eye(4)
     x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)
-    rotation = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, :3] = np.array(rotation) * np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+    crossed = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])  # a vector by this is its product with the axis
+    rotation = np.eye(3) + 2 * (w * crossed + np.einsum("ij,jk", crossed, crossed))
+    matrix[:3, :3] = rotation * np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
     matrix[:3, 3] = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64)
     return matrix

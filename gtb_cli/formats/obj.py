@@ -12,7 +12,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of
 from gtb_cli.formats.polygons import polygons_of, segments, triangles
-from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
+from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, padded, shown
 from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
@@ -45,10 +45,7 @@ def _values(data: bytes, block: int) -> Values:
                 numbers, counts = number_rows(b"\n".join([lines[k][2:] for k in places[keyword]]), np.float64)
                 if counts.min() < (least := 1 if keyword == b"vt" else 3):
                     raise GtbError(f"{shown(keyword)} has at least {least} numbers, got {counts.min()}")
-                is_there = np.arange(3) < counts[:, None]
-                row = np.zeros((len(counts), 3))
-                row[is_there] = numbers[np.arange(len(numbers)) - np.repeat(np.cumsum(counts) - counts, counts) < 3]
-                rows.append(row)
+                rows.append(padded(numbers, counts, 3, 0.0))
             cells, made = (b"l", segments) if places[b"l"] else (b"f", triangles)
             if places[cells]:
                 words = [lines[k][2:].split() for k in places[cells]]
@@ -103,16 +100,11 @@ class _ObjLines:
     def _read(self, lines: list[bytes]) -> None:
         """Read the lines of each keyword together; nothing is changed if one of them is wrong."""
         places, names = _sorted(lines)
-        polygons = self.polygons[0]
         points, starts = np.empty((0, 3)), [self.cell_count] * len(names)
         further, most = points[:, 3:], 7  # numbers of a vertex: coordinates, and a colour with its opacity
         if places[b"v"]:
             numbers, counts = _numbers(b"v", lines, places[b"v"], np.float64)
-            points = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]
-            is_there = np.arange(3, min(counts.max(), most)) < counts[:, None]
-            further = np.full(is_there.shape, np.nan)
-            within = np.arange(len(numbers)) - np.repeat(np.cumsum(counts) - counts, counts)
-            further[is_there] = numbers[(within > 2) & (within < most)]
+            points, further = np.split(padded(numbers, counts, min(int(counts.max()), most), np.nan), [3], axis=1)
             if fault := faulty_point(points):
                 raise MeshError(f"a vertex {fault[1]}")
         cells = {}
@@ -130,8 +122,7 @@ class _ObjLines:
             if self.limit is not None and corners.max() > self.limit:
                 raise GtbError(f"expected vertices from 1 to {self.limit}, got {corners[corners > self.limit][0]}")
             corners -= 1
-            cells[keyword] = made(corners, counts)
-            polygons = polygons_of(counts, self.cell_count) if keyword == b"f" else polygons
+            cells[keyword] = made(corners, counts), counts
             ends = np.concatenate([[0], np.cumsum(counts - fewer)])
             through = np.searchsorted(places[keyword], [place for place, *_ in names])
             starts = [start + int(ends[row]) for start, row in zip(starts, through, strict=True)]
@@ -140,9 +131,9 @@ class _ObjLines:
         self.vertices.append(points)
         self.further.append(further)
         self.count += len(points)
-        self.polygons.append(polygons)
-        for keyword, part in cells.items():
+        for keyword, (part, counts) in cells.items():
             self.cells[keyword].append(part)
+            self.polygons += [polygons_of(counts, self.cell_count)] if keyword == b"f" else []
             self.cell_count += len(part)
         self.names += [(keyword, name, start) for (_, keyword, name), start in zip(names, starts, strict=True)]
 

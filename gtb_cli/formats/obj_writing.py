@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of, two_product
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, row_blocks, two_product
 from gtb_cli.formats.file_arrays import Ranges
 from gtb_cli.meshes.mesh import Mesh
 
@@ -44,8 +44,8 @@ def obj_blocks(mesh: Mesh, uv: FloatArray | None = None, groups: Ranges = ()) ->
     digits, cells = decimals(mesh.vertices), mesh.cells
     for prefix, values in (("v", mesh.vertices), ("vn", mesh.normals), ("vt", uv)):
         if values is not None:
-            for start in range(0, len(values), BLOCK_ROWS):
-                yield number_lines(prefix, values[start : start + BLOCK_ROWS], digits)
+            for rows in row_blocks(len(values), BLOCK_ROWS):
+                yield number_lines(prefix, values[rows], digits)
     prefix = "l" if mesh.is_curve else "f"
     # A reference is v, v/vt, v//vn or v/vt/vn. Segments have no vn.
     references = [(lead, cells) for lead in ([b" "] if uv is None else [b" ", b"/"])]
@@ -54,15 +54,14 @@ def obj_blocks(mesh: Mesh, uv: FloatArray | None = None, groups: Ranges = ()) ->
     for name, first, last in groups or [("", 0, len(cells))]:
         if name:
             yield f"g {name}\n".encode()
-        for start in range(first, last, BLOCK_ROWS):
-            rows = slice(start, min(start + BLOCK_ROWS, last))
-            yield cell_lines(prefix, [(lead, numbers[rows]) for lead, numbers in references])
+        for rows in row_blocks(last - first, BLOCK_ROWS):
+            yield cell_lines(prefix, [(lead, numbers[first:last][rows]) for lead, numbers in references])
 
 
 def text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
     """Yield the rows of numbers as text, each by the % format of a line, some thousands at a time."""
-    for start in range(0, len(values), BLOCK_ROWS):
-        block = values[start : start + BLOCK_ROWS]
+    for rows in row_blocks(len(values), BLOCK_ROWS):
+        block = values[rows]
         lines: str = line * len(block) % tuple(block.ravel().tolist())
         yield lines.encode("ascii")
 

@@ -16,7 +16,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, unreserved
 from gtb_cli.formats.obj_writing import text_rows
 from gtb_cli.formats.polygons import polygons_of, triangles
-from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
+from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, padded, shown
 from gtb_cli.meshes.mesh import ABSENT, LIBRARIES, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 
@@ -115,8 +115,7 @@ def read_ply(data: bytes) -> FileArrays:
     ranges = {LIBRARIES: [([mark_of(*pictures)], 0, len(cells))] if pictures else []}
     values = partial(_values, elements, tables, cells)
     corners = next((counts for name, (_, counts) in tables.get("face", {}).items() if name in POLYGONS), cells[:0, 0])
-    polygons = polygons_of(corners if cells.shape[1] == 3 else corners[:0])
-    return FileArrays(vertices, cells, half_steps, (), "", values, ranges, pictures, polygons)
+    return FileArrays(vertices, cells, half_steps, (), "", values, ranges, pictures, polygons_of(corners))
 
 
 def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: IntArray) -> Values:
@@ -157,8 +156,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
             parts = np.split(_single(exact), np.cumsum(counts)[:-1])
             exact, longest = np.array([[int(mark_of(part.tobytes()))] for part in parts]), 1
             counts, suffix = np.ones_like(counts), MARKED
-        found = np.full((len(counts), longest), np.nan if exact.dtype.kind == "f" else ABSENT, exact.dtype)
-        found[np.arange(longest) < counts[:, None]] = exact[:, 0]
+        found = padded(exact[:, 0], counts, longest, np.nan if exact.dtype.kind == "f" else ABSENT)
         values[label + suffix] = found, cells if label.endswith(" of vertices") else rows
         del rest[label]
     for name in tables.keys() - {"vertex", table}:

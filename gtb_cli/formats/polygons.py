@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, as_indices, cross, dot, groups, planar_cross
+from gtb_cli.arrays import FloatArray, IntArray, as_indices, cross, dot, groups, planar_cross, row_blocks
 from gtb_cli.formats.file_arrays import FileArrays
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Values
@@ -51,10 +51,10 @@ def unfolded(content: FileArrays) -> tuple[FileArrays, int]:
     cells, frame, places = content.cells.ravel(), Frame.around(content.vertices), np.arange(content.cells.size)
     for count, which in groups(content.polygons[:, 1]):
         left += len(which) * (count > most)
-        for begin in range(0, len(which), block // count + 1) if count <= most else ():
-            first = content.polygons[which[begin : begin + block // count + 1], 0]
+        for some in row_blocks(len(which), block // count + 1) if count <= most else ():
+            first = content.polygons[which[some], 0]
             corners = 3 * first[:, None] + np.array([0, 1, *range(2, 3 * count - 6, 3)])  # places in the cells
-            points = frame.inside(content.vertices[cells[corners]].reshape(-1, 3)).reshape(len(first), count, 3)
+            points = frame.inside(content.vertices[cells[corners]])
             sides = points[:, 1:] - points[:, :1]
             normals = cross(sides[:, :-1], sides[:, 1:])
             means, squares = normals.sum(axis=1), np.einsum("pkx,pkx->p", normals, normals)

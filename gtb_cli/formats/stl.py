@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, row_blocks
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, mark_of, single_half_steps
 from gtb_cli.formats.obj_writing import BLOCK_ROWS, text_rows
@@ -43,8 +43,7 @@ def _text(vertices: FloatArray, triangles: IntArray, normals: FloatArray, name: 
     title = name.encode("ascii", "replace")[:80]  # some readers have no room for more
     facet = "facet normal %r %r %r\nouter loop\n" + 3 * "vertex %r %r %r\n" + "endloop\nendfacet\n"
     yield b"solid " + title + b"\n"
-    for start in range(0, len(triangles), BLOCK_ROWS):
-        rows = slice(start, start + BLOCK_ROWS)
+    for rows in row_blocks(len(triangles), BLOCK_ROWS):
         corners = vertices[triangles[rows]].reshape(-1, 9)
         yield from text_rows(facet, np.column_stack([normals[rows], corners]))
     yield b"endsolid " + title + b"\n"

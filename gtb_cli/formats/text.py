@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterator, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,14 @@ def _plain_rows(text: bytes, kind: type[T]) -> tuple[NDArray[T], IntArray] | Non
     if len(found) != len(ends) or (kind is np.int64 and (np.abs(found) > max_fast_integer).any()):
         return None
     return found, counts
+
+
+def padded(numbers: NDArray[Any], counts: IntArray, width: int, fill: float) -> NDArray[Any]:
+    """Return the first numbers of rows of `counts` numbers as a table, (m, width), filled up where rows are shorter."""
+    table = np.full((len(counts), width), fill, numbers.dtype)
+    within = np.arange(len(numbers)) - np.repeat(np.cumsum(counts) - counts, counts.astype(np.intp))
+    table[np.arange(width) < counts[:, None]] = numbers[within < width]
+    return table
 
 
 def numbers(words: Sequence[bytes], kind: type[T]) -> NDArray[T]:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import INDEX_ROWS, IntArray, index_type, taken
+from gtb_cli.arrays import INDEX_ROWS, IntArray, index_type, row_blocks, taken
 
 _FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)  # odd, mixed bits
 
@@ -18,14 +18,14 @@ def numbered_places(points: NDArray[Any]) -> tuple[IntArray, IntArray]:
     count, kind = len(points), index_type(len(points))
     bits = np.uint64(count.bit_length())  # of an index, which takes the lowest ones of a key: sorting is stable
     key, least = np.empty(count, dtype=np.uint64), np.empty(count, dtype=kind)  # the first of equal points
-    blocks = [slice(start, start + INDEX_ROWS) for start in range(0, count, INDEX_ROWS)]
+    blocks = [*row_blocks(count, INDEX_ROWS)]
     for rows in blocks:
         held = (points[rows].astype(np.float64) + 0.0).view(np.uint64)
         mixed = np.zeros(len(held), dtype=np.uint64)
         for axis in range(3):
             mixed = (mixed ^ held[:, axis]) * _FACTORS[axis]
             mixed ^= mixed >> np.uint64(29)
-        key[rows] = mixed >> bits << bits | np.arange(rows.start, rows.start + len(held), dtype=np.uint64)
+        key[rows] = mixed >> bits << bits | np.arange(rows.start, rows.stop, dtype=np.uint64)
     key.sort()
     order = (key & ((np.uint64(1) << bits) - np.uint64(1))).astype(kind)
     key >>= bits

@@ -38,8 +38,7 @@ def unlike_values(
         return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where + nowhere
     if not remarks or isinstance(slots, float):
         return remarks, where + nowhere
-    places = numbered_places(a.mesh.vertices)[1]  # as faces that are there twice may share no vertices
-    cells = places[a.mesh.cells]
+    cells = numbered_places(a.mesh.vertices)[1][a.mesh.cells]  # faces that are there twice may share no vertices
     return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), where
 
 
@@ -51,8 +50,7 @@ def _remarks(
     for name in sorted({*here, *there}):
         if name == GROUPS and old != new:
             if a.format == b.format:
-                lone = (("first", {*old} - {*new}), ("second", {*new} - {*old}))
-                for which, names in lone:
+                for which, names in (("first", {*old} - {*new}), ("second", {*new} - {*old})):
                     rest = f" and {len(names) - 5} more" if len(names) > 5 else ""
                     remarks += [f"{name}: {', '.join(sorted(names)[:5])}{rest} only in the {which}"] if names else []
         elif name in here and name in there:

@@ -48,7 +48,6 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
     if a.mesh.cells.shape != b.mesh.cells.shape:
         return None
     first = turned = None
-    has_numbers = a.has_indices and b.has_indices
     are_short = not {a.format, b.format} <= {"obj", "spec"}  # numbers of 32 bits
     for cells, other_cells, is_certain in _numberings(a.mesh, b.mesh, tolerance, are_short):
         is_own = cells is a.mesh.cells  # which an STL file has not
@@ -60,7 +59,7 @@ def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
                 return found
             turned = turned or found  # faces that are there twice may look to both sides
             continue
-        is_named = has_numbers and is_own
+        is_named = is_own and a.has_indices
         if is_certain and first is None and (is_named or _is_likely(a.mesh, b.mesh, found, tolerance)):
             first = found
         here, there = (np.sort(each.mesh.used, axis=0) for each in (a, b))

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of, column_dot, cross
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, column_dot, cross, row_blocks
 from gtb_cli.values import frozen
 
 BLOCK_POINTS = 8192  # points that are measured together: their arrays stay in the processor's cache
@@ -34,13 +34,13 @@ class NearestCells:
         candidate_cells = 8  # tried before a search
         bounds, cells = bounds.copy(), cells.copy()
         number = min(candidate_cells, len(self.corners))
-        for begin, end in _ranges(len(points), PAIR_BATCH):
-            candidates = np.asarray(self._centres.query(points[begin:end], k=[*range(1, number + 1)])[1])
-            each = self.distances(np.repeat(points[begin:end], number, axis=0), candidates.ravel())
+        for rows in row_blocks(len(points), PAIR_BATCH):
+            candidates = np.asarray(self._centres.query(points[rows], k=[*range(1, number + 1)])[1])
+            each = self.distances(np.repeat(points[rows], number, axis=0), candidates.ravel())
             each = each.reshape(-1, number)
             best, distance = each.argmin(axis=1), each.min(axis=1)
-            better = np.flatnonzero(distance < bounds[begin:end])
-            bounds[begin + better], cells[begin + better] = distance[better], candidates[better, best[better]]
+            better = np.flatnonzero(distance < bounds[rows])
+            bounds[rows][better], cells[rows][better] = distance[better], candidates[better, best[better]]
         return bounds, cells
 
     def distances(self, points: FloatArray, cells: IntArray) -> FloatArray:
@@ -57,8 +57,8 @@ class NearestCells:
         top = len(self.boxes) - 1
         count = len(self.boxes[top][0])
         stack = [
-            (top, np.repeat(np.arange(low, high), count), np.tile(np.arange(count), high - low))
-            for low, high in _ranges(len(points), max(1, PAIR_BATCH // count))
+            (top, np.repeat(np.arange(rows.start, rows.stop), count), np.tile(np.arange(count), rows.stop - rows.start))
+            for rows in row_blocks(len(points), max(1, PAIR_BATCH // count))
         ][::-1]
         while stack:
             level, point, node = stack.pop()
@@ -69,7 +69,7 @@ class NearestCells:
             point, node = point[near], node[near]
             if level:
                 point, node = self.inside(level, point, node)
-                stack += [(level - 1, point[a:b], node[a:b]) for a, b in _ranges(len(point), PAIR_BATCH)][::-1]
+                stack += [(level - 1, point[rows], node[rows]) for rows in row_blocks(len(point), PAIR_BATCH)][::-1]
                 continue
             cell = self.order[node]
             distance = self.distances(points[point], cell)
@@ -112,8 +112,7 @@ class NearestCells:
 def cell_distances(points: FloatArray, *corners: FloatArray) -> FloatArray:
     """(m,) distances of (m, 3) points, each from its own cell, which may be flat or a point, by (m, 3) corners."""
     result = np.empty(len(points))
-    for start in range(0, len(points), BLOCK_POINTS):
-        rows = slice(start, start + BLOCK_POINTS)
+    for rows in row_blocks(len(points), BLOCK_POINTS):
         p, origin, *others = (np.ascontiguousarray(each[rows].T) for each in (points, *corners))
         sides = [other - origin for other in others]
         result[rows] = _to_triangles(p - origin, *sides) if len(sides) == 2 else np.sqrt(_to_side(p - origin, *sides))
@@ -139,10 +138,6 @@ def spatial_order(points: FloatArray) -> IntArray:
             grid = (grid | grid << shift) & kept
         key |= grid << axis
     return np.argsort(key, kind="stable")
-
-
-def _ranges(count: int, length: int) -> list[tuple[int, int]]:
-    return [(begin, min(begin + length, count)) for begin in range(0, count, length)]
 
 
 def _to_triangles(relative: FloatArray, ab: FloatArray, ac: FloatArray) -> FloatArray:

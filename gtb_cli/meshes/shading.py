@@ -54,8 +54,7 @@ def filled_normals(normals: FloatArray, places: FloatArray, corners: IntArray) -
     a, b, c = (places[corner] for corner in corners[touching].T)
     area = cross(b - a, c - a)
     sums = np.zeros_like(normals)
-    for k in range(3):
-        np.add.at(sums, corners[touching, k], area)
+    np.add.at(sums, corners[touching].T, area)
     scale = np.abs(sums).max(axis=1, keepdims=True)
     sums = np.where(scale > 0, sums / np.where(scale > 0, scale, 1), [0.0, 0.0, 1.0])
     return np.where(missing[:, None], unit(sums), normals)

@@ -63,11 +63,7 @@ class Comparing:
         verdict = replace(verdict, found=found, warnings=found.limits, notes=tuple(notes))
         if found.same:
             return verdict
-        meshes: list[Mesh | None] = [None, None]
-        for k, each in enumerate((a, b)):
-            with suppress(GtbError):  # a spec that has too many patches for a mesh
-                meshes[k] = each.known.mesh
-        return replace(verdict, word="different", meshes=(meshes[0], meshes[1]))
+        return replace(verdict, word="different", meshes=(_mesh_of(lambda: a), _mesh_of(lambda: b)))
 
     def each(self, a: str, b: str) -> Iterator[Verdict]:
         """Compare all files of two folders that have the same name, sorted by name; or two files."""
@@ -116,18 +112,24 @@ class Comparing:
         """Return a verdict with the meshes that there are of a file, if it could not be compared."""
         if verdict.word == "different":
             return verdict
-        meshes: list[Mesh | None] = [None, None]
-        for k, path in enumerate(verdict.paths):
-            with suppress(GtbError, OSError):
-                is_mesh = suffix_of(path) in FORMATS and os.path.isfile(path)  # a pipe would wait for its writer
-                meshes[k] = self.read(path).known.mesh if is_mesh else None
-        return replace(verdict, meshes=(meshes[0], meshes[1]))
+        one, other = (
+            _mesh_of(partial(self.read, path)) if suffix_of(path) in FORMATS and os.path.isfile(path) else None
+            for path in verdict.paths  # a pipe would wait for its writer
+        )
+        return replace(verdict, meshes=(one, other))
 
     def read(self, path: str) -> Operand:
         """Read a mesh file, or a spec, which becomes a mesh where one is needed."""
         from gtb_cli.distances.operands import decoded
 
         return decoded(mesh_or_spec(path), shown_input(path), self.recipe, self.reading)
+
+
+def _mesh_of(read: Callable[[], Operand]) -> Mesh | None:
+    """Return the mesh of what is read; None where that fails, or a spec has too many patches for one."""
+    with suppress(GtbError, OSError):
+        return read().known.mesh
+    return None
 
 
 def _are_alike(first: str, second: str) -> bool:
