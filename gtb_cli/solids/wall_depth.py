@@ -27,8 +27,8 @@ def wall_of_faces(mesh: Mesh) -> tuple[FloatArray, IntArray] | None:
     """(k,) thickness of the wall behind each triangle, from its centre against its normal to the first way out.
 
     Also return the triangle, (k,), on the other side. Without one, −1 and NaN: behind triangles without area, and where
-    faces look inwards, so that there is no way out. None if the mesh is not closed and consistently oriented. It takes
-    about 4 s for 100 000 triangles: near ways out are looked for first, as they bound the search.
+    faces look inwards, so that there is no way out. None if the mesh is not closed and consistently oriented, or has no
+    area. It takes about 4 s for 100 000 triangles: near ways out are looked for first, as they bound the search.
     """
     first, places = numbered_places(mesh.vertices)
     cells = places[mesh.faces]
@@ -40,7 +40,8 @@ def wall_of_faces(mesh: Mesh) -> tuple[FloatArray, IntArray] | None:
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     if dot(corners[:, 0], normals).sum() < 0:  # all look inwards
         normals = -normals
-    rows = normals.any(axis=1)
+    if not (rows := normals.any(axis=1)).any():
+        return None
     proper, corners, normals = proper[rows], corners[rows], normals[rows]
     starts, ways, tree = corners.mean(axis=1), -unit(normals), NearestCells(corners)
     lengths, exits = np.full(len(proper), np.nan), np.full(len(proper), -1)
