@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, unit
-from gtb_cli.cad.spline_pieces import Splines, grid
+from gtb_cli.cad.spline_pieces import SplinePair, grid
 from gtb_cli.errors import DomainError
 
 ROUNDS, SETTLING = 6, 2  # of least squares; in the last ones poles move along normals only, as others waver
@@ -22,12 +22,13 @@ RIDGE, SLIDE, HOLD = 1e-11, 1e4, 1e14  # share of the diagonal, beyond rounding;
 
 # A weight, rows of some nets, and what the sum of these rows should be
 _Condition: TypeAlias = tuple[float, list[tuple[int, FloatArray]], FloatArray | float]
+_Edge: TypeAlias = tuple[FloatArray, FloatArray | None]  # its normals and, if they are given, its second forms
 
 
 class _Places:
     """Places of a piece, at which derivatives and second forms are given by rows: linear in its poles."""
 
-    def __init__(self, net: FloatArray, splines: tuple[Splines, Splines], places: FloatArray) -> None:
+    def __init__(self, net: FloatArray, splines: SplinePair, places: FloatArray) -> None:
         s, t = ([each.values(x, order) for order in range(3)] for each, x in zip(splines, places.T, strict=True))
         orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
         tables = [np.einsum("ni,nj->nij", s[i], t[j]).reshape(len(places), -1) for i, j in orders]
@@ -62,9 +63,7 @@ class _Places:
         return np.asarray((rows[..., None] * normals[:, None]).reshape(len(rows), -1))
 
 
-def curve_pieces(
-    nets: list[FloatArray], splines: tuple[Splines, Splines], edges: Sequence[tuple[FloatArray, FloatArray | None]]
-) -> float:
+def curve_pieces(nets: list[FloatArray], splines: SplinePair, edges: Sequence[_Edge]) -> float:
     """Change r polar nets and the r nets round the centre, so that the former meet both their edges.
 
     Along each edge, where its conditions are, (n, 3) unit normals, which the nets have already, and (n, 3, 3) forms, if
@@ -99,9 +98,7 @@ def curve_pieces(
     return missed / largest
 
 
-def _conditions(
-    nets: list[FloatArray], kinds: list[tuple[Splines, Splines]], edges: Sequence[tuple[FloatArray, FloatArray | None]]
-) -> Iterator[_Condition]:
+def _conditions(nets: list[FloatArray], kinds: list[SplinePair], edges: Sequence[_Edge]) -> Iterator[_Condition]:
     """Yield conditions of forms inside, which vary little, at edges, and of slopes and forms at seams."""
     half = kinds[0][0]
     for p, (net, kind) in enumerate(zip(nets, kinds, strict=True)):
@@ -120,7 +117,7 @@ def _conditions(
         yield JUMPS, [(p, one.form(towards, towards)), (q, -other.form(towards, towards))], 0.0
 
 
-def _variation(p: int, places: _Places, splines: tuple[Splines, Splines], is_polar: bool) -> Iterator[_Condition]:
+def _variation(p: int, places: _Places, splines: SplinePair, is_polar: bool) -> Iterator[_Condition]:
     """Yield the integral of the squared derivative of the second form, from differences of neighbouring places."""
     shape = len(splines[0].fitted), len(splines[1].fitted)
     numbers = np.arange(shape[0] * shape[1]).reshape(shape)
@@ -154,7 +151,7 @@ def _frames(normals: FloatArray) -> FloatArray:
     return np.stack([e, np.cross(normals, e)], axis=1)
 
 
-def _moves(nets: list[FloatArray], kinds: list[tuple[Splines, Splines]]) -> tuple[list[Any], FloatArray]:
+def _moves(nets: list[FloatArray], kinds: list[SplinePair]) -> tuple[list[Any], FloatArray]:
     """Return for each net sparse (3 m, n) moves of its poles with n variables of all nets, and the costs of these.
 
     Each pole of a polar net that is neither at its corner or edges nor next to them has a variable along its normal;

@@ -44,7 +44,7 @@ def fitted_pieces(
     followed = [(near * last).sum(axis=2) > least for near, last in zip(planes[::2], planes[1::2], strict=True)]
     given = [np.where(kept[..., None], last, np.nan) for kept, last in zip(followed, planes[1::2], strict=True)]
     for k, net in enumerate(nets):
-        fit_inside(net, (splines, splines), (fitted[k] - origin) / size, [normals[k] for normals in given], 3.0)
+        fit_inside(net, (splines, splines), (fitted[k] - origin) / size, [normals[k] for normals in given], 3.0, one)
     normals = [[edge_normals(net, axis, last, splines) for axis, last in EDGES] for net in nets]
     trios = zip(normals, first, second, strict=True)
     angle = max(largest_angle(*pair) for own, *wanted in trios for pair in zip(own, wanted, strict=False))

@@ -5,7 +5,7 @@ corner as a side without length, and there normals at once and any curvature tha
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from gtb_cli.cad import spline_pieces
 from gtb_cli.cad.curved_pieces import curve_pieces
 from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.cad.part_borders import Border
-from gtb_cli.cad.spline_pieces import EDGES, Piece, Splines, edge_normals, framed, grid, largest_angle, normals_at
+from gtb_cli.cad.spline_pieces import EDGES, Piece, SplinePair, Splines, edge_normals, grid, largest_angle, normals_at
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 
@@ -72,6 +72,9 @@ class _Seam:
         self.poles[third] = self.curve[third] + way.normal * lacking
 
 
+_Stretch: TypeAlias = tuple[_Seam, float, float]  # of a seam, from one of its parameters to another
+
+
 def polar_pieces(
     patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders: list[Border | None]
 ) -> spline_pieces.FittedPieces:
@@ -101,8 +104,8 @@ def polar_pieces(
     if not all(np.isfinite(each).all() for each in (*planes, tips, turns, line_turns)):
         raise DomainError("has no normal at a corner or seam")
     nets = []
-    for piece, first, last in zip(polar, *sides, strict=True):
-        nets.append(framed(piece, (half, whole), [(0, (first - origin) / size), (2, (last - origin) / size)]))
+    for piece, first, last in zip(polar, *((side - origin) / size for side in sides), strict=True):
+        nets.append(spline_pieces.framed(piece, (half, whole), [(0, first), (2, last)]))
         nets[-1][0] = nets[-1][0, 0]
     outer = [_Seam(whole, (curves[k] - origin) / size, turns[k]) for k in range(r)]  # from side k to the one before
     for k in range(r):
@@ -123,13 +126,13 @@ def polar_pieces(
         known = [planes[0][k] / half.conditions[:, None], np.tile(tip, (len(whole.conditions), 1))]
         known.append(planes[1][k] / half.conditions[:, None])  # as derivatives there grow with the distance
         points = (fitted[k] - origin) / size
-        _fit(net, (half, whole), points, [(outer[k], 0, 1)], known, 1 / half.fitted)
+        _fit(net, (half, whole), points, [(outer[k], 0, 1)], known)
         net[1, :, :3] -= np.outer((net[1, :, :3] - net[0, :, :3] * net[1, :, 3:]) @ tip, tip)
     for k in range(r):
         around = [(outer[(k + 1) % r], 1, 0.5), (outer[k], 0, 0.5), (spokes[k], 0, 1), (spokes[(k + 1) % r], 0, 1)]
         nets.append(np.ones((len(half.greville), len(half.greville), 4)))
         nets[-1][..., :3] = 0.0
-        _fit(nets[-1], (half, half), (more[0][k] - origin) / size, around, [], 1.0)
+        _fit(nets[-1], (half, half), (more[0][k] - origin) / size, around, [])
     forms = [spline_pieces.forms_at(patch, piece, grid(half.conditions, end)) for piece in polar for end in (zero, one)]
     if curved := any(each is not None for each in forms):
         scaled = [None if form is None else form * size for form in forms]
@@ -153,21 +156,19 @@ def polar_pieces(
 
 
 def _fit(
-    net: FloatArray,
-    splines: tuple[Splines, Splines],
-    points: FloatArray,
-    seams: Sequence[tuple[_Seam, float, float]],
-    known: list[FloatArray],
-    stress: FloatArray | float,
+    net: FloatArray, splines: SplinePair, points: FloatArray, seams: Sequence[_Stretch], known: list[FloatArray]
 ) -> None:
-    """Fit a piece with known normals on its first sides, and seams, from and to parameters, on the others."""
+    """Fit a piece with known normals on its first sides, if it is polar, and seams on the others.
+
+    Near the pole positions of a polar piece weigh more.
+    """
     share = 30.0  # beside positions
     sides, planes = EDGES[len(known) :], [*known]
     for (axis, last), (seam, start, end) in zip(sides, seams, strict=True):
         along = splines[1 - axis]
         net.swapaxes(0, axis)[last, :, :3] = along.curve(seam.points(start + (end - start) * along.greville))
         planes.append(seam.field(start + (end - start) * along.conditions))
-    spline_pieces.fit_inside(net, splines, points, planes, share, stress)
+    spline_pieces.fit_inside(net, splines, points, planes, share, 1 / splines[0].fitted if known else np.ones(1))
 
 
 def _edge_way(poles: FloatArray, splines: Splines, normals: FloatArray, normal: FloatArray) -> _Way:

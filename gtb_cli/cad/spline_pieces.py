@@ -99,7 +99,8 @@ class Piece(NamedTuple):
         return np.asarray(np.einsum("ijn,ijx->nx", shares, self.corners))
 
 
-Fitted: TypeAlias = tuple[Piece, FloatArray, tuple[Splines, Splines]]  # a piece, its poles, and its B-splines
+SplinePair: TypeAlias = tuple[Splines, Splines]  # along s and t
+Fitted: TypeAlias = tuple[Piece, FloatArray, SplinePair]  # a piece, its poles, and its B-splines
 
 
 def corner_pieces(
@@ -182,7 +183,7 @@ def normals_at(patch: Patch, pieces: list[Piece], places: list[FloatArray]) -> l
     return np.split(normals, np.cumsum([len(one) for one in places])[:-1], axis=1)
 
 
-def framed(piece: Piece, splines: tuple[Splines, Splines], rims: Iterable[tuple[int, FloatArray]]) -> FloatArray:
+def framed(piece: Piece, splines: SplinePair, rims: Iterable[tuple[int, FloatArray]]) -> FloatArray:
     """Return the homogeneous poles of a piece on sides with given points, 0 elsewhere, and all weights."""
     first, second = splines
     weights = piece.weights(grid(first.greville, second.greville)).reshape(len(first.greville), -1)
@@ -196,17 +197,12 @@ def framed(piece: Piece, splines: tuple[Splines, Splines], rims: Iterable[tuple[
 
 
 def fit_inside(
-    net: FloatArray,
-    splines: tuple[Splines, Splines],
-    points: FloatArray,
-    planes: list[FloatArray],
-    share: float,
-    stress: FloatArray | float = 1.0,
+    net: FloatArray, splines: SplinePair, points: FloatArray, planes: list[FloatArray], share: float, stress: FloatArray
 ) -> None:
     """Fit the inner poles of a piece to (m n, 3) points, and to the normals on its four sides that are not NaN.
 
     The share is the weight of planes, conditions of derivatives by parameters in [0, 1], beside positions; the stress
-    is that of positions by their first parameter.
+    is that of positions by their first parameter, (m,), or (1,) of all.
 
     With G = BᵀB of the inner B-splines, least squares of positions alone is G⁻¹Bᵀ along both axes, and conditions C
     move it by (G⊗G)⁻¹Cᵀλ, where (I + C (G⊗G)⁻¹Cᵀ) λ is what they lack: as many equations as there are conditions.

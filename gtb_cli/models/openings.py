@@ -1,6 +1,7 @@
 """Why a model is open, edge by edge, as `--require watertight` says it; and seams that were welded."""
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from gtb_cli.theory.patch import Patch
 
 MAX_SHOWN = 8  # numbers of an edge, or nearly closed seams that a message shows
 FAR_WELD = 0.01  # of an edge's size: welding over a larger distance is worth a remark
+
+Miss: TypeAlias = tuple[EdgeRef, EdgeRef, str]  # two edges that are nearly joined, and how they differ
 
 
 def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
@@ -30,7 +33,7 @@ def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
     return lines + [f"{one} and {other} cannot be given the same orientation" for one, other in pairs]
 
 
-def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef, EdgeRef, str]]:
+def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[Miss]:
     """Find pairs of open edges probably meant to be one, and say how they differ; {} is the name of the second."""
     if patches[0].dimension == 1:
         return []
@@ -48,15 +51,10 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
         if difference or part[first[0]] != part[second[0]]:  # else such as the two halves of a round opening
             found.append((first, second, difference or "same ends as {}, and another curve between them"))
             told |= {first, second}
-    return sorted(found + _half_seams(joints, {ref: curves[ref] for ref in left if ref not in told}, found, patches))
+    return sorted(found + _petals(joints, {ref: curves[ref] for ref in left if ref not in told}, found, patches))
 
 
-def _half_seams(
-    joints: Joints,
-    curves: dict[EdgeRef, Curve],
-    known: Sequence[tuple[EdgeRef, EdgeRef, str]],
-    patches: Sequence[Patch],
-) -> list[tuple[EdgeRef, EdgeRef, str]]:
+def _petals(joints: Joints, curves: dict[EdgeRef, Curve], known: list[Miss], patches: Sequence[Patch]) -> list[Miss]:
     """Find pairs of open edges that have one end in common and open like petals, the narrowest first.
 
     They belong to two parts, of which no other pair is named, nor one that meets there. Or they belong to one, in which

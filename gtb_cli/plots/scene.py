@@ -132,8 +132,7 @@ class View:
         """Draw paths, (m, 2) or (m, 3) points each; `hidden` times as strong where a surface is before them."""
         from matplotlib.collections import LineCollection
 
-        visible: list[FloatArray] = []
-        behind: list[FloatArray] = []
+        visible, behind = list[FloatArray](), list[FloatArray]()
         for path in paths:
             points = self.seen(path)
             if self.raster is None:

@@ -93,11 +93,10 @@ def _cross(corners: FloatArray, normals: FloatArray, across: IntArray, pairs: In
     have a length in common. Triangles with an edge in common cannot reach so.
     """
     result = np.zeros(len(pairs), dtype=bool)
-    rows, one, other = np.arange(len(pairs)), *pairs.T
-    heights, reaching, flat, standing = _heights(corners, normals, one, other, depth)
-    left = reaching | flat | standing
-    rows, one, other = rows[left], one[left], other[left]
-    heights, reaching, flat, standing = heights[left], reaching[left], flat[left], standing[left]
+    heights, reaching, flat, standing = _heights(corners, normals, pairs[:, 0], pairs[:, 1], depth)
+    rows = np.flatnonzero(reaching | flat | standing)
+    one, other = pairs[rows].T
+    heights, reaching, flat, standing = heights[rows], reaching[rows], flat[rows], standing[rows]
     back, back_reaching, back_flat, back_standing = _heights(corners, normals, other, one, depth)
     near, flat = np.flatnonzero(reaching & back_reaching), flat & back_flat
     segments = [_section(corners[other[near]], heights[near]), _section(corners[one[near]], back[near])]
@@ -180,13 +179,10 @@ def _section(triangle: FloatArray, heights: FloatArray) -> FloatArray:
     below = heights < 0
     # The corner that is alone on its side of the plane, and the sides from there
     top = np.where(below.sum(axis=1) == 1, below.argmax(axis=1), below.argmin(axis=1))
-    height = heights[rows, top]
-    ends = []
-    for k in (1, 2):
-        next = (top + k) % 3
-        share = height / (height - heights[rows, next])
-        ends.append(triangle[rows, top] + share[:, None] * (triangle[rows, next] - triangle[rows, top]))
-    return np.stack(ends, axis=1)
+    rows, others = rows[:, None], (top[:, None] + [1, 2]) % 3
+    height, start = heights[rows, top[:, None]], triangle[rows, top[:, None]]
+    share = height / (height - heights[rows, others])
+    return np.asarray(start + share[..., None] * (triangle[rows, others] - start))
 
 
 def _overlap(one: FloatArray, other: FloatArray, normal: FloatArray, depth: float) -> BoolArray:

@@ -9,6 +9,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import adjacent, are_used, sides_of
+from gtb_cli.values import grouped
 
 STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not along the normals; flat from 3 times it
 
@@ -162,14 +163,12 @@ def _landings(
     is_lower = np.where(is_mitred[above] == is_mitred[below], part > 0.5, is_mitred[above])
     vertex, other = np.where(is_lower, [below, above], [above, below])
     way = np.linalg.norm(places - offset[vertex], axis=1)
+    ends = np.stack([vertex, other], axis=1)
+    crossed: dict[int, list[int]] = grouped(np.concatenate([ends, ends[:, ::-1]]).tolist())  # by each end, the others
     moved: dict[int, int] = {}
-    crossed: dict[int, list[int]] = {}  # by each end, the other ends
     for edge in np.lexsort((way, ~(is_mitred[above] & is_mitred[below]))).tolist():
-        end, far = int(vertex[edge]), int(other[edge])
-        crossed.setdefault(end, []).append(far)
-        crossed.setdefault(far, []).append(end)
-        if end not in moved and far not in moved:
-            moved[end] = edge
+        if moved.keys().isdisjoint(ends[edge].tolist()):
+            moved[int(vertex[edge])] = edge
     for end in reversed([*moved]):  # those whose edges end at others that have moved need not
         if all(far in moved for far in crossed[end]):
             del moved[end]

@@ -1,7 +1,6 @@
 """Solids: a surface mesh and its offset, joined along the rim, so that an open surface can be printed."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -107,10 +106,8 @@ def signed_thickness(mesh: Mesh, thickness: float | str) -> float:
     cones, areas, far = dot(middles, normals), np.sqrt(dot(normals, normals)), np.sqrt(dot(middles, middles))
     used, number = np.unique(part[np.concatenate([mesh.cells[:, 0], rim[:, 0]])], return_inverse=True)
     own = np.arange(len(corners)) < len(mesh.cells)
-    volume, most, area, lid, flat = (
-        np.bincount(number, each, len(used))
-        for each in (cones, np.abs(cones), areas * own, areas * ~own, 1e-3 * areas * far)
-    )
+    parts = cones, np.abs(cones), areas * own, areas * ~own, 1e-3 * areas * far
+    volume, most, area, lid, flat = (np.bincount(number, each, len(used)) for each in parts)
     lost = np.flatnonzero((np.abs(volume) <= np.maximum(most / 2, flat)) & (lid > area / 4))
     if len(lost) or np.ptp(np.sign(volume)):
         first = used[lost[0] if len(lost) else np.sign(volume).argmin()]
@@ -247,9 +244,9 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     folded = _turned_over(mesh, best)
     if not len(folded) or not is_mitred.any():
         return best
-    count, links = len(best), _links(mesh, is_mitred)
-    on_seam = np.bincount(links.start[is_mitred[links.start]], minlength=count) == 2
-    is_corner = are_used(_boundary(mesh)[0], count) & ~links.along.any(axis=1)
+    count, (links, shares, along) = len(best), _links(mesh, is_mitred)
+    on_seam = np.bincount(links[is_mitred[links[:, 0]], 0], minlength=count) == 2
+    is_corner = are_used(_boundary(mesh)[0], count) & ~along.any(axis=1)
     for stays in (is_mitred | is_corner, (is_mitred & ~on_seam) | is_corner):
         is_moving, latest = np.zeros(count, dtype=bool), folded
         for rings in 2 ** np.arange(8):
@@ -257,7 +254,7 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
             for _ in range(rings):
                 is_moving[mesh.cells[is_moving[mesh.cells].any(axis=1)]] = True
             is_moving &= ~stays
-            moved = mesh.vertices + thickness * _evened(moves, links, is_moving)
+            moved = mesh.vertices + thickness * _evened(moves, links, shares, along, is_moving)
             latest = _turned_over(mesh, moved)
             if len(latest) < len(folded) and np.isfinite(moved).all():
                 best, folded = moved, latest
@@ -266,23 +263,13 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     return best
 
 
-class _Links(NamedTuple):
-    """Pairs of neighbouring vertices, and how much the displacement of the first takes after that of the second.
+def _links(mesh: Mesh, is_mitred: BoolArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return (l, 2) vertices and neighbours: of mitred ones along their seams, and of those of the rim along the rim.
 
-    `along` are (m, 3) unit vectors along the rim, 0 elsewhere and where the rim has a corner.
-    """
-
-    start: IntArray
-    end: IntArray
-    shares: FloatArray
-    along: FloatArray
-
-
-def _links(mesh: Mesh, is_mitred: BoolArray) -> _Links:
-    """Return the neighbours of vertices: of mitred ones along their seams, and of those of the rim along the rim.
-
-    With their shares, displacements that are linear on plane patches are the mean of their neighbours': inside
-    patches shares are cotangents of the opposite angles, and along seams and rims reciprocals of lengths.
+    Also return how much the displacement of a vertex takes after that of the neighbour, (l,), and (m, 3) unit vectors
+    along the rim, 0 elsewhere and where the rim has a corner. With these shares, displacements that are linear on plane
+    patches are the mean of their neighbours': inside patches they are cotangents of the opposite angles, and along
+    seams and rims reciprocals of lengths.
     """
     steepest = 1e6  # cotangent: triangles with smaller angles are lines
     straight = math.cos(math.radians(20))  # of half the angle by which a rim turns: beyond, it has a corner
@@ -296,35 +283,33 @@ def _links(mesh: Mesh, is_mitred: BoolArray) -> _Links:
     along = 1 / np.maximum(lengths, EPS * lengths.max())
     rim = sides.directed[sides.alone]
     part, is_rim, rim_ways = _cell_groups(mesh), are_used(rim, len(mesh.vertices)), np.zeros_like(mesh.vertices)
-    for k in (0, 1):
-        np.add.at(rim_ways, rim[:, k], unit(np.diff(mesh.vertices[rim], axis=1)[:, 0]) / 2)
+    np.add.at(rim_ways, rim.T, unit(np.diff(mesh.vertices[rim], axis=1)[:, 0]) / 2)
     rim_ways[np.linalg.norm(rim_ways, axis=1) < straight] = 0.0
     is_seam = np.bincount(sides.edge.ravel(), np.repeat(part, 3)) != sides.uses * part[sides.first // 3]
     is_seam &= is_mitred[sides.edges].all(axis=1)
-    found = []
-    for one, other in (sides.edges.T, sides.edges.T[::-1]):
-        kept = np.where(is_mitred[one], is_seam, (sides.uses == 1) | ~is_rim[one])
-        found.append((one[kept], other[kept], np.where(is_mitred[one] | is_rim[one], along, inside)[kept]))
-    start, end, shares = (np.concatenate(each) for each in zip(*found, strict=True))
-    return _Links(start, end, shares, unit(rim_ways))
+    links = np.concatenate([sides.edges, sides.edges[:, ::-1]])
+    mitred, on_rim = is_mitred[links[:, 0]], is_rim[links[:, 0]]
+    kept = np.where(mitred, np.tile(is_seam, 2), np.tile(sides.uses == 1, 2) | ~on_rim)
+    shares = np.where(mitred | on_rim, np.tile(along, 2), np.tile(inside, 2))
+    return links[kept], shares[kept], unit(rim_ways)
 
 
-def _evened(moves: FloatArray, links: _Links, is_moving: BoolArray) -> FloatArray:
-    """(m, 3) displacements: those that move become means of their neighbours', but for their parts along normals."""
+def _evened(moves: FloatArray, links: IntArray, shares: FloatArray, along: FloatArray, free: BoolArray) -> FloatArray:
+    """(m, 3) displacements: free ones become means of their neighbours', but for their parts along normals."""
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import splu
 
     hold = 1e-9  # a share of its own displacement, which keeps what nothing else holds
-    rows, result, number = np.flatnonzero(is_moving), moves.copy(), np.cumsum(is_moving) - 1
-    start, end, shares = (each[is_moving[links.start]] for each in links[:3])
-    own, is_free = number[start], is_moving[end]
+    rows, result, number = np.flatnonzero(free), moves.copy(), np.cumsum(free) - 1
+    (start, end), shares = links[free[links[:, 0]]].T, shares[free[links[:, 0]]]
+    own, is_free = number[start], free[end]
     sums = np.bincount(own, shares, len(rows))
     held = np.bincount(own, hold * np.abs(shares), len(rows)) + np.finfo(float).tiny  # where all triangles are lines
     entries = np.append(sums + held, -shares[is_free])
     line, column = (np.append(np.arange(len(rows)), each[is_free]) for each in (own, number[end]))
     right = held[:, None] * moves[rows]
     np.add.at(right, own[~is_free], (shares[:, None] * moves[end])[~is_free])
-    ways, along = splu(csc_array((entries, (line, column)))).solve(right) - moves[rows], links.along[rows]
+    ways, along = splu(csc_array((entries, (line, column)))).solve(right) - moves[rows], along[rows]
     ways = np.where(along.any(axis=1, keepdims=True), dot(ways, along)[:, None] * along, ways)
     result[rows] += ways - (dot(ways, moves[rows]) / dot(moves[rows], moves[rows]))[:, None] * moves[rows]
     return result

@@ -52,11 +52,9 @@ def tube(
         faces = f"{2 * count * along} faces, {count} around and {along} along, more than {max_faces}"
         raise ToleranceError(f"the tube would have {faces}")
     sweeps = [_sweep(path, sections, radius, count) for path, sections in planned]
-    vertices, vectors, owner = (np.concatenate(parts) for parts in list(zip(*sweeps, strict=True))[:3])
-    first = np.cumsum([0, *(len(sweep[0]) for sweep in sweeps)]).tolist()
-    numbered = [*zip(sweeps, first, strict=False)]
-    cells, rows = (np.concatenate([sweep[k] + start for sweep, start in numbered]) for k in (3, 4))
-    breaks = np.cumsum([0, *(len(sweep[3]) for sweep in sweeps)]).tolist()
+    vertices, vectors, owner, *columns = (np.concatenate(parts) for parts in zip(*sweeps, strict=True))
+    firsts, breaks = (np.cumsum([0, *(len(sweep[k]) for sweep in sweeps)]).tolist() for k in (0, 3))
+    cells, rows = (column + np.repeat(firsts[:-1], np.diff(breaks))[:, None] for column in columns)
     starts = [int(path.segments[0]) for path, _ in planned]
     names = [next((name for name, low, high in mesh.groups if low <= k < high), mesh.name) for k in starts]
     return Mesh(

@@ -10,6 +10,7 @@ from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.meshes.topology import are_proper, sides_of
 
 MAX_WALL_FACES = 200_000  # whose walls take 6 s
+SLACK = 1e-9  # relative to a triangle, by which it is larger: no ray slips through between two
 
 
 def wall_of_vertices(mesh: Mesh) -> FloatArray | None:
@@ -26,8 +27,8 @@ def wall_of_faces(mesh: Mesh) -> tuple[FloatArray, IntArray] | None:
     """(k,) thickness of the wall behind each triangle, from its centre against its normal to the first way out.
 
     Also return the triangle, (k,), on the other side. Without one, −1 and NaN: behind triangles without area, and where
-    faces look inwards, so that there is no way out. None if the mesh is not closed and consistently oriented. It takes
-    about 4 s for 100 000 triangles.
+    faces look inwards, so that there is no way out. None if the mesh is not closed and consistently oriented, or has no
+    area. It takes about 4 s for 100 000 triangles: near ways out are looked for first, as they bound the search.
     """
     first, places = numbered_places(mesh.vertices)
     cells = places[mesh.faces]
@@ -39,36 +40,27 @@ def wall_of_faces(mesh: Mesh) -> tuple[FloatArray, IntArray] | None:
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     if dot(corners[:, 0], normals).sum() < 0:  # all look inwards
         normals = -normals
-    rows = normals.any(axis=1)
+    if not (rows := normals.any(axis=1)).any():
+        return None
     proper, corners, normals = proper[rows], corners[rows], normals[rows]
+    starts, ways, tree = corners.mean(axis=1), -unit(normals), NearestCells(corners)
+    lengths, exits = np.full(len(proper), np.nan), np.full(len(proper), -1)
+    for reach in np.ptp(corners.reshape(-1, 3), axis=0).max() * np.array([0.02, 0.2, 4.0]):
+        left = np.flatnonzero(exits < 0)
+        lengths[left], exits[left] = _ways_out(starts[left], ways[left], tree, normals, reach)
     result, others = np.full(len(cells), np.nan), np.full(len(cells), -1)
-    lengths, exits = _ways_out(corners.mean(axis=1), -unit(normals), corners, normals)
     result[proper], others[proper] = frame.length(lengths), np.where(exits < 0, -1, proper[exits])
     return result, others
 
 
 def _ways_out(
-    starts: FloatArray, ways: FloatArray, corners: FloatArray, normals: FloatArray
-) -> tuple[FloatArray, IntArray]:
-    """(m,) lengths of rays, along unit vectors, to the first of (k, 3, 3) triangles which they leave; NaN for none.
-
-    Also return this triangle, (m,), or −1. A ray leaves through triangles whose normals point its way. Near ones are
-    looked for first: they bound the search.
-    """
-    tree, lengths, exits = NearestCells(corners), np.full(len(starts), np.inf), np.full(len(starts), -1)
-    size = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) or 1.0
-    for reach in size * np.array([0.02, 0.2, 4.0]):
-        rows = np.flatnonzero(np.isinf(lengths))
-        lengths[rows], exits[rows] = _near_ways_out(starts[rows], ways[rows], tree, normals, reach)
-    return np.where(np.isinf(lengths), np.nan, lengths), exits
-
-
-def _near_ways_out(
     starts: FloatArray, ways: FloatArray, tree: NearestCells, normals: FloatArray, reach: float
 ) -> tuple[FloatArray, IntArray]:
-    """(m,) lengths, infinite where they are more than the reach, and (m,) triangles, there −1."""
+    """(m,) lengths of rays, along unit vectors, to the first triangle which they leave, and (m,) this triangle.
+
+    A ray leaves through triangles whose normals point its way. NaN and −1 if there is none within the reach.
+    """
     ray_batch = 1 << 13  # whose pairs with boxes are held at a time
-    slack = 1e-9  # relative to a triangle, by which it is larger: no ray slips through between two
     lengths, exits = np.full(len(starts), np.inf), np.full(len(starts), -1)
     inverses = (1 / np.where(ways == 0, 1e-300, ways)).T.copy()
     origins = starts.T * inverses
@@ -84,31 +76,28 @@ def _near_ways_out(
                 one, other = low[node] * inverse - origin, high[node] * inverse - origin
                 enter = np.maximum(enter, np.minimum(one, other))
                 leave = np.minimum(leave, np.maximum(one, other))
-            met = np.flatnonzero(enter <= leave + slack * reach)
+            met = np.flatnonzero(enter <= leave + SLACK * reach)
             ray, node = ray[met], node[met]
             if level:
                 ray, node = tree.inside(level, ray, node)
         cell = tree.order[node]
-        found = _lengths(starts[ray], ways[ray], cell, tree, normals, slack)
+        leaves = dot(ways[ray], normals[cell]) > 0
+        ray, cell = ray[leaves], cell[leaves]
+        found = _lengths(starts[ray], ways[ray], tree.corners[cell])
         np.minimum.at(lengths, ray, found)
         first = np.flatnonzero((found == lengths[ray]) & (found <= reach))
         exits[ray[first]] = cell[first]
-    return np.where(exits < 0, np.inf, lengths), exits
+    return np.where(exits < 0, np.nan, lengths), exits
 
 
-def _lengths(
-    starts: FloatArray, ways: FloatArray, cell: IntArray, tree: NearestCells, normals: FloatArray, slack: float
-) -> FloatArray:
-    """(p,) length of each ray to its own triangle; infinite if it does not leave through it."""
-    rows = np.flatnonzero(dot(ways, normals[cell]) > 0)
-    a, b, c = np.moveaxis(tree.corners[cell[rows]], 1, 2).transpose(2, 1, 0)
-    start, way = starts[rows].T, ways[rows].T
+def _lengths(starts: FloatArray, ways: FloatArray, corners: FloatArray) -> FloatArray:
+    """(p,) length of each ray to the plane of its own triangle, (p, 3, 3); infinite if it does not go through it."""
+    a, b, c = np.moveaxis(corners, 1, 2).transpose(2, 1, 0)
+    start, way = starts.T, ways.T
     normal, turned = cross(b - a, c - a, 0), cross(a - start, way, 0)
     along = column_dot(way, normal)
     v, w = column_dot(turned, c - a) / along, -column_dot(turned, b - a) / along
-    inside = (v >= -slack) & (w >= -slack) & (v + w <= 1 + slack)
+    inside = (v >= -SLACK) & (w >= -SLACK) & (v + w <= 1 + SLACK)
     length = column_dot(a - start, normal) / along
-    result = np.full(len(starts), np.inf)
     # Nearer than rounding are faces that lie on that of the ray: there is nothing between them.
-    result[rows] = np.where(inside & (length > slack), length, np.inf)
-    return result
+    return np.where(inside & (length > SLACK), length, np.inf)

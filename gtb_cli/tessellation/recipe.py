@@ -110,18 +110,16 @@ class Recipe:
             where = f"at {lost} of {len(mesh.vertices)} vertices, which get the mean of their neighbours'"
             remarks += [f"the curvature has no finite limit {where}"] * bool(lost)
         maker: TubeMaker | WallMaker | None = None
+        size = self.radius or 0.0
         if self.radius is not None:
             from gtb_cli.tessellation.solid_making import TubeMaker
 
             maker = TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
         elif self.thickness is not None:
+            from gtb_cli.solids.thickening import signed_thickness
             from gtb_cli.tessellation.solid_making import WallMaker
 
             maker = WallMaker(spec, self.rim)
-        size = self.radius or 0.0
-        if self.thickness is not None:
-            from gtb_cli.solids.thickening import signed_thickness
-
             size = signed_thickness(surface, self.thickness)
         faults, folds, thin = list[str](), list[str](), list[str]()
         if maker is not None:

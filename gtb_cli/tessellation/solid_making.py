@@ -85,9 +85,8 @@ class WallMaker:
             raise DomainError(f"thickness: {names} are one curve, where at most two may meet: {why}")
         folds = offset_folds(self.spec, surface, thickness)
         wall = thicken(surface, thickness)
-        thin = thin_wall(wall, thickness)
         mesh, kept = self._rimmed(wall, thickness)
-        return mesh, folded_places(surface), folds, thin + kept
+        return mesh, folded_places(surface), folds, thin_wall(wall, thickness) + kept
 
     def smaller(self, surface: Mesh, thickness: float, held: Held) -> str:
         """Name a coarser mesh or a smaller thickness that is solid, judged as asked, and the other side if it is."""

@@ -167,8 +167,7 @@ class Subdivision:
 
     def _divided(self, rows: IntArray, vertex: IntArray, child: IntArray) -> tuple[list[Cells], list[Edges]]:
         """Cut cells with split sides: segments in two, triangles in two to four. New edges inside them come second."""
-        pieces: list[Cells] = []
-        made: list[Edges] = []
+        pieces, made = list[Cells](), list[Edges]()
         next_edge = len(self.edges.ends)
         for cells, parts, lines in self._patterns(rows_of(self.cells, rows), vertex):
             around = np.concatenate([cells.cells, vertex.take(cells.sides)], axis=1)

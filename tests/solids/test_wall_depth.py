@@ -30,6 +30,7 @@ def test_an_open_surface_has_no_walls():
     assert wall_of_vertices(tessellate(box(high=(40, 30, 2)), 1)) == pytest.approx(np.full(8, 2.0))  # the least
     cut = Mesh(CUBE.vertices, CUBE.cells[1:])
     assert wall_of_faces(cut) is None
+    assert wall_of_faces(Mesh(CUBE.vertices @ np.outer([1, 2, 4], [1, 0, 0]), CUBE.cells)) is None  # flat to a line
     assert wall_of_vertices(cut) is None
     twice = Mesh(np.eye(3), np.array([[0, 1, 2], [0, 2, 1]]))
     assert wall_of_vertices(twice) is None
