@@ -163,7 +163,7 @@ def read_glb(data: bytes) -> FileArrays:
     scene = Scene(tree, binary)
     count = rows = used = 0
     for mesh, name, place in scene.placed_meshes():
-        before = rows
+        before, starts = rows, dict[str, int]()  # of vertices, which primitives of a mesh may share
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", 4)
             if mode == 0:  # points
@@ -176,19 +176,21 @@ def read_glb(data: bytes) -> FileArrays:
                 corners = accessor_values(tree, binary, primitive["indices"])
             if corners.shape[1] != 1 or corners.dtype.kind not in "iu":
                 raise GtbError("indices: expected whole numbers")
-            used += len(positions) + len(corners) + effort + 20 * len(primitive["attributes"])
+            start = starts.setdefault(str(primitive["attributes"]), count)
+            used += len(corners) + effort + (len(positions) + 20 * len(primitive["attributes"])) * (start == count)
             if used > most:
                 raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
             if len(corners) and not 0 <= corners.min() <= corners.max() < len(positions):
                 raise GtbError(f"indices: expected numbers below {len(positions)}, got {corners.max()}")
-            found = as_indices(shifted(_cells(corners[:, 0], mode), count), np.int32)
+            found = as_indices(shifted(_cells(corners[:, 0], mode), start), np.int32)
             is_mirrored = found.shape[1] == 3 and np.linalg.det(place[:3, :3]) < 0  # then faces keep their outer sides
             cells[found.shape[1]].append(found[:, ::-1] if is_mirrored else found)
-            vertices.append(positions.astype(np.float64) @ place[:3, :3].T + place[:3, 3])
-            for attribute, number in primitive["attributes"].items():
-                if attribute != "POSITION":
-                    others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
-            count += len(positions)
+            if start == count:
+                vertices.append(positions.astype(np.float64) @ place[:3, :3].T + place[:3, 3])
+                for attribute, number in primitive["attributes"].items():
+                    if attribute != "POSITION":
+                        others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
+                count += len(positions)
             rows += len(found)
             materials.append((scene.material(primitive.get("material")), rows - len(found), rows))
         if (name := name or str(mesh.get("name", ""))) and rows > before:

@@ -58,12 +58,13 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     except GtbError as error:
         raise type(error)(f"{shown}: {_printable(str(error))}") from None
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
-    content, fans = unfolded(content) if len(content.polygons) else (content, 0)
+    has_polygons = len(content.polygons) > 0
+    content, fans = unfolded(content) if has_polygons else (content, 0)
     mesh = Mesh(content.vertices, content.cells, groups=groups)
-    largest = largest_coordinates(mesh.used)
+    largest, space = largest_coordinates(mesh.used), _printable(content.space)
     half_steps = content.half_steps(largest) + rounding(largest)
     values = partial(values_of, content, mesh, shown)
-    return KnownMesh(mesh, half_steps, kind, _printable(content.space), values, content.libraries, fans=fans)
+    return KnownMesh(mesh, half_steps, kind, space, values, content.libraries, (), has_polygons, fans)
 
 
 def values_of(content: FileArrays, mesh: Mesh, shown: str) -> Values:

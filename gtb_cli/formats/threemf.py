@@ -143,7 +143,7 @@ class _Reader:
         if archive.getinfo(name).file_size > min(LARGEST, max(least, ratio * archive.getinfo(name).compress_size)):
             raise GtbError(f"says that its model has more than {LARGEST >> 30} GB, or {ratio} times its packed size")
         self.depth = self.named = self.foreign = 0  # depths, of which the last is that of an element of an extension
-        self.left = (1 << 18) + archive.getinfo(name).compress_size // 2  # elements: each takes four bytes, or repeats
+        self.left = (1 << 19) + archive.getinfo(name).compress_size // 2  # elements: each takes four bytes, or repeats
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
         self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}

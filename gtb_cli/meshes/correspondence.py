@@ -270,8 +270,8 @@ def unlike(
     what = ("ends", "segments at a vertex") if first.is_curve else ("edges with one face", "faces at an edge")
     some.append((f"open {what[0]}", first.open_edges, second.open_edges))
     some.append((f"places with more than two {what[1]}", first.crowded_edges, second.crowded_edges))
-    thin, others_thin = (_without_extent(each.mesh) for each in (a, b))
-    some.append(("cells without extent", int(thin.sum()), int(others_thin.sum())))
+    one, other = (int(_without_extent(each.mesh).sum()) for each in (a, b))  # not those that polygons are cut into
+    some += [] if a.has_polygons or b.has_polygons else [("cells without extent", one, other)]
     rows += [row for row in some if 0 in row[1:]]  # how many there are need not be the same
     told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
     extent, others_extent = (each.length or each.area or 0.0 for each in (first, second))
@@ -290,6 +290,7 @@ def unlike(
     if other:
         s, have = ("", "has") if other == 1 else ("s", "have")
         told.append(f"{other} {side}{s} of common {cell}s {have} further {cell}s in one of them only")
+    thin, others_thin = (_without_extent(each.mesh, close) for each in (a, b))
     turned, rest, others_rest = faces.turned(), ~thin & only, ~others_thin & others_only
     if have_others and not first.is_curve:
         away = _looking_away(a.mesh, rest, b.mesh, ~others_thin, tolerance)
@@ -297,16 +298,16 @@ def unlike(
     return turned, (f"in the same place, but {', '.join(told)}",) if told else ()
 
 
-def _without_extent(mesh: Mesh) -> BoolArray:
-    """(k,) true for segments without length and triangles without area, to rounding."""
-    least = 1e-14  # area, as a fraction of the square of the longest side
-    corners = Frame.around(mesh.bounds).inside(mesh.vertices)[mesh.cells]
+def _without_extent(mesh: Mesh, close: float = 0.0) -> BoolArray:
+    """(k,) true for segments without length and triangles without area, to rounding, or no higher than `close`."""
+    least, frame = 1e-14, Frame.around(mesh.bounds)  # area, as a fraction of the square of the longest side
+    corners = frame.inside(mesh.vertices)[mesh.cells]
     sides = corners - np.roll(corners, 1, axis=1)
     squares = np.einsum("kcx,kcx->kc", sides, sides).max(axis=1)
     if mesh.is_curve:
         return np.asarray(squares == 0)
     normals = cross(sides[:, 1], sides[:, 2])
-    return np.asarray(dot(normals, normals) <= (least * squares) ** 2)
+    return np.asarray(dot(normals, normals) <= np.maximum(least**2 * squares, frame.length(close, -1) ** 2) * squares)
 
 
 def _looking_away(mesh: Mesh, chosen: BoolArray, other: Mesh, solid: BoolArray, tolerance: float) -> int:

@@ -304,6 +304,7 @@ class KnownMesh:
     values: Callable[[], Values] = dict  # normals, texture coordinates and attributes, which are read when asked
     libraries: tuple[str, ...] = ()  # names of files with its materials and pictures
     doubtful: tuple[str, ...] = ()  # names of values that are compared only where faces are the same
+    has_polygons: bool = False  # which are cut into triangles
     fans: int = 0  # polygons whose triangles, around the first corners, may overlap
 
     @property

@@ -143,7 +143,8 @@ def _are_alike(first: str, second: str) -> bool:
         for k, (key, value) in enumerate(pairs):
             if isinstance(value, float):
                 is_far = key.startswith("distance")
-                pairs[k] = key, 0.0 if is_far and abs(value) <= none else float(f"{value:.{6 if is_far else 12}g}")
+                rounded = 0.0 if is_far and abs(value) <= none else float(f"{value:.{6 if is_far else 12}g}")
+                pairs[k] = key, int(rounded) if rounded.is_integer() else rounded  # JavaScript writes 5 for 5.0
         if len(dict(pairs)) < len(pairs):
             raise ValueError("a key is there twice")
         return dict(pairs)
