@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -74,6 +75,18 @@ class RationalBasis:
         return result
 
 
+class Blend(Protocol):
+    """The part of a patch that its own fields use: control points under a rational basis."""
+
+    @property
+    def rational_basis(self) -> RationalBasis:
+        """The functions T_i."""
+
+    @property
+    def control_points(self) -> FloatArray:
+        """The control points b_i, (n, 3)."""
+
+
 def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
     """Locate (m, d) parameters in the toric parametrisation; see `RationalBasis.locations`."""
     length = block_length(len(domain.knots))
@@ -115,10 +128,17 @@ class LinearParametrization:
         Vertices of `triangulation` with a `resolution` are found sooner. Where there are several vectors of weights,
         `numbers` says which one each point uses. See `RationalBasis.locations`.
         """
-        shape, places = self.shape, np.arange(len(p))
+        rows = np.arange(len(p))
         if faces is not None and numbers is None:
-            places = yield from self._even(p, faces, resolution)
-            p, faces = p[places], faces[places]
+            rows = yield from self._even(p, faces, resolution)
+            p, faces = p[rows], faces[rows]
+        for location in self._located(p, faces, within, numbers):
+            yield location._replace(rows=rows[location.rows])
+
+    def _located(
+        self, p: FloatArray, faces: IntArray | None, within: float, numbers: IntArray | None
+    ) -> Iterator[Location]:
+        shape = self.shape
         heights = shape.heights_of_columns(p, 0, faces)
         inside = np.flatnonzero((heights > 0).all(axis=0))
         for face, rows in shape.faces.on_boundary(heights):
@@ -126,13 +146,14 @@ class LinearParametrization:
             if not face.is_corner:
                 along, own = shape.along(face.index, p[rows])[:, None], None if numbers is None else numbers[rows]
                 s = MomentMap(knots, self.log_weights[..., face.knots]).inverse(along, within, None, own)
-            yield Location(places[rows], face, knots, s)
+            yield Location(rows, face, knots, s)
+
         for number, members in groups(self._nearest(heights[:, inside])):
             rows, system = inside[members], self._systems[number]
             own = None if numbers is None else numbers[rows]
-            columns = system.rows(p.take(rows, axis=0), heights.take(rows, axis=1))
-            s = system.moments.inverse(columns, within, None, own)
-            yield Location(places[rows], shape.faces[INTERIOR], system.moments.knots, s)
+            places = system.rows(p.take(rows, axis=0), heights.take(rows, axis=1))
+            s = system.moments.inverse(places, within, None, own)
+            yield Location(rows, shape.faces[INTERIOR], system.moments.knots, s)
 
     def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray]:
         """Locate most inner vertices of `triangulation`, by starts interpolated from solutions at a few of them.
