@@ -47,7 +47,7 @@ from gtb_cli.theory.corner_powers import (
     summed,
     turning_places,
 )
-from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import Blend
 from gtb_cli.values import frozen
 
 PLANE_DEGREES = 1e-4  # angle up to which limits of normals are one, as of control points with six decimals
@@ -106,7 +106,7 @@ class _Sector(NamedTuple):
     ends: tuple[FloatArray, FloatArray]
 
 
-def corner_limits(patch: Patch, corner: int) -> CornerLimits:
+def corner_limits(patch: Blend, corner: int) -> CornerLimits:
     """Return the limits of normals and curvatures at a corner of a surface, and how fast they are reached.
 
     Parameters
@@ -132,10 +132,10 @@ def corner_limits(patch: Patch, corner: int) -> CornerLimits:
     below 1e-3. Heights of knots that differ by less than 1e-9 of the size of Δ are taken as equal. Terms that vanish to
     rounding are left out, as are those that do so up to the angle between limits that are one. Not in the paper.
     """
-    shape = patch.domain
+    shape = patch.rational_basis.domain
     if shape.dimension == 1 or not 0 <= corner < len(shape.vertices):
         raise DomainError(f"corner: expected 0 … {len(shape.vertices) - 1} of a surface, got {corner}")
-    return limits_at(shape, patch.log_products, patch.control_points, corner)
+    return limits_at(shape, patch.rational_basis.log_weights, patch.control_points, corner)
 
 
 def limits_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corner: int) -> CornerLimits:
@@ -146,9 +146,10 @@ def limits_at(domain: Domain, log_weights: FloatArray, points: FloatArray, corne
     return _with_curvature(found, knots, area, sectors, extent) if sectors else found
 
 
-def limits_of_normals(patch: Patch, corner: int) -> CornerLimits:
+def limits_of_normals(patch: Blend, corner: int) -> CornerLimits:
     """Return what `corner_limits` finds, but for the curvature, which takes longer."""
-    return _normals(corner_knots(patch.domain, patch.log_products, patch.control_points, corner)[0])[0]
+    basis = patch.rational_basis
+    return _normals(corner_knots(basis.domain, basis.log_weights, patch.control_points, corner)[0])[0]
 
 
 def _normals(knots: CornerKnots) -> tuple[CornerLimits, Powers, IntArray, list[FloatArray]]:

@@ -20,7 +20,7 @@ from gtb_cli.knots.about_a_knot import PARALLEL_SINE, cleared, coordinate_roundi
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.corners import limits_at
 from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, face_layers, neighbourhoods
-from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import Blend
 from gtb_cli.vocabulary import Parametrization
 
 
@@ -35,16 +35,16 @@ class Curvature(NamedTuple):
     mean: FloatArray
 
 
-def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
+def curvature(patch: Blend, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
     """Gaussian and mean curvature of a surface at (…, 2) parameters; see `Patch.curvature`."""
-    columns, grid = patch.domain.grid(u)
+    columns, grid = patch.rational_basis.domain.grid(u)
     found = curvatures_at([patch], patch.rational_basis.locations(columns, parametrization), len(columns))
     return Curvature(found.gaussian[0].reshape(grid), found.mean[0].reshape(grid))
 
 
-def curvatures_at(patches: Sequence[Patch], where: Iterable[Location], count: int) -> Curvature:
+def curvatures_at(patches: Sequence[Blend], where: Iterable[Location], count: int) -> Curvature:
     """Return the curvatures, (q, count), of q patches that share one rational basis."""
-    domain, log_weights = patches[0].domain, patches[0].log_products
+    domain, log_weights = patches[0].rational_basis.domain, patches[0].rational_basis.log_weights
     if domain.dimension == 1:
         raise DomainError("curvature: Gaussian and mean curvature are a surface's, this is a curve")
     points = np.array([patch.control_points for patch in patches])

@@ -20,11 +20,11 @@ from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.corners import limits_of_normals
 from gtb_cli.theory.local_coordinates import face_layers
-from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.rational_basis import Blend
 from gtb_cli.vocabulary import Parametrization
 
 
-def normals_at(patch: Patch, locations: Iterable[Location], count: int) -> FloatArray:
+def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> FloatArray:
     """Return unit normals of a surface along ∂P/∂u_0 × ∂P/∂u_1, (count, 3), at locations; NaN where it has none.
 
     Inside, moments are taken about the nearest corner, in heights over its two edges, which are exact zeros for the
@@ -32,12 +32,12 @@ def normals_at(patch: Patch, locations: Iterable[Location], count: int) -> Float
     taken about the knot with the largest T_i, along and across the direction to the second. For limits on the boundary
     see `Patch.normals`. `DomainError` is raised for a curve.
     """
-    if patch.domain.dimension == 1:
+    if patch.rational_basis.domain.dimension == 1:
         raise DomainError("normals: a curve has none")
     result = np.empty((count, 3))
     for location in locations:
         if location.face.is_interior:
-            e = exponents(location.knots, patch.log_products, location.s)
+            e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
             normals, doubtful = _about_corners(patch, shares(e))
             if doubtful.any():
                 normals[doubtful] = _about_leaders(patch, e[:, doubtful])
@@ -49,11 +49,11 @@ def normals_at(patch: Patch, locations: Iterable[Location], count: int) -> Float
     return result
 
 
-def _about_corners(patch: Patch, t: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _about_corners(patch: Blend, t: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return normals at (n, m) values of the rational basis, (m, 3), and mark normals that may have lost digits."""
     cancelled = 1e-3  # three digits are lost in a derivative so much smaller than its summands, or in such an angle
     cut_off_sum = 1e-280  # smaller sums may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`
-    shape = patch.domain
+    shape = patch.rational_basis.domain
     heights = shape.heights.T @ t
     r, columns = len(shape.vertices), np.arange(heights.shape[1])
     distance = heights / shape.normal_lengths[:, None]
@@ -75,10 +75,10 @@ def _about_corners(patch: Patch, t: FloatArray) -> tuple[FloatArray, BoolArray]:
     return result, doubtful
 
 
-def _about_leaders(patch: Patch, e: FloatArray) -> FloatArray:
+def _about_leaders(patch: Blend, e: FloatArray) -> FloatArray:
     result = np.empty((e.shape[1], 3))
     for k, here in groups(e.argmax(axis=0)):
-        about, part = Differences(patch.domain, k), e[:, here]
+        about, part = Differences(patch.rational_basis.domain, k), e[:, here]
         deltas = offsets_from(patch.control_points, k)
         mean = deltas.T @ shares(part)
         second = np.where(about.lengths[:, None] > 0, part, -np.inf).argmax(axis=0)
@@ -87,14 +87,14 @@ def _about_leaders(patch: Patch, e: FloatArray) -> FloatArray:
     return result
 
 
-def _about_point(patch: Patch, edge: int, s: FloatArray) -> FloatArray:
+def _about_point(patch: Blend, edge: int, s: FloatArray) -> FloatArray:
     """Return the limits of normals, (m, 3), at (m,) torus coordinates on a collapsed edge.
 
     Of each triple one knot is on the edge. Areas are affine in its place, so that its mean stands for all of them, and
     the sum is over pairs of the other knots.
     """
     block = 1 << 20  # pairs of knots times places on the edge, which bounds the memory
-    shape, log_weights = patch.domain, patch.log_products
+    shape, log_weights = patch.rational_basis.domain, patch.rational_basis.log_weights
     along, height, members = shape.along(edge, shape.knots), shape.heights[:, edge], shape.incidence[:, edge]
     place = along[members] @ shares(exponents(along[members, None], log_weights[members], s[None]))
     j, k, crosses = _pairs(offsets_from(patch.control_points, int(members.argmax())), height)
@@ -135,10 +135,10 @@ def _pairs(deltas: FloatArray, distance: FloatArray) -> tuple[IntArray, IntArray
     return j[kept], k[kept], crosses[kept]
 
 
-def _at_corner(patch: Patch, face: Face) -> FloatArray:
+def _at_corner(patch: Blend, face: Face) -> FloatArray:
     """Return the limit of normals at a corner, (3,); NaN if there is none, or there are several."""
     # Mostly it is the cross product of the ways to the next knots along both edges, but knots inside may be lower.
-    shape, log_weights = patch.domain, patch.log_products
+    shape, log_weights = patch.rational_basis.domain, patch.rational_basis.log_weights
     before, after, at_corner = face.index - 1, face.index, np.flatnonzero(face.knots)
     deltas = offsets_from(patch.control_points, int(at_corner[0]))
     if not face_layers(shape, face).slow.any():
@@ -153,12 +153,12 @@ def _at_corner(patch: Patch, face: Face) -> FloatArray:
     return limits_of_normals(patch, face.index).normal
 
 
-def on_edge(patches: Sequence[Patch], edge: int, s: FloatArray) -> FloatArray:
+def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
     """Return normals on an edge of q surfaces with one domain, (q, m, 3), at (q, m) torus coordinates; NaN if none."""
-    shape = patches[0].domain
+    shape = patches[0].rational_basis.domain
     members = np.flatnonzero(shape.incidence[:, edge])
     along = shape.along(edge, shape.knots)
-    log_weights = np.array([patch.log_products for patch in patches])
+    log_weights = np.array([patch.rational_basis.log_weights for patch in patches])
     rounding = np.array([coordinate_rounding(patch.control_points) for patch in patches])[:, None, None]
     points = np.array([patch.control_points for patch in patches])
 
@@ -208,9 +208,9 @@ def _unit_columns(vectors: FloatArray) -> FloatArray:
     return np.asarray(scaled / np.sqrt((scaled**2).sum(axis=-2, keepdims=True)))
 
 
-def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
+def tangents(patch: Blend, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
     """Return unit tangents of a curve at parameters, (…) or (…, 1) → (…, 3); see `Patch.tangents`."""
-    shape = patch.domain
+    shape = patch.rational_basis.domain
     if shape.dimension != 1:
         raise DomainError("tangents: a surface has many at a point, expected a curve")
     columns, grid = shape.grid(t)
@@ -223,10 +223,10 @@ def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "tor
     return result.reshape(*grid, 3)
 
 
-def _tangents_inside(patch: Patch, location: Location) -> FloatArray:
+def _tangents_inside(patch: Blend, location: Location) -> FloatArray:
     """Normalise ``Σ_i T_i (a_i − μ)(b_i − P)``, taken about the knot with the largest T to keep digits at the ends."""
-    knots = patch.domain.knots
-    e = exponents(location.knots, patch.log_products, location.s)
+    knots = patch.rational_basis.domain.knots
+    e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
     result = np.empty((e.shape[1], 3))
     for k, rows in groups(e.argmax(axis=0)):
         deltas = offsets_from(patch.control_points, k)
@@ -237,11 +237,12 @@ def _tangents_inside(patch: Patch, location: Location) -> FloatArray:
     return result
 
 
-def _tangent_at_end(patch: Patch, end: int) -> FloatArray:
-    heights = patch.domain.heights[:, end]
+def _tangent_at_end(patch: Blend, end: int) -> FloatArray:
+    basis = patch.rational_basis
+    heights = basis.domain.heights[:, end]
     at_end = np.flatnonzero(heights == 0)
     deltas = offsets_from(patch.control_points, int(at_end[0]))
-    place, *places = (_mean(deltas, patch.log_products, knots) for knots in (at_end, *layers(heights)))
+    place, *places = (_mean(deltas, basis.log_weights, knots) for knots in (at_end, *layers(heights)))
     for step in (other - place for other in places):
         if np.abs(step).max() > coordinate_rounding(patch.control_points):
             return np.asarray(_unit_columns(step)[:, 0] * (1.0 if end == 0 else -1.0))
