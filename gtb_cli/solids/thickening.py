@@ -21,6 +21,7 @@ from gtb_cli.arrays import (
 )
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import are_proper, are_used, compacted, sides_of
 from gtb_cli.vocabulary import SIDES, thickness_of
@@ -234,9 +235,10 @@ def _cell_groups(mesh: Mesh) -> IntArray:
 def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     """(m, 3) vertices of the offset.
 
-    Beside a concave edge, offsets that would pass the corner and turn faces over move between their neighbours, in the
-    tangent planes of the offset, if fewer faces are turned over for it: rings of faces about those that are, twice as
-    many in each round. Where this does not suffice, vertices of seams move along these as well.
+    Beside a concave edge, where offsets pass the corner and turn faces over, its vertices go to where the offsets of
+    its patches meet, and others between their neighbours, on the offset, if fewer faces are turned over for it: rings
+    of faces about those that are, twice as many in each round. Where this does not suffice, vertices of seams move
+    along these as well.
     """
     moves = _displacements(mesh)
     is_mitred = dot(moves, moves) > 1 + 1e-6
@@ -244,23 +246,62 @@ def _offset(mesh: Mesh, thickness: float) -> FloatArray:
     folded = _turned_over(mesh, best)
     if not len(folded) or not is_mitred.any():
         return best
-    count, (links, shares, along) = len(best), _links(mesh, is_mitred)
+    count, sheets = len(best), _sheets(mesh, best, is_mitred, folded)
+    at_folds = is_mitred & are_used(mesh.cells[folded], count)
+    met = (_drawn(best, at_folds, sheets) - mesh.vertices) / thickness
+    moves = np.where((at_folds & (dot(met, met) <= MAX_MITRE**2))[:, None], met, moves)
+    links, shares, along = _links(mesh, is_mitred)
     on_seam = np.bincount(links[is_mitred[links[:, 0]], 0], minlength=count) == 2
     is_corner = are_used(_boundary(mesh)[0], count) & ~along.any(axis=1)
     for stays in (is_mitred | is_corner, (is_mitred & ~on_seam) | is_corner):
         is_moving, latest = np.zeros(count, dtype=bool), folded
         for rings in 2 ** np.arange(8):
+            before = is_moving.copy()
             is_moving[mesh.cells[latest]] = True
             for _ in range(rings):
                 is_moving[mesh.cells[is_moving[mesh.cells].any(axis=1)]] = True
             is_moving &= ~stays
             moved = mesh.vertices + thickness * _evened(moves, links, shares, along, is_moving)
+            if (is_moving == before).all() or not np.isfinite(moved).all():
+                break
+            moved = _drawn(moved, is_moving, sheets)
             latest = _turned_over(mesh, moved)
-            if len(latest) < len(folded) and np.isfinite(moved).all():
+            if len(latest) < len(folded):
                 best, folded = moved, latest
             if not len(folded):
                 return best
     return best
+
+
+def _sheets(
+    mesh: Mesh, offset: FloatArray, is_mitred: BoolArray, folded: IntArray
+) -> list[tuple[IntArray, NearestCells]]:
+    """Divide an offset at edges with mitres: the vertices of each sheet, and its triangles that are not folded."""
+    count, cell = len(offset), np.repeat(np.arange(len(mesh.cells)), 3)
+    corners = np.stack([cell + count, mesh.cells.ravel()], axis=1)
+    sheet = merged(count + len(mesh.cells), corners[~is_mitred[corners[:, 1]]])[count:]
+    sound = np.delete(np.arange(len(sheet)), folded)
+    return [
+        (np.unique(mesh.cells[sheet == each]), NearestCells(offset[mesh.cells[sound[sheet[sound] == each]]]))
+        for each in np.unique(sheet[sound])
+    ]
+
+
+def _drawn(points: FloatArray, chosen: BoolArray, sheets: list[tuple[IntArray, NearestCells]]) -> FloatArray:
+    """(m, 3) points, the chosen ones moved the least way onto all sheets that they are on."""
+    steps = 3  # of Newton's method, with the planes of the nearest triangles
+    points = points.copy()
+    for _ in range(steps):
+        right, squares = np.zeros_like(points), np.zeros((len(points), 3, 3))
+        for vertices, cells in sheets:
+            rows = vertices[chosen[vertices]]
+            a, b, c = np.moveaxis(cells.corners[cells.nearest(points[rows])[1]], 1, 0)
+            normal = unit(cross(b - a, c - a))
+            right[rows] += dot(a - points[rows], normal)[:, None] * normal
+            squares[rows] += normal[:, :, None] * normal[:, None]
+        inverses = np.linalg.pinv(squares[chosen], rcond=2 * (1 - SMOOTH_COSINE), hermitian=True)
+        points[chosen] += np.einsum("vij,vj->vi", inverses, right[chosen])
+    return points
 
 
 def _links(mesh: Mesh, is_mitred: BoolArray) -> tuple[IntArray, FloatArray, FloatArray]:

@@ -10,6 +10,7 @@ from hypothesis import given, strategies as st
 from gtb_cli.arrays import cross, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.models.model import Model
 from gtb_cli.solids.thickening import MAX_MITRE, folded_faces, thicken, thinnest_wall
 from gtb_cli.tessellation.recipe import Recipe
@@ -161,6 +162,19 @@ def test_in_a_concave_edge_faces_narrower_than_the_corner_moves_are_not_turned_o
     outer = solid.vertices[len(solid.vertices) // 2 :]
     heights = np.stack([outer[:, 2], outer @ [-math.sin(a), 0, math.cos(a)]])
     np.testing.assert_allclose(heights.min(axis=0), thickness, rtol=1e-9)
+
+
+def test_beside_an_inner_corner_of_curved_sides_the_wall_is_as_thick_as_elsewhere():
+    """A quarter of a wall with a waist, above its floor: in tangent planes it is 0.90 to 1.36 of the thickness."""
+    profiles, arc = ([(20, 20), (8, 14), (9, 6), (20, 0)], [(20, 0), (10, -3), (1, -4)]), np.array([0, 0.55, 1, 1])
+    sides = [[[r * arc[3 - k], r * arc[k], z] for r, z in profile for k in range(4)] for profile in profiles]
+    knots = [[[i, k] for i in range(len(profile)) for k in range(4)] for profile in profiles]
+    model = Model(tuple(Patch(*side, coefficients="binomial") for side in zip(knots, sides, strict=True)))
+    dense, surface = tessellate(model, 96), tessellate(model, 24)
+    offset = thicken(surface, -4.0).vertices[len(surface.vertices) :]
+    assert len(folded_faces(surface, -4.0)) == 0
+    walls = NearestCells(dense.vertices[dense.cells]).nearest(offset)[0] / 4
+    assert 0.99 < walls.min() < walls.max() < 1.002
 
 
 def test_patches_with_normals_nearly_in_a_plane_do_not_tear_a_vertex_away():
