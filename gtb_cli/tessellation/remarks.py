@@ -10,7 +10,7 @@ from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.solids.solidity import where
-from gtb_cli.solids.thickening import folded_faces, thinnest_wall
+from gtb_cli.solids.thickening import folded_faces, surface_of, thinnest_wall
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.patch import Patch
@@ -45,12 +45,12 @@ def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
     return [f"with `resolution` {resolution} {why}; `resolution` 3 keeps them apart"] * (crowded > 0)
 
 
-def offset_folds(spec: Patch | Model, mesh: Mesh, thickness: float) -> list[str]:
-    """Say where the offset of a surface by a thickness folds."""
-    folded = folded_faces(mesh, thickness)
+def offset_folds(spec: Patch | Model, mesh: Mesh, solid: Mesh, thickness: float) -> list[str]:
+    """Say where the offset of a surface folds in its solid with a thickness."""
+    folded = folded_faces(solid)
     turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
     radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
-    facts = [where(mesh, folded)] if len(folded) else []
+    facts = [where(surface_of(solid), folded)] if len(folded) else []
     if radius < math.inf:
         near = point_text(place, mesh.bounds)
         facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {near}")

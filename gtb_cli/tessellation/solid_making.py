@@ -83,8 +83,8 @@ class WallMaker:
                 if points[0].shape == points[1].shape and np.abs(points[1] - points[0]).max() < 1e-9 * np.ptp(points):
                     why = f"{other.name} lies where {one.name} is"
             raise DomainError(f"thickness: {names} are one curve, where at most two may meet: {why}")
-        folds = offset_folds(self.spec, surface, thickness)
         wall = thicken(surface, thickness)
+        folds = offset_folds(self.spec, surface, wall, thickness)
         mesh, kept = self._rimmed(wall, thickness)
         return mesh, folded_places(surface), folds, thin_wall(wall, thickness) + kept
 
@@ -92,10 +92,11 @@ class WallMaker:
         """Name a coarser mesh or a smaller thickness that is solid, judged as asked, and the other side if it is."""
 
         def is_solid(thickness: float, surface: Mesh = surface) -> bool:
-            if offset_folds(self.spec, surface, thickness):
-                return False
             with suppress(DomainError, RequirementError):
-                wall, _ = self._rimmed(thicken(surface, thickness), thickness)
+                wall = thicken(surface, thickness)
+                if offset_folds(self.spec, surface, wall, thickness):
+                    return False
+                wall, _ = self._rimmed(wall, thickness)
                 stored, coarse = held(wall)
                 require(("solid",), self.spec, wall, surface, crossings_of(wall, stored, coarse), (stored, coarse))
                 return True

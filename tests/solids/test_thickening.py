@@ -12,7 +12,8 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.models.model import Model
-from gtb_cli.solids.thickening import MAX_MITRE, folded_faces, thicken, thinnest_wall
+from gtb_cli.solids.offsets import MAX_MITRE
+from gtb_cli.solids.thickening import folded_faces, thicken, thinnest_wall
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
@@ -56,7 +57,7 @@ def test_a_plane_becomes_a_box(thickness, scale, shift):
     height = (solid.vertices - flat.vertices[0]) @ flat.normals[0] / scale
     expected = np.repeat([0, thickness], len(flat.vertices))
     np.testing.assert_allclose(height, expected, atol=1e-8 if shift else DIGITS * abs(thickness) + DIGITS)
-    assert len(folded_faces(flat, scale * thickness)) == 0
+    assert len(folded_faces(thicken(flat, scale * thickness))) == 0
 
 
 @pytest.mark.parametrize("make", [octant, quartic_octant])
@@ -171,8 +172,9 @@ def test_beside_an_inner_corner_of_curved_sides_the_wall_is_as_thick_as_elsewher
     knots = [[[i, k] for i in range(len(profile)) for k in range(4)] for profile in profiles]
     model = Model(tuple(Patch(*side, coefficients="binomial") for side in zip(knots, sides, strict=True)))
     dense, surface = tessellate(model, 96), tessellate(model, 24)
-    offset = thicken(surface, -4.0).vertices[len(surface.vertices) :]
-    assert len(folded_faces(surface, -4.0)) == 0
+    solid = thicken(surface, -4.0)
+    assert len(folded_faces(solid)) == 0
+    offset = solid.vertices[len(surface.vertices) :]
     places = np.concatenate([offset, offset[surface.cells].mean(axis=1)])
     walls = NearestCells(dense.vertices[dense.cells]).nearest(places)[0] / 4
     assert 0.99 < walls.min() < walls.max() < 1.002
@@ -202,14 +204,14 @@ def test_parts_of_a_model_stay_together():
 
 def test_folds_are_where_the_curvature_exceeds_the_thickness():
     sphere = tessellate(quartic_octant(), 16)
-    assert len(folded_faces(sphere, -0.98)) == 0
-    assert len(folded_faces(sphere, 5.0)) == 0
+    assert len(folded_faces(thicken(sphere, -0.98))) == 0
+    assert len(folded_faces(thicken(sphere, 5.0))) == 0
     # Past the centre, where areas have their sign back, too.
     for thickness in (-1.02, -3.0):
-        assert len(folded_faces(sphere, thickness)) == len(sphere.cells)
+        assert len(folded_faces(thicken(sphere, thickness))) == len(sphere.cells)
     tube = tessellate(cylinder(2.0), 32)
-    assert len(folded_faces(tube, -1.98)) == 0
-    assert len(folded_faces(tube, -2.02)) == len(tube.cells)
+    assert len(folded_faces(thicken(tube, -1.98))) == 0
+    assert len(folded_faces(thicken(tube, -2.02))) == len(tube.cells)
 
 
 @pytest.mark.parametrize("thickness", [0.1, -0.1])
@@ -237,9 +239,9 @@ def test_folds_are_found_face_by_face():
     middle = surface.vertices[surface.cells].mean(axis=1)[:, 0]
     largest = 6 * 45**-0.25 / (1 + 9 / 45) ** 1.5  # |κ| = 6x / (1 + 9x⁴)^(3/2) at x⁴ = 1/45
     for sign, side in ((1, 1), (-1, -1)):
-        assert len(folded_faces(surface, sign / (largest * 0.97))) > 0
-        assert len(folded_faces(surface, sign / (largest * 1.03))) == 0
-        folded = middle[folded_faces(surface, sign / (largest * 0.97))]
+        assert len(folded_faces(thicken(surface, sign / (largest * 0.97)))) > 0
+        assert len(folded_faces(thicken(surface, sign / (largest * 1.03)))) == 0
+        folded = middle[folded_faces(thicken(surface, sign / (largest * 0.97)))]
         assert (side * folded > 0.2).all()
         assert (side * folded < 0.6).all()
 
