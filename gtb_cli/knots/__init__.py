@@ -1,1 +1,1 @@
-"""The geometry of the knots alone: hull, domain and which knots lie on its edges, faces, and regular decompositions."""
+"""The geometry of the knots alone: hull, domain, knots on its edges, regular decompositions, and rates of limits."""

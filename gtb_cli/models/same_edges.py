@@ -1,4 +1,4 @@
-"""The search for the joints of a model: whether two edges carry one curve, and which patches must be turned."""
+"""Which edges of a model are joined: they carry one curve, or a weld joins them, the nearest first."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Axes on which things are drawn, in the plane or in space, where a surface is an image and hides what is behind."""
+"""Axes on which things are drawn: in space a surface is an image, shaded or striped, and hides what is behind."""
 
 from __future__ import annotations
 

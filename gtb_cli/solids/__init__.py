@@ -1,1 +1,1 @@
-"""Solids to print: tubes, thickened surfaces, their rims and walls, and faults such as crossings."""
+"""Solids to print: tubes, thickened surfaces, their rims and walls, faults, and what a printer asks."""

@@ -1,4 +1,4 @@
-"""The refusal of meshes with too many faces, before they are made."""
+"""The refusal of meshes with too many faces for `-n`, before they are made (for a tolerance: `refinement`)."""
 
 import math
 import os
