@@ -1,4 +1,4 @@
-"""Walls of solids: how far it is from a place on the surface, straight into the solid, to the other side (the least: `printing`)."""
+"""Walls of solids: how far it is from a place on the surface, straight into the solid, to the other side."""
 
 import numpy as np
 
