@@ -155,20 +155,16 @@ def _links(mesh: Mesh, is_mitred: BoolArray) -> tuple[IntArray, FloatArray, Floa
 
 def _evened(moves: FloatArray, links: IntArray, shares: FloatArray, along: FloatArray, free: BoolArray) -> FloatArray:
     """(m, 3) displacements: free ones become means of their neighbours', on the rim but for their parts across it."""
-    from scipy.sparse import csc_array
+    from scipy.sparse import csc_array, diags_array
     from scipy.sparse.linalg import splu
 
     hold = 1e-9  # a share of its own displacement, which keeps what nothing else holds
-    rows, result, number = np.flatnonzero(free), moves.copy(), np.cumsum(free) - 1
-    (start, end), shares = links[free[links[:, 0]]].T, shares[free[links[:, 0]]]
-    own, is_free = number[start], free[end]
-    sums = np.bincount(own, shares, len(rows))
-    held = np.bincount(own, hold * np.abs(shares), len(rows)) + np.finfo(float).tiny  # where all triangles are lines
-    entries = np.append(sums + held, -shares[is_free])
-    line, column = (np.append(np.arange(len(rows)), each[is_free]) for each in (own, number[end]))
-    right = held[:, None] * moves[rows]
-    np.add.at(right, own[~is_free], (shares[:, None] * moves[end])[~is_free])
-    means, along = splu(csc_array((entries, (line, column)))).solve(right), along[rows]
+    rows, fixed, result = np.flatnonzero(free), np.flatnonzero(~free), moves.copy()
+    weights = csc_array((shares, links.T), shape=(len(moves), len(moves)))[rows]
+    held = hold * abs(weights).sum(axis=1) + np.finfo(float).tiny  # where all triangles are lines
+    matrix = csc_array(diags_array(weights.sum(axis=1) + held) - weights[:, rows])
+    means = splu(matrix).solve(held[:, None] * moves[rows] + weights[:, fixed] @ moves[fixed])
+    along = along[rows]
     slid = moves[rows] + dot(means - moves[rows], along)[:, None] * along
     result[rows] = np.where(along.any(axis=1, keepdims=True), slid, means)
     return result
