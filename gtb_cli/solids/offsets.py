@@ -45,7 +45,7 @@ def offset_of(mesh: Mesh, thickness: float) -> FloatArray:
             for _ in range(rings):
                 is_moving[mesh.cells[is_moving[mesh.cells].any(axis=1)]] = True
             is_moving &= ~stays
-            moved = mesh.vertices + thickness * _evened(moves, links, shares, along, is_moving)
+            moved = mesh.vertices + thickness * evened(moves, links, shares, along, is_moving)
             if (is_moving == before).all() or not np.isfinite(moved).all():
                 break
             moved = _drawn(moved, is_moving, sheets, thickness)
@@ -153,7 +153,7 @@ def _links(mesh: Mesh, is_mitred: BoolArray) -> tuple[IntArray, FloatArray, Floa
     return links[kept], shares[kept], unit(rim_ways)
 
 
-def _evened(moves: FloatArray, links: IntArray, shares: FloatArray, along: FloatArray, free: BoolArray) -> FloatArray:
+def evened(moves: FloatArray, links: IntArray, shares: FloatArray, along: FloatArray, free: BoolArray) -> FloatArray:
     """(m, 3) displacements: free ones become means of their neighbours', on the rim but for their parts across it."""
     from scipy.sparse import csc_array, diags_array
     from scipy.sparse.linalg import splu

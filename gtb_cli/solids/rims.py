@@ -9,6 +9,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import adjacent, are_used, sides_of
+from gtb_cli.solids.offsets import evened
 from gtb_cli.values import grouped
 
 STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not along the normals; flat from 3 times it
@@ -66,7 +67,7 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         offset[beyond] -= height[beyond, None] * normal
         height[beyond] = 0.0
         in_plane = np.concatenate([rim, height == 0])[solid.cells].all(axis=1)
-        vertices[:] = _evened(vertices, beyond, short & ~is_mitred, rim, solid.cells[in_plane], normal)
+        vertices[:] = _between(vertices, beyond, short & ~is_mitred, rim, solid.cells[in_plane], normal)
         is_side |= in_plane
     own, rows = solid.normals, solid.normal_of.astype(np.int64)
     around = facet_normals(vertices, solid.cells[is_side])
@@ -175,31 +176,27 @@ def _landings(
     return np.array([*moved], dtype=np.int64), places[[*moved.values()]]
 
 
-def _evened(
+def _between(
     vertices: FloatArray, free: BoolArray, along: BoolArray, rim: BoolArray, cells: IntArray, normal: FloatArray
 ) -> FloatArray:
     """(2m, 3) vertices after some of the offset have moved between their neighbours, while faces are turned over.
 
     The faces are those in the plane of a rim. Some vertices are free, others move only along the rim.
     """
-    rounds = 32  # which suffice for vertices that long edges, or a corner that moves farther, have left behind
-    count = len(rim)
+    rounds = 8  # as long edges, or a corner that moves farther, leave vertices behind
+    count, start, no_ways = len(rim), vertices, np.zeros_like(vertices)
     edges = sides_of(cells).edges
     ends = np.concatenate([edges, edges[:, ::-1]])
-    ends = ends[(ends[:, 0] >= count)]
-    moves, is_rim = free | along, np.concatenate([np.zeros(count, dtype=bool), rim])
-    ends = ends[moves[ends[:, 0] - count] & (free[ends[:, 0] - count] | is_rim[ends[:, 1]])]
+    is_free, is_along, is_rim = (np.concatenate([np.zeros(count, dtype=bool), each]) for each in (free, along, rim))
+    ends = ends[is_free[ends[:, 0]] | (is_along[ends[:, 0]] & is_rim[ends[:, 1]])]
     best, fewest, is_moving = vertices, len(cells) + 1, np.zeros(len(vertices), dtype=bool)
-    vertices = vertices.copy()
     for _ in range(rounds):
         a, b, c = (vertices[corner] for corner in cells.T)
         turned = cross(b - a, c - a) @ normal < 0
         if np.count_nonzero(turned) < fewest:
-            best, fewest = vertices.copy(), int(np.count_nonzero(turned))
+            best, fewest = vertices, int(np.count_nonzero(turned))
         if not fewest:
             break
         is_moving[cells[turned]] = True
-        start, end = ends[is_moving[ends[:, 0]]].T
-        rows, place, uses = np.unique(start, return_inverse=True, return_counts=True)
-        vertices[rows] = np.stack([np.bincount(place, x) / uses for x in vertices[end].T], axis=1)
+        vertices = evened(start, ends, np.ones(len(ends)), no_ways, is_moving & (is_free | is_along))
     return best
