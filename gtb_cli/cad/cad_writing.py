@@ -22,13 +22,7 @@ KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # t
 
 
 def encode_cad(
-    surfaces: Sequence[SplineSurface],
-    kind: str,
-    unit: str = "mm",
-    name: str = "patch",
-    part: Any = None,
-    *,
-    curved: bool = False,
+    surfaces: Sequence[SplineSurface], kind: str, unit: str, name: str, part: Any = None, *, curved: bool = False
 ) -> tuple[bytes, int, int, Seams | None]:
     """Sew surfaces along edges that agree, and encode them as a CAD file; closed shells become solids.
 

@@ -1,7 +1,6 @@
 """Families of patches that tend to a limit, meshed on one complex that follows the limit; and films as meshes."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -63,18 +62,12 @@ class Family:
         if mosaic.cells.shape[1] == 3:
             return mosaic
         # Refinement does not keep the order along a curve.
-        cells = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
-        vertices = np.append(mosaic.cells[cells, 0], mosaic.cells[cells[-1], 1])
-        steps = np.arange(len(cells))
-        return replace(
-            mosaic,
-            patch=mosaic.patch[vertices],
-            parameters=mosaic.parameters[vertices],
-            face=mosaic.face[vertices],
-            cells=np.stack([steps, steps + 1], axis=1),
-            cell_patch=mosaic.cell_patch[cells],
-            own_corners=mosaic.corners[cells],
-        )
+        order = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
+        vertices = np.append(mosaic.cells[order, 0], mosaic.cells[order[-1], 1])
+        patch, parameters, face = mosaic.patch[vertices], mosaic.parameters[vertices], mosaic.face[vertices]
+        cells = np.arange(len(order))[:, None] + np.arange(2)
+        cell_patch, corners = mosaic.cell_patch[order], mosaic.corners[order]
+        return Complex(patch, parameters, face, cells, cell_patch, corners, mosaic.collapsed)
 
 
 def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:

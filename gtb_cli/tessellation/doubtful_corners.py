@@ -60,9 +60,6 @@ def _crosses(corners: FloatArray) -> bool:
         return False
     around /= size
     normal = cross(around, around[after]).sum(axis=0)
-    steps = around[after] - around
-    if len(corners) == 4 and (cross(steps, steps[after]) @ normal > 0).all():  # convex
-        return False
     around -= around.mean(axis=0)
     least = 1e-6  # an area without which lines only touch, and a polygon is as symmetric as a bow tie
     _, sizes, axes = np.linalg.svd(around)

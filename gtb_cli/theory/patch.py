@@ -286,9 +286,11 @@ class Patch:
         the distance in linear parameters. For corners see `gtb_cli.corner_limits`. The relative error is a few
         roundings, over the sine between the derivatives.
         """
-        from gtb_cli.theory.curvature import curvature
+        from gtb_cli.theory.curvature import Curvature, curvatures_at
 
-        return curvature(self, u, parametrization)
+        columns, grid = self.domain.grid(u)
+        found = curvatures_at([self], self.rational_basis.locations(columns, parametrization), len(columns))
+        return Curvature(*(each.reshape(grid) for each in found))
 
     def tangents(self, t: ArrayLike | None = None, parametrization: Parametrization = "toric") -> FloatArray:
         """Return unit tangents of a curve, (…, 3), in the direction of increasing parameters; by default at its ends.
