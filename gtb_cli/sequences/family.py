@@ -15,7 +15,7 @@ from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.joints import Joint, Joints, unjoined
-from gtb_cli.moment.solve import LogSum, solve
+from gtb_cli.moment.solve import TARGET_RESIDUAL, LogSum, solve
 from gtb_cli.moment.torus import shares
 from gtb_cli.tessellation.complexes import Complex, coarse_complexes, joined_complex
 from gtb_cli.tessellation.refinement import refine
@@ -163,7 +163,7 @@ def _section_points(along: FloatArray, log_weights: FloatArray, control_points: 
     t = np.tile(np.arange(1, n) / n, len(log_weights))
     weights = np.repeat(log_weights.T, n - 1, axis=1)
     # Points that are not found stay where the solver left them: on the film, too.
-    s, _ = solve(LogSum(x[:, None] - 0.5, weights), t[None] - 0.5, np.log(t / (1 - t))[None])
+    s, _ = solve(LogSum(x[:, None] - 0.5, weights), t[None] - 0.5, np.log(t / (1 - t))[None], TARGET_RESIDUAL)
     inner = shares((x[:, None] - 0.5) * s + weights).T.reshape(len(log_weights), n - 1, -1)
     ends = [shares(np.where(x == end, log_weights, -np.inf).T).T[:, None] for end in (0, 1)]
     return np.concatenate([ends[0], inner, ends[1]], axis=1).reshape(-1, len(x)) @ control_points
