@@ -245,8 +245,7 @@ class Subdivision:
 
     def result(self) -> Complex:
         """Return the complex, its cells ordered by patch, then as they were made."""
-        order = np.argsort(self.cells.patch, kind="stable")
-        cells = rows_of(self.cells, order)
+        cells = rows_of(self.cells, np.argsort(self.cells.patch, kind="stable"))
         patch, parameters, face, *_ = self.vertices
         return Complex(patch, parameters, face, cells.cells, cells.patch, cells.corners, self.collapsed)
 
