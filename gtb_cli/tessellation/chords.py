@@ -125,12 +125,9 @@ class ChordProofs:
         at = np.where(np.isfinite(s), s, 0.0)
         # Relative to the knot with the largest T, differences of exponents are exact to rounding.
         leader = (self.knots[:, None] / self.size * at + self.log_weights[:, None]).argmax(axis=0)
-        ends = list(zip(self.ends, (s == -np.inf, s == np.inf), strict=True))
-        for own, infinite in ends:
-            leader[infinite] = own.argmax()
         steps = (self.knots[:, None] - self.knots[leader]) / self.size
         e = steps * at + (self.log_weights[:, None] - self.log_weights[leader])
-        for own, infinite in ends:
+        for own, infinite in zip(self.ends, (s == -np.inf, s == np.inf), strict=True):
             e[:, infinite] = np.where(own, self.log_weights, -np.inf)[:, None]
         e -= e.max(axis=0)
         t = np.exp(np.maximum(e, UNDERFLOW_EXPONENT))
