@@ -116,17 +116,16 @@ class Domain:
         for coordinates, corners, normals in zip(u.T.copy(), self.vertices.T, self.normals.T, strict=True):
             for j in np.flatnonzero(normals).tolist():  # edges along an axis take half the time
                 h[j] += (coordinates - corners[j]) * normals[j]
+        near = ~(h >= self._near[:, None])  # also NaN
         if faces is not None:
             known = np.flatnonzero(faces)
-            h[:, known] = np.where(self.faces.vanishing.take(faces[known], axis=0).T, 0.0, h[:, known])
-        near = ~(h >= self._near[:, None])  # also NaN
+            on = self.faces.vanishing.take(faces[known], axis=0).T
+            h[:, known], near[:, known] = np.where(on, 0.0, h[:, known]), near[:, known] & ~on
         if near.any():
             edges, points = np.nonzero(near)
             lengths = self.normal_lengths[edges]
             distance = self._distance_without_cancellation(edges, u[points])
             distance[np.abs(distance) <= self.tolerance] = 0.0
-            if faces is not None:
-                distance[self.faces.vanishing[faces[points], edges]] = 0.0
             if not (distance >= 0).all():
                 wrong = int(points[~(distance >= 0)].min())
                 place = ", ".join(map(repr, u[wrong].tolist()))

@@ -63,7 +63,7 @@ class ChordProofs:
         alive = 8  # arrays as large as T
         places, inverse = np.unique(u, return_inverse=True)
         s = np.empty(len(places))  # torus coordinates, infinite at the ends of the curve
-        for location in self.basis.locations(places, "linear"):
+        for location in self.basis.locations(places[:, None], "linear"):
             s[location.rows] = location.s[0] if len(location.s) else (-np.inf, np.inf)[location.face.index]
         start, end = s[inverse.reshape(u.shape)].T * self.size
         fails = np.zeros(len(start), dtype=bool)

@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import ToleranceError
@@ -32,18 +31,17 @@ class RationalBasis:
     log_weights: FloatArray
 
     def locations(
-        self, u: ArrayLike, parametrization: Parametrization = "toric", faces: IntArray | None = None
+        self, u: FloatArray, parametrization: Parametrization = "toric", faces: IntArray | None = None
     ) -> Iterable[Location]:
         """Locate (m, d) parameters, for `values` and `blend`. Where their faces are known, rounding cannot change them.
 
         `DomainError` is raised if a parameter lies outside Δ or the parametrisation is unknown, `ToleranceError` if a
         linear one was not found to `RESIDUAL`.
         """
-        columns, _ = self.domain.grid(u)
         check_word("parametrization", parametrization, ("toric", "linear"))
         if parametrization == "toric":
-            return toric_locations(self.domain, columns, faces)
-        return self.linear.locations(columns, faces)
+            return toric_locations(self.domain, u, faces)
+        return self.linear.locations(u, faces)
 
     @cached_property
     def linear(self) -> LinearParametrization:
