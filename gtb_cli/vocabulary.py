@@ -178,5 +178,4 @@ def without_commands(text: str) -> str:
 
 def plain_name(name: str) -> str:
     """Return a name without characters that would end a word, or continue a line, in a text format."""
-    plain = "".join("_" if c.isspace() or not c.isprintable() or c == "\\" else c for c in name)
-    return plain or "patch"
+    return "".join("_" if c.isspace() or not c.isprintable() or c == "\\" else c for c in name) or "patch"

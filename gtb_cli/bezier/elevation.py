@@ -1,5 +1,7 @@
 """Degree elevation: the same curve or surface with more knots and control points."""
 
+from typing import Any
+
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
@@ -82,15 +84,8 @@ def product(patch: Patch, knots: FloatArray) -> Patch:
     top, sums_of_terms = summed(group, logs, factors)
     totals = sums_of_terms[:, 0]
     control_points = np.where(counts[:, None] == 1, points[first], sums_of_terms[:, 1:] / totals[:, None])
-    result = patch.replace(
-        knots=sums[first],
-        control_points=control_points,
-        **{"weights": totals} if ordinary else {"log_weights": top + np.log(totals)},
-        coefficients=np.ones(len(first)),
-        lifting=None,
-        edge_normals="auto",
-        edge_scale=1.0,
-    )
+    given: dict[str, Any] = {"weights": totals} if ordinary else {"log_weights": top + np.log(totals)}
+    result = Patch(sums[first], control_points, name=patch.name, **given)
     # With as many edges as the patch, which are then the same, the result keeps its edge functions.
     corners, normals = result.domain.vertices, patch.edge_normals
     if normals == "primitive" and not has_integer_corners(corners):

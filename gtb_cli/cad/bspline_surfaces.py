@@ -40,12 +40,7 @@ class SplineSurfaces(NamedTuple):
 
 
 def spline_surfaces(
-    spec: Patch | Model,
-    tolerance: float | None = None,
-    angle: float | None = None,
-    part: Any = None,
-    *,
-    curved: bool = False,
+    spec: Patch | Model, tolerance: float | None, angle: float | None = None, part: Any = None, *, curved: bool = False
 ) -> SplineSurfaces:
     """Return the surfaces of a patch or model as rational B-splines.
 

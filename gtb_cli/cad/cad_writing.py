@@ -22,13 +22,7 @@ KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # t
 
 
 def encode_cad(
-    surfaces: Sequence[SplineSurface],
-    kind: str,
-    unit: str = "mm",
-    name: str = "patch",
-    part: Any = None,
-    *,
-    curved: bool = False,
+    surfaces: Sequence[SplineSurface], kind: str, unit: str, name: str, part: Any = None, *, curved: bool = False
 ) -> tuple[bytes, int, int, Seams | None]:
     """Sew surfaces along edges that agree, and encode them as a CAD file; closed shells become solids.
 
@@ -134,8 +128,7 @@ def _filled(kind: Any, values: list[float]) -> Any:
 def _write_step(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> bool:
     text = kernel("TCollection").TCollection_ExtendedString
     document = kernel("TDocStd").TDocStd_Document(text("XmlXCAF"))
-    main = document.Main()
-    tool = kernel("XCAFDoc").XCAFDoc_DocumentTool.ShapeTool_s(main)
+    tool = kernel("XCAFDoc").XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     label = tool.AddShape(shape, False)
     naming = kernel("TDataStd").TDataStd_Name
     naming.Set_s(label, text(name))

@@ -4,17 +4,24 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.cad import spline_pieces
-from gtb_cli.cad.half_edges import HalfEdge
-from gtb_cli.cad.part_borders import Border
-from gtb_cli.cad.spline_pieces import EDGES, Splines, edge_normals, fit_inside, grid, largest_angle, normals_at
+from gtb_cli.cad.spline_pieces import (
+    EDGES,
+    Borders,
+    FittedPieces,
+    Halves,
+    Splines,
+    edge_normals,
+    fit_inside,
+    grid,
+    largest_angle,
+    normals_at,
+)
 from gtb_cli.theory.patch import Patch
 
 DEGREE = 6
 
 
-def fitted_pieces(
-    patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders: list[Border | None]
-) -> spline_pieces.FittedPieces:
+def fitted_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: Borders) -> FittedPieces:
     """Fit a patch by as many pieces as it has corners, in the linear parametrisation.
 
     Edges interpolate the patch's, or are their exact halves, or borders of a part; seams are shared. The rest is least
@@ -52,7 +59,7 @@ def fitted_pieces(
     made = [(piece, net, (splines, splines)) for piece, net in zip(quarters, nets, strict=True)]
     surfaces, away, gap = spline_pieces.measured_surfaces(name, made, between, origin, size)
     error = max(float(np.sqrt((each**2).sum(axis=1)).max()) for each in away)
-    return spline_pieces.FittedPieces(surfaces, error, gap, bend, angle, 1 - float(np.mean(followed)))
+    return FittedPieces(surfaces, error, gap, bend, angle, 1 - float(np.mean(followed)))
 
 
 def _add_seams(nets: list[FloatArray], splines: Splines, points: FloatArray, ways: FloatArray) -> None:

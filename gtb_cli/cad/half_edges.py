@@ -11,8 +11,8 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.cad.exact_surfaces import homogeneous_points
 from gtb_cli.errors import DomainError
-from gtb_cli.models.joints import Joint, unjoined
-from gtb_cli.models.model import Model
+from gtb_cli.models.joints import Joint
+from gtb_cli.models.model import Model, joints_of
 from gtb_cli.theory.edges import EdgeRef
 from gtb_cli.theory.patch import Patch
 
@@ -54,7 +54,7 @@ def half_edges(spec: Patch | Model, fitted: Collection[int]) -> dict[EdgeRef, li
     equal fractions where fitted patches have it at different parameters.
     """
     even = HalfEdge(np.array([[0.0, 0.0, 0.0, 1.0]] * 2), np.array([0.0, 0.5]), False)
-    joints = spec.joints if isinstance(spec, Model) else unjoined(spec)
+    joints = joints_of(spec)
     refs = [(index, k) for index, patch in enumerate(spec.patches) for k in range(len(patch.domain.vertices))]
     groups = {ref: [Joint(ref, ref, False)] for ref in refs}
     for joint in joints.shared:

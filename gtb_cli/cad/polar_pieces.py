@@ -12,9 +12,19 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, unit
 from gtb_cli.cad import spline_pieces
 from gtb_cli.cad.curved_pieces import curve_pieces
-from gtb_cli.cad.half_edges import HalfEdge
-from gtb_cli.cad.part_borders import Border
-from gtb_cli.cad.spline_pieces import EDGES, Piece, SplinePair, Splines, edge_normals, grid, largest_angle, normals_at
+from gtb_cli.cad.spline_pieces import (
+    EDGES,
+    Borders,
+    FittedPieces,
+    Halves,
+    Piece,
+    SplinePair,
+    Splines,
+    edge_normals,
+    grid,
+    largest_angle,
+    normals_at,
+)
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 
@@ -75,9 +85,7 @@ class _Seam:
 _Stretch: TypeAlias = tuple[_Seam, float, float]  # of a seam, from one of its parameters to another
 
 
-def polar_pieces(
-    patch: Patch, name: str, spans: int, halves: list[list[HalfEdge] | None], borders: list[Border | None]
-) -> spline_pieces.FittedPieces:
+def polar_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: Borders) -> FittedPieces:
     """Fit a patch by a polar piece at each corner, out to the middles of its edges, and as many round the centre.
 
     Seams have normals of their own, near the patch's; where they meet, one second fundamental form says how all turn
@@ -152,7 +160,7 @@ def polar_pieces(
     surfaces, away, gap = spline_pieces.measured_surfaces(name, made, [*between, *more[1]], origin, size)
     pairs = zip(away, [*faces, *more_faces], strict=True)
     error = missed if curved else max(float(np.abs((each * towards).sum(axis=1)).max()) for each, towards in pairs)
-    return spline_pieces.FittedPieces(surfaces, error, gap, bend, angle, 0.0)
+    return FittedPieces(surfaces, error, gap, bend, angle, 0.0)
 
 
 def _fit(

@@ -12,6 +12,8 @@ from gtb_cli.cad.part_borders import Border
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch
 
+Halves: TypeAlias = list[list[HalfEdge] | None]  # of each edge of a patch: from its start, and from its end
+Borders: TypeAlias = list[Border | None]  # of each edge
 EDGES = ((1, 0), (0, 0), (1, -1), (0, -1))  # sides of a piece: the axis across, and the row
 
 
@@ -103,9 +105,7 @@ SplinePair: TypeAlias = tuple[Splines, Splines]  # along s and t
 Fitted: TypeAlias = tuple[Piece, FloatArray, SplinePair]  # a piece, its poles, and its B-splines
 
 
-def corner_pieces(
-    patch: Patch, halves: list[list[HalfEdge] | None], borders: list[Border | None], *, is_polar: bool
-) -> tuple[list[Piece], FloatArray]:
+def corner_pieces(patch: Patch, halves: Halves, borders: Borders, *, is_polar: bool) -> tuple[list[Piece], FloatArray]:
     """Return a piece at each corner, to the centroid of Δ unless it is polar, and the (r, 2) middles of edges."""
     v = patch.domain.vertices
     pairs = [pair or (None, None) for pair in halves]

@@ -51,8 +51,7 @@ def jacobian_sign(probe: Probe) -> Finding:
     points = planar(probe.patch.control_points)
     if points is None:
         return not_applicable(SPATIAL_NOTE)
-    patch = probe.patch.replace(control_points=points)
-    tangents = patch.derivatives(probe.u[probe.inside])
+    tangents = probe.patch.replace(control_points=points).derivatives(probe.u[probe.inside])
     lengths = np.sqrt((tangents**2).sum(axis=1)).prod(axis=1)
     areas = planar_cross(tangents[:, :2, 0], tangents[:, :2, 1])
     known = np.abs(areas) > 64 * EPS * lengths

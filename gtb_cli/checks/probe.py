@@ -81,9 +81,8 @@ class Probe:
         domain, knots = self.patch.domain, self.patch.knots.copy()
         for index, row in enumerate(domain.incidence):
             normals = domain.normals[row]
-            if len(normals):
-                offsets = ((knots[index] - domain.vertices[row]) * normals).sum(axis=1)
-                knots[index] -= np.linalg.pinv(normals) @ offsets
+            offsets = ((knots[index] - domain.vertices[row]) * normals).sum(axis=1)
+            knots[index] -= np.linalg.pinv(normals) @ offsets
         return Probe(self.patch.replace(knots=knots))
 
     @cached_property

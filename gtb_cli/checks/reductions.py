@@ -10,6 +10,7 @@ from gtb_cli.checks.probe import Probe, choice, largest, points_at_torus
 from gtb_cli.checks.report import Finding, not_applicable, within_rounding
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_fault, lattice_of
+from gtb_cli.moment.torus import shares
 from gtb_cli.theory.basis import torus_coordinates
 
 
@@ -57,10 +58,8 @@ def classical_bezier(probe: Probe) -> Finding:
     s = torus_coordinates(domain, probe.heights[:, probe.inside])[:, some]
     bernstein = np.tile(binomials, (s.shape[1], 1))
     for direction in lattice:
-        logs = np.pad(direction.steps @ s, [(1, 0), (0, 0)]).T
-        shares = np.exp(logs - logs.max(axis=1, keepdims=True))
-        shares /= shares.sum(axis=1, keepdims=True)
-        bernstein *= (shares[:, None, :] ** direction.places).prod(axis=2)
+        barycentric = shares(np.pad(direction.steps @ s, [(1, 0), (0, 0)])).T
+        bernstein *= (barycentric[:, None, :] ** direction.places).prod(axis=2)
     with np.errstate(divide="ignore"):
         logs = np.log(bernstein) + patch.log_products - np.log(binomials)
     values = np.exp(logs - logs.max(axis=1, keepdims=True))

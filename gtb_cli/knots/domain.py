@@ -116,17 +116,16 @@ class Domain:
         for coordinates, corners, normals in zip(u.T.copy(), self.vertices.T, self.normals.T, strict=True):
             for j in np.flatnonzero(normals).tolist():  # edges along an axis take half the time
                 h[j] += (coordinates - corners[j]) * normals[j]
+        near = ~(h >= self._near[:, None])  # also NaN
         if faces is not None:
             known = np.flatnonzero(faces)
-            h[:, known] = np.where(self.faces.vanishing.take(faces[known], axis=0).T, 0.0, h[:, known])
-        near = ~(h >= self._near[:, None])  # also NaN
+            on = self.faces.vanishing.take(faces[known], axis=0).T
+            h[:, known], near[:, known] = np.where(on, 0.0, h[:, known]), near[:, known] & ~on
         if near.any():
             edges, points = np.nonzero(near)
             lengths = self.normal_lengths[edges]
             distance = self._distance_without_cancellation(edges, u[points])
             distance[np.abs(distance) <= self.tolerance] = 0.0
-            if faces is not None:
-                distance[self.faces.vanishing[faces[points], edges]] = 0.0
             if not (distance >= 0).all():
                 wrong = int(points[~(distance >= 0)].min())
                 place = ", ".join(map(repr, u[wrong].tolist()))
@@ -225,15 +224,13 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     scale = positive("edge_scale", edge_scale)
     if not ((scale >= low) & (scale <= high)).all():
         raise DomainError(f"edge_scale: expected factors between {low:g} and {high:g}, got {edge_scale!r}")
-    return _built(points.tobytes(), points.shape, edge_normals, scale.tobytes(), scale.shape)
+    return _built(points.tobytes(), points.shape[1], edge_normals, scale.tobytes(), scale.shape)
 
 
 @lru_cache(maxsize=64)  # the patches of a model often have one domain
-def _built(
-    knots: bytes, shape: tuple[int, ...], edge_normals: EdgeNormals, factors: bytes, count: tuple[int, ...]
-) -> Domain:
-    points, scale = np.frombuffer(knots).reshape(shape), np.frombuffer(factors).reshape(count)
-    if points.shape[1] == 1:
+def _built(knots: bytes, dimension: int, edge_normals: EdgeNormals, factors: bytes, count: tuple[int, ...]) -> Domain:
+    points, scale = np.frombuffer(knots).reshape(-1, dimension), np.frombuffer(factors).reshape(count)
+    if dimension == 1:
         vertices = np.array([points.min(axis=0), points.max(axis=0)])
         if not vertices[0] < vertices[1]:
             raise DomainError(f"knots: a curve needs two different knots, all are {points[0, 0]:g}")
@@ -254,7 +251,7 @@ def _built(
     lengths = np.sqrt(np.einsum("jk,jk->j", scaled, scaled))
     tolerance = knot_tolerance(points)
     incidence = heights <= tolerance * lengths
-    if points.shape[1] == 2:
+    if dimension == 2:
         # Two edges have only their corner in common, however sharp it is.
         rows = np.flatnonzero(incidence.sum(axis=1) > 1)
         gaps = np.abs(difference[rows]).max(axis=2)

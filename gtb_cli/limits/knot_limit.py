@@ -1,16 +1,16 @@
 """Knots that move to other knots: the merged patch, their limit inside Δ, and films where they reach its edge."""
 
-import math
 from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, read_only
+from gtb_cli.arrays import FloatArray, IntArray, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Face
 from gtb_cli.language.spec_paths import of_patch
+from gtb_cli.theory.corner_powers import summed
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -29,23 +29,21 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     knots k. The other knots keep their order; q keeps its place, coefficient and lifting value. `DomainError` is raised
     for an index out of range, moves that form a cycle, and a move that would change the hull.
     """
-    targets = ends_of_moves(patch, moves)
-    stays = targets == np.arange(len(targets))
+    stays, number, counts = np.unique(ends_of_moves(patch, moves), return_inverse=True, return_counts=True)
+    kept = patch.part(stays, edge_normals=patch.edge_normals, edge_scale=patch.edge_scale)
     with np.errstate(over="ignore", under="ignore"):
         products = patch.coefficients * patch.weights
-        ordinary = bool(np.isfinite(np.bincount(targets, products)).all() and products.min() >= MIN_NORMAL_WEIGHT)
-    points, weights, logarithms = (np.array(x) for x in (patch.control_points, patch.weights, patch.log_weights))
-    for q in np.unique(targets[~stays]).tolist():
-        members = np.flatnonzero(targets == q)
-        largest = patch.log_products[members].max()
-        terms = products[members] if ordinary else np.exp(patch.log_products[members] - largest)
-        total = terms.sum()
-        points[q] = terms @ points[members] / total
-        weights[q] = total / patch.coefficients[q]
-        logarithms[q] = largest + math.log(total) - math.log(patch.coefficients[q])
-    return patch.replace(
-        control_points=points, **{"weights": weights} if ordinary else {"log_weights": logarithms}
-    ).part(np.flatnonzero(stays), edge_normals=patch.edge_normals, edge_scale=patch.edge_scale)
+        ordinary = bool(np.isfinite(np.bincount(number, products)).all() and products.min() >= MIN_NORMAL_WEIGHT)
+    logs, factors = patch.log_products, np.column_stack([np.ones(len(products)), patch.control_points])
+    if ordinary:  # so that whole numbers stay whole
+        logs, factors = np.zeros(len(products)), products[:, None] * factors
+    tops, sums = summed(number, logs, factors)
+    alone, totals = counts == 1, sums[:, 0]
+    points = np.where(alone[:, None], kept.control_points, sums[:, 1:] / totals[:, None])
+    if ordinary:
+        return kept.replace(control_points=points, weights=np.where(alone, kept.weights, totals / kept.coefficients))
+    logarithms = tops + np.log(totals) - np.log(kept.coefficients)
+    return kept.replace(control_points=points, log_weights=np.where(alone, kept.log_weights, logarithms))
 
 
 @of_patch
@@ -174,21 +172,9 @@ class KnotLimit:
     @cached_property
     def arrivals(self) -> Mapping[int, int]:
         """Numbers of the corner or edge, or of the end of a curve, that knots reach from outside it, by knot."""
-        faces = self.patch.domain.faces
-        arriving = np.flatnonzero(self._comes.any(axis=1)).tolist()
+        faces, incidence = self.patch.domain.faces, self.patch.domain.incidence
+        arriving = np.flatnonzero((incidence[self.targets] & ~incidence).any(axis=1)).tolist()
         return {k: faces.smallest(self.targets[k]).number for k in arriving}
-
-    def nearness(self, step: float) -> float:
-        """Return the least distance, at a step, of a knot from a facet that it reaches, as a fraction of Δ's size."""
-        shape = self.patch.domain
-        least = (shape.heights / shape.normal_lengths).min(where=self._comes, initial=np.inf)
-        return float(least) * (1 - step) / shape.size
-
-    @cached_property
-    def _comes(self) -> BoolArray:
-        """True where a knot moves to a facet on which it does not lie at first, (n, r)."""
-        incidence = self.patch.domain.incidence
-        return np.asarray(incidence[self.targets] & ~incidence)
 
 
 @of_patch

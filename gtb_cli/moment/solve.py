@@ -68,9 +68,7 @@ class State(NamedTuple):
         return State(s, np.log(sums) + shift - column_dot(p, s), mean - p, spread)
 
 
-def solve(
-    total: LogSum, p: FloatArray, start: FloatArray, target: float = TARGET_RESIDUAL
-) -> tuple[FloatArray, IntArray]:
+def solve(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, IntArray]:
     """Return (d, m) columns s with μ(s) = p from (d, m) starts, and the columns whose residual is too large.
 
     Points are in the coordinates of the knots, inside their hull. A residual |μ(s) − p| of `target` suffices; if
@@ -98,7 +96,7 @@ def short_steps(total: LogSum, p: FloatArray, start: FloatArray, target: float) 
     for number in range(16):  # most points need five; one that needs more is left
         mean, spread, *_ = total.moments(s)
         mean -= p
-        step = _step(mean, spread)
+        step = _step(mean, spread, 0.0, np.nan)
         length = np.abs(step).sum(axis=0)
         bound = -0.5 * np.einsum("ij,ij->j", mean, step)
         short = length <= longest
@@ -174,9 +172,7 @@ def _drawn_in(total: LogSum, p: FloatArray, at: State) -> State:
     return at
 
 
-def _step(
-    gradient: FloatArray, hessian: FloatArray, regular: FloatArray | float = 0.0, least: float = np.nan
-) -> FloatArray:
+def _step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray | float, least: float) -> FloatArray:
     """Solve (H + regular I) step = −gradient for each column; `least` replaces curvatures that are not positive."""
     xx = hessian[0] + regular
     xx = np.where(xx > 0, xx, least)

@@ -1,7 +1,6 @@
 """Families of patches that tend to a limit, meshed on one complex that follows the limit; and films as meshes."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +15,7 @@ from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.joints import Joint, Joints, unjoined
-from gtb_cli.moment.solve import LogSum, solve
+from gtb_cli.moment.solve import TARGET_RESIDUAL, LogSum, solve
 from gtb_cli.moment.torus import shares
 from gtb_cli.tessellation.complexes import Complex, coarse_complexes, joined_complex
 from gtb_cli.tessellation.refinement import refine
@@ -63,18 +62,12 @@ class Family:
         if mosaic.cells.shape[1] == 3:
             return mosaic
         # Refinement does not keep the order along a curve.
-        cells = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
-        vertices = np.append(mosaic.cells[cells, 0], mosaic.cells[cells[-1], 1])
-        steps = np.arange(len(cells))
-        return replace(
-            mosaic,
-            patch=mosaic.patch[vertices],
-            parameters=mosaic.parameters[vertices],
-            face=mosaic.face[vertices],
-            cells=np.stack([steps, steps + 1], axis=1),
-            cell_patch=mosaic.cell_patch[cells],
-            own_corners=mosaic.corners[cells],
-        )
+        order = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
+        vertices = np.append(mosaic.cells[order, 0], mosaic.cells[order[-1], 1])
+        patch, parameters, face = mosaic.patch[vertices], mosaic.parameters[vertices], mosaic.face[vertices]
+        cells = np.arange(len(order))[:, None] + np.arange(2)
+        cell_patch, corners = mosaic.cell_patch[order], mosaic.corners[order]
+        return Complex(patch, parameters, face, cells, cell_patch, corners, mosaic.collapsed)
 
 
 def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
@@ -170,7 +163,7 @@ def _section_points(along: FloatArray, log_weights: FloatArray, control_points: 
     t = np.tile(np.arange(1, n) / n, len(log_weights))
     weights = np.repeat(log_weights.T, n - 1, axis=1)
     # Points that are not found stay where the solver left them: on the film, too.
-    s, _ = solve(LogSum(x[:, None] - 0.5, weights), t[None] - 0.5, np.log(t / (1 - t))[None])
+    s, _ = solve(LogSum(x[:, None] - 0.5, weights), t[None] - 0.5, np.log(t / (1 - t))[None], TARGET_RESIDUAL)
     inner = shares((x[:, None] - 0.5) * s + weights).T.reshape(len(log_weights), n - 1, -1)
     ends = [shares(np.where(x == end, log_weights, -np.inf).T).T[:, None] for end in (0, 1)]
     return np.concatenate([ends[0], inner, ends[1]], axis=1).reshape(-1, len(x)) @ control_points

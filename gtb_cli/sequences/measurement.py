@@ -80,13 +80,8 @@ class Measurement:
         rough, faces = self.rough, self.family.faces
         if faces is None:
             return [surface_of([member], layered(rough, [member])) for member in members]
-        whole = replace(  # the same complex over Δ
-            rough,
-            patch=np.zeros_like(rough.patch),
-            face=faces[rough.patch, rough.face],
-            cell_patch=np.zeros_like(rough.cell_patch),
-            own_corners=rough.corners,
-        )
+        patch, cell_patch, face = 0 * rough.patch, 0 * rough.cell_patch, faces[rough.patch, rough.face]
+        whole = replace(rough, patch=patch, face=face, cell_patch=cell_patch, own_corners=rough.corners)  # over Δ
         return [surface_of([member], whole) for member in members]
 
     def between_meshes(self, member: int) -> tuple[float, float, float | None, str]:

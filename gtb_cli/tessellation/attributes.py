@@ -11,7 +11,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.sampler import Sampler, torically_inside
-from gtb_cli.theory.curvature import Curvature, curvature, curvatures_at
+from gtb_cli.theory.curvature import Curvature, curvatures_at
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import ATTRIBUTES, BASIS, Parametrization
 
@@ -65,7 +65,7 @@ def _basis_index(shape: Patch | Model, name: str) -> int:
 def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrization: Parametrization) -> Curvature:
     """Return the curvatures at the vertices of a mesh, with respect to its orientation."""
     if isinstance(shape, Patch):
-        return curvature(shape, u, parametrization)
+        return shape.curvature(u, parametrization)
     assert mesh.origin is not None
     found = Curvature(np.empty(len(u)), np.empty(len(u)))
     sampler = Sampler(shape.patches, torically_inside) if parametrization == "toric" else Sampler(shape.patches)

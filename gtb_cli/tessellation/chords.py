@@ -61,13 +61,9 @@ class ChordProofs:
         """Mark (k, 2, 3) chords not proved to be within the tolerance of the curve between their (k, 2) parameters."""
         max_halvings = 200  # all but a few rounds halve intervals; what is still open then fails
         alive = 8  # arrays as large as T
-        # A curve and its chords are in the convex hull of the control points, but for rounding of the ends.
-        hull = np.concatenate([self.points, *chords.swapaxes(0, 1)])
-        if np.linalg.norm(np.ptp(hull, axis=0)) * (1 + 8 * EPS) <= tolerance:
-            return np.zeros(len(u), dtype=bool)
         places, inverse = np.unique(u, return_inverse=True)
         s = np.empty(len(places))  # torus coordinates, infinite at the ends of the curve
-        for location in self.basis.locations(places, "linear"):
+        for location in self.basis.locations(places[:, None], "linear"):
             s[location.rows] = location.s[0] if len(location.s) else (-np.inf, np.inf)[location.face.index]
         start, end = s[inverse.reshape(u.shape)].T * self.size
         fails = np.zeros(len(start), dtype=bool)
@@ -129,16 +125,13 @@ class ChordProofs:
         at = np.where(np.isfinite(s), s, 0.0)
         # Relative to the knot with the largest T, differences of exponents are exact to rounding.
         leader = (self.knots[:, None] / self.size * at + self.log_weights[:, None]).argmax(axis=0)
-        e = (self.knots[:, None] - self.knots[leader]) / self.size * at
-        e += self.log_weights[:, None] - self.log_weights[leader]
+        steps = (self.knots[:, None] - self.knots[leader]) / self.size
+        e = steps * at + (self.log_weights[:, None] - self.log_weights[leader])
         for own, infinite in zip(self.ends, (s == -np.inf, s == np.inf), strict=True):
-            if infinite.any():
-                e[:, infinite] = np.where(own, self.log_weights, -np.inf)[:, None]
-                leader[infinite] = int(np.flatnonzero(own)[0])
+            e[:, infinite] = np.where(own, self.log_weights, -np.inf)[:, None]
         e -= e.max(axis=0)
         t = np.exp(np.maximum(e, UNDERFLOW_EXPONENT))
         total = t.sum(axis=0)
-        steps = (self.knots[:, None] - self.knots[leader]) / self.size
         slopes = steps - (steps * t).sum(axis=0) / total
         logs = e - np.log(total)
         shares = np.exp(np.maximum(logs, UNDERFLOW_EXPONENT))

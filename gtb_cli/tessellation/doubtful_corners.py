@@ -60,16 +60,14 @@ def _crosses(corners: FloatArray) -> bool:
         return False
     around /= size
     normal = cross(around, around[after]).sum(axis=0)
-    steps = around[after] - around
-    if len(corners) == 4 and (cross(steps, steps[after]) @ normal > 0).all():  # convex
-        return False
     around -= around.mean(axis=0)
     least = 1e-6  # an area without which lines only touch, and a polygon is as symmetric as a bow tie
-    _, sizes, axes = np.linalg.svd(around)
     if np.linalg.norm(normal) > least:
         axes = np.linalg.svd(normal[None])[2][1:]
-    elif sizes[2] > 1e-3 * sizes[0]:  # not plane
-        return False
+    else:
+        _, sizes, axes = np.linalg.svd(around)
+        if sizes[2] > 1e-3 * sizes[0]:  # not plane
+            return False
     flat = around @ axes[:2].T
     beside = planar_cross((flat[after] - flat)[:, None], flat - flat[:, None])  # of each side and each corner
     ends = beside, beside[:, after]

@@ -2,28 +2,37 @@
 
 import numpy as np
 
-from gtb_cli.arrays import INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, distinct, dot, index_type, merged, paired
+from gtb_cli.arrays import (
+    INDEX_ROWS,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross,
+    distinct,
+    dot,
+    index_type,
+    merged,
+    paired,
+    row_blocks,
+)
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.meshes.topology import compacted, sides_of
-from gtb_cli.models.joints import Joints
-from gtb_cli.models.model import Model
+from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.patch import Patch
 
 
-def finished(
-    shape: Patch | Model, joints: Joints, mosaic: Complex, points: FloatArray, sampler: Sampler, with_normals: bool
-) -> Mesh:
+def finished(shape: Patch | Model, mosaic: Complex, points: FloatArray, sampler: Sampler, with_normals: bool) -> Mesh:
     """Return the mesh of a complex and the (v, 3) points of its vertices.
 
     Cells whose vertices became one are left out. Faces of a closed body look outwards, faces of any other model to the
     side that its joints choose. Normals are computed when they are asked for. `DomainError` if no cell is left.
     """
-    cells, rows = mosaic.without_collapsed
+    joints, (cells, rows) = joints_of(shape), mosaic.without_collapsed
     if not len(cells):
         raise DomainError("resolution: too low, every face is a point or a line: edges of the patches are points")
     vertices, cell_patch = points, mosaic.cell_patch[rows]
@@ -97,8 +106,7 @@ def _inside_out(
     is_open = np.zeros(count, dtype=bool)
     is_open[body[owner[(sides.uses[edge] != 2) & on_boundary[sides.directed].any(axis=1)]]] = True
     volume, middle = np.zeros(count), vertices.mean(axis=0)
-    for start in range(0, len(faces), INDEX_ROWS):  # all at once would take three times the memory of the mesh
-        rows = slice(start, start + INDEX_ROWS)
+    for rows in row_blocks(len(faces), INDEX_ROWS):  # all at once would take three times the memory of the mesh
         p, q, r = (vertices[corner] - middle for corner in faces[rows].T)
         volume += np.bincount(body[face_patch[rows]], dot(p, cross(q, r)), minlength=count)
     return np.asarray((volume < 0)[body] & ~is_open[body])

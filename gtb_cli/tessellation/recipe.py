@@ -154,16 +154,10 @@ class Recipe:
             # the middle line's error counts twice.
             tolerance *= 1 / 3
             around = 2 * ring_size(self.radius, tolerance)
+        normals, most = self.normals or self.thickness is not None, self.max_faces // around
+        n, kind = None if tolerance else self.resolution, self.parametrization
         try:
-            mesh = tessellate(
-                spec,
-                None if tolerance else self.resolution,
-                tolerance,
-                self.parametrization,
-                normals=self.normals or self.thickness is not None,
-                max_faces=self.max_faces // around,
-                rounding=rounding,
-            )
+            mesh = tessellate(spec, n, tolerance, kind, normals=normals, max_faces=most, rounding=rounding)
         except ToleranceError as error:
             if around == 1:
                 raise

@@ -9,7 +9,7 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross, dot, groups, rows_of
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross, dot, groups, row_blocks, rows_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
@@ -241,8 +241,7 @@ class _Refinement:
         weights = inner_points(steps)
         expected_of = quadratic_heights(weights)
         length = max(1, block_samples // len(weights))
-        for begin in range(0, len(rows), length):
-            block = slice(begin, begin + length)
+        for block in row_blocks(len(rows), length):
             distance = self.samples.inside(rows[block], weights, self.nearby)
             fails[block] = (distance > self.tolerance).any(axis=1)
             expected = np.abs(expected_of @ self.heights(rows[block])).T

@@ -12,7 +12,6 @@ from gtb_cli.models.model import Model
 from gtb_cli.solids.solidity import where
 from gtb_cli.solids.thickening import folded_faces, surface_of, thinnest_wall
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.patch import Patch
 
 
@@ -87,7 +86,7 @@ def sharpest_bend(
         part = triangulation(domain, count)
         u = part.parameters[part.cells].mean(axis=1)  # inside, also in triangles with corners on the boundary
         offset = -thickness if is_turned else thickness
-        gaussian, mean = curvature(patch, u, "linear")
+        gaussian, mean = patch.curvature(u, "linear")
         mean = -math.copysign(1.0, offset) * mean
         bend = mean + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))  # largest principal curvature towards the offset
         bend = np.where(np.isfinite(bend), bend, 0.0)

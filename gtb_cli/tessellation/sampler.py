@@ -94,8 +94,7 @@ class Sampler:
             rows = inside[rows]
             location, found = nets.near(numbers, parameters[rows], guesses.take(rows, axis=1), within)
             there, own = rows[location.rows], numbers[location.rows]
-            locations = [location._replace(rows=slice(None))]
-            points[there] = nets.blend(own, locations)
+            points[there] = nets.blend(own, [location._replace(rows=slice(None))])
             right[:, there] = found
         rest = np.flatnonzero(np.isnan(points[:, 0]))
         if len(rest):

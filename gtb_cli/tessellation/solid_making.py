@@ -51,8 +51,7 @@ class TubeMaker:
                 u, inner = curve.parameters[curve.cells[folded[0]]].mean(axis=0), self.spec.knots[:, 0].argsort()[1:-1]
                 shares = self.spec.basis(u, self.parametrization)[0, inner]
                 folds[-1] += f", drawn there by control point {inner[shares.argmax()]}" if len(inner) else ""
-        mesh = tube(curve, radius, tolerance=self.tolerance, tangents=tangents, max_faces=self.max_faces)
-        return mesh, [], folds, []
+        return tube(curve, radius, tolerance=self.tolerance, tangents=tangents, max_faces=self.max_faces), [], folds, []
 
     def smaller(self, curve: Mesh, radius: float, held: Held) -> str:
         """Name a smaller radius whose tube is solid, judged as one that is asked for; or say that none was found."""

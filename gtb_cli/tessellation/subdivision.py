@@ -130,7 +130,7 @@ class Subdivision:
         is_thin = max_aspect_ratio**2 * column_dot(normal, normal) < reduce(np.maximum, squares) ** 2
         share, longest = _slimness(self.cells.corners.take(rows, axis=0))
         sides = self.cells.sides.take(rows, axis=0)
-        for thin, side in ((is_thin, _largest(squares)), (share < self.slim, longest)):
+        for thin, side in ((is_thin, np.argmax(squares, axis=0)), (share < self.slim, longest)):
             marked[sides[thin, side[thin]]] = True
 
     def split(self, chosen: IntArray, rows: IntArray) -> IntArray:
@@ -245,8 +245,7 @@ class Subdivision:
 
     def result(self) -> Complex:
         """Return the complex, its cells ordered by patch, then as they were made."""
-        order = np.argsort(self.cells.patch, kind="stable")
-        cells = rows_of(self.cells, order)
+        cells = rows_of(self.cells, np.argsort(self.cells.patch, kind="stable"))
         patch, parameters, face, *_ = self.vertices
         return Complex(patch, parameters, face, cells.cells, cells.patch, cells.corners, self.collapsed)
 
@@ -291,9 +290,4 @@ def _slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     x, y = (corners[:, :, axis].T for axis in (0, 1))
     x, y = (np.ascontiguousarray(np.roll(each, -1, axis=0) - each) for each in (x, y))
     squares = x * x + y * y
-    return np.abs(x[0] * y[2] - y[0] * x[2]) / reduce(np.maximum, squares), _largest(squares)
-
-
-def _largest(rows: Sequence[FloatArray] | FloatArray) -> IntArray:
-    """Return the number of the largest of three rows in each column, the first if some are equal."""
-    return np.where(rows[2] > np.maximum(rows[0], rows[1]), 2, rows[1] > rows[0])
+    return np.abs(x[0] * y[2] - y[0] * x[2]) / reduce(np.maximum, squares), squares.argmax(axis=0)

@@ -108,7 +108,7 @@ def tessellate(
             mosaic, points = refine(start, sampler, largest - rounding, max_faces)
             if mosaic.is_whole:
                 break
-    return finished(shape, joints, mosaic, weld.moved(mosaic, points), sampler, normals)
+    return finished(shape, mosaic, weld.moved(mosaic, points), sampler, normals)
 
 
 def percentage_of_size(shape: Patch | Model, percent: str) -> float:

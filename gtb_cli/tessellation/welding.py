@@ -26,8 +26,7 @@ class Weld:
             return 0.0
         corners, means = self._corners
         places = [own - mean for own, mean in zip(corners, means, strict=True)]
-        curves = edge_curves(self.patches, self.joints.collapsed)
-        edges = zip(curves, self.joints.collapsed, strict=True)
+        edges = zip(edge_curves(self.patches, self.joints.collapsed), self.joints.collapsed, strict=True)
         places += [curve.points - means[index][edge] for curve, (index, edge) in edges]
         moves = [float(np.linalg.norm(place, axis=1).max()) for place in places]
         farthest = max([*moves, *(joint.distance for joint in self.joints.shared)])

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, FloatArray, cross
 from gtb_cli.errors import DomainError
@@ -21,7 +20,6 @@ from gtb_cli.theory.basis import Location
 from gtb_cli.theory.corners import limits_at
 from gtb_cli.theory.local_coordinates import FaceLayers, Local, Terms, face_layers, neighbourhoods
 from gtb_cli.theory.rational_basis import Blend
-from gtb_cli.vocabulary import Parametrization
 
 
 class Curvature(NamedTuple):
@@ -33,13 +31,6 @@ class Curvature(NamedTuple):
 
     gaussian: FloatArray
     mean: FloatArray
-
-
-def curvature(patch: Blend, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
-    """Gaussian and mean curvature of a surface at (…, 2) parameters; see `Patch.curvature`."""
-    columns, grid = patch.rational_basis.domain.grid(u)
-    found = curvatures_at([patch], patch.rational_basis.locations(columns, parametrization), len(columns))
-    return Curvature(found.gaussian[0].reshape(grid), found.mean[0].reshape(grid))
 
 
 def curvatures_at(patches: Sequence[Blend], where: Iterable[Location], count: int) -> Curvature:

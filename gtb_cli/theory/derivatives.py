@@ -11,6 +11,7 @@ from itertools import combinations_with_replacement
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
@@ -42,11 +43,12 @@ class DerivativeField:
     values: FloatArray | None
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # where there is no finite limit
-    def at(self, u: FloatArray, order: Order, parametrization: Parametrization) -> FloatArray:
-        """Return derivatives at (m, d) parameters, (m, k, d) or (m, k, d, d); see `Patch.derivatives`."""
+    def at(self, parameters: ArrayLike, order: Order, parametrization: Parametrization) -> FloatArray:
+        """Return derivatives at (…, d) parameters, (…, k, d) or (…, k, d, d); see `Patch.derivatives`."""
+        shape, work_arrays = self.basis.domain, 24  # as large as T, alive at once
+        u, grid = shape.grid(parameters)
         if order not in (1, 2):
             raise DomainError(f"order: expected 1 or 2, got {order!r}")
-        shape, work_arrays = self.basis.domain, 24  # as large as T, alive at once
         count = len(shape.knots) if self.values is None else self.values.shape[1]
         result = np.empty((*(shape.dimension,) * order, count, len(u)))
         if parametrization == "toric":
@@ -63,7 +65,8 @@ class DerivativeField:
                     jet = self._linear(location.face, u[rows[here]], local, e, layers)
                     result[..., rows[here]] = jet[order]
         result[np.isnan(result)] = np.inf  # differences of numbers beyond floats
-        return np.asarray(np.moveaxis(result, [-1, -2], [0, 1]))
+        found = np.moveaxis(result, [-1, -2], [0, 1])
+        return found.reshape(*grid, *found.shape[1:])
 
     def _columns(self, k: int) -> FloatArray:
         """Return the values at n knots, less the values at knot k; of the T_i their values 0 and 1."""

@@ -240,22 +240,17 @@ class Patch:
         an edge is infinite if a knot is less than twice as far from it as the nearest ones. Control points for which
         the infinite terms vanish are found.
         """
-        return self._differentiated(self.control_points, u, order, parametrization)
+        from gtb_cli.theory.derivatives import DerivativeField
+
+        return DerivativeField(self.rational_basis, self.control_points).at(u, order, parametrization)
 
     def basis_derivatives(
         self, u: ArrayLike, order: Order = 1, parametrization: Parametrization = "toric"
     ) -> FloatArray:
         """Differentiate the T_i once, (…, n, d), or twice, (…, n, d, d); everything else is as in `derivatives`."""
-        return self._differentiated(None, u, order, parametrization)
-
-    def _differentiated(
-        self, values: FloatArray | None, u: ArrayLike, order: Order, parametrization: Parametrization
-    ) -> FloatArray:
         from gtb_cli.theory.derivatives import DerivativeField
 
-        columns, grid = self.domain.grid(u)
-        found = DerivativeField(self.rational_basis, values).at(columns, order, parametrization)
-        return found.reshape(*grid, *found.shape[1:])
+        return DerivativeField(self.rational_basis, None).at(u, order, parametrization)
 
     def normals(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """Return unit normals of a surface, (…, 3), along ∂P/∂u_0 × ∂P/∂u_1, with their limits on the boundary.
@@ -286,9 +281,11 @@ class Patch:
         the distance in linear parameters. For corners see `gtb_cli.corner_limits`. The relative error is a few
         roundings, over the sine between the derivatives.
         """
-        from gtb_cli.theory.curvature import curvature
+        from gtb_cli.theory.curvature import Curvature, curvatures_at
 
-        return curvature(self, u, parametrization)
+        columns, grid = self.domain.grid(u)
+        found = curvatures_at([self], self.rational_basis.locations(columns, parametrization), len(columns))
+        return Curvature(*(each.reshape(grid) for each in found))
 
     def tangents(self, t: ArrayLike | None = None, parametrization: Parametrization = "toric") -> FloatArray:
         """Return unit tangents of a curve, (…, 3), in the direction of increasing parameters; by default at its ends.

@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import ToleranceError
@@ -32,18 +31,17 @@ class RationalBasis:
     log_weights: FloatArray
 
     def locations(
-        self, u: ArrayLike, parametrization: Parametrization = "toric", faces: IntArray | None = None
+        self, u: FloatArray, parametrization: Parametrization = "toric", faces: IntArray | None = None
     ) -> Iterable[Location]:
         """Locate (m, d) parameters, for `values` and `blend`. Where their faces are known, rounding cannot change them.
 
         `DomainError` is raised if a parameter lies outside Δ or the parametrisation is unknown, `ToleranceError` if a
         linear one was not found to `RESIDUAL`.
         """
-        columns, _ = self.domain.grid(u)
         check_word("parametrization", parametrization, ("toric", "linear"))
         if parametrization == "toric":
-            return toric_locations(self.domain, columns, faces)
-        return self.linear.locations(columns, faces)
+            return toric_locations(self.domain, u, faces)
+        return self.linear.locations(u, faces)
 
     @cached_property
     def linear(self) -> LinearParametrization:
@@ -128,17 +126,10 @@ class LinearParametrization:
         Vertices of `triangulation` with a `resolution` are found sooner. Where there are several vectors of weights,
         `numbers` says which one each point uses. See `RationalBasis.locations`.
         """
-        rows = np.arange(len(p))
+        shape, left = self.shape, np.arange(len(p))
         if faces is not None and numbers is None:
-            rows = yield from self._even(p, faces, resolution)
-            p, faces = p[rows], faces[rows]
-        for location in self._located(p, faces, within, numbers):
-            yield location._replace(rows=rows[location.rows])
-
-    def _located(
-        self, p: FloatArray, faces: IntArray | None, within: float, numbers: IntArray | None
-    ) -> Iterator[Location]:
-        shape = self.shape
+            left = yield from self._even(p, faces, resolution)
+            p, faces = p[left], faces[left]
         heights = shape.heights_of_columns(p, 0, faces)
         inside = np.flatnonzero((heights > 0).all(axis=0))
         for face, rows in shape.faces.on_boundary(heights):
@@ -146,14 +137,14 @@ class LinearParametrization:
             if not face.is_corner:
                 along, own = shape.along(face.index, p[rows])[:, None], None if numbers is None else numbers[rows]
                 s = MomentMap(knots, self.log_weights[..., face.knots]).inverse(along, within, None, own)
-            yield Location(rows, face, knots, s)
+            yield Location(left[rows], face, knots, s)
 
         for number, members in groups(self._nearest(heights[:, inside])):
             rows, system = inside[members], self._systems[number]
             own = None if numbers is None else numbers[rows]
             places = system.rows(p.take(rows, axis=0), heights.take(rows, axis=1))
             s = system.moments.inverse(places, within, None, own)
-            yield Location(rows, shape.faces[INTERIOR], system.moments.knots, s)
+            yield Location(left[rows], shape.faces[INTERIOR], system.moments.knots, s)
 
     def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray]:
         """Locate most inner vertices of `triangulation`, by starts interpolated from solutions at a few of them.

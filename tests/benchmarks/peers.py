@@ -73,7 +73,7 @@ def by_open_cascade(model: Model, tolerance: float, folder: Path) -> Callable[[]
     from gtb_cli.cad.cad_writing import encode_cad
 
     path, shape = folder / "x.brep", TopoDS_Shape()
-    path.write_bytes(encode_cad(spline_surfaces(model).surfaces, "brep")[0])
+    path.write_bytes(encode_cad(spline_surfaces(model, None).surfaces, "brep", "mm", "patch")[0])
     BRepTools.Read_s(shape, str(path), BRep_Builder())
 
     def run() -> int:

@@ -87,7 +87,7 @@ def box() -> Model:
 @cache
 def encoded(name: str, kind: str) -> bytes:
     spec = box() if name == "pillow" else load(SPECS / f"{name}.toml")
-    return encode_cad(spline_surfaces(spec).surfaces, kind, name=name)[0]
+    return encode_cad(spline_surfaces(spec, None).surfaces, kind, "mm", name)[0]
 
 
 @pytest.mark.parametrize("kind", mostly_long(CAD_FORMATS, 0))
@@ -105,8 +105,8 @@ def test_steep_weights_are_balanced_with_the_same_image(tmp_path: Path) -> None:
     corners = np.array([[0, 1], [2, 1], [1, 1], [0, 2], [2, 2]], dtype=float)
     points = np.column_stack([corners, [-0.4, 1.3, -1.2, -1.9, -1.4]])
     patch = Patch(corners, points, [1.7e-4, 4.6e5, 3.1e-3, 5.5, 2.4e-5])
-    surfaces = spline_surfaces(patch).surfaces
-    assert is_valid(read(encode_cad(surfaces, "step")[0], "step", tmp_path))
+    surfaces = spline_surfaces(patch, None).surfaces
+    assert is_valid(read(encode_cad(surfaces, "step", "mm", "patch")[0], "step", tmp_path))
     places = np.array([0.001, 0.1, 0.3, 0.5, 0.8, 0.99])
     for before, after in zip(exact_surfaces(patch), surfaces, strict=True):
         moved = np.log(after.net[..., 3] / before.net[..., 3])
@@ -132,8 +132,8 @@ def test_a_closed_model_is_a_solid_of_the_meshs_volume(kind: str, tmp_path: Path
     expected = measure(tessellate(box(), 96)).volume
     assert expected is not None
     assert volume(shape) == pytest.approx(abs(expected), rel=VOLUME)
-    surfaces = [one._replace(net=one.net.transpose(1, 0, 2)) for one in spline_surfaces(box()).surfaces]
-    turned = read(encode_cad(surfaces, kind)[0], kind, tmp_path)
+    surfaces = [one._replace(net=one.net.transpose(1, 0, 2)) for one in spline_surfaces(box(), None).surfaces]
+    turned = read(encode_cad(surfaces, kind, "mm", "patch")[0], kind, tmp_path)
     assert volume(turned) == pytest.approx(volume(shape), rel=VOLUME)  # outwards, however its surfaces lie
 
 
@@ -143,7 +143,7 @@ def test_names_of_patches_and_the_unit_are_in_the_file(tmp_path: Path) -> None:
     assert "ADVANCED_FACE('bottom'" in text
     assert "PRODUCT('pillow','pillow'" in text
     assert "SI_UNIT(.MILLI.,.METRE.)" in text
-    inches = encode_cad(spline_surfaces(box()).surfaces, "step", "in")[0].decode()
+    inches = encode_cad(spline_surfaces(box(), None).surfaces, "step", "in", "patch")[0].decode()
     found = read(inches.encode(), "step", tmp_path)
     assert np.ptp(cad_files.box_of(found), axis=0)[0] == pytest.approx(3 * 25.4)
     assert "'INCH'" in inches
@@ -158,7 +158,7 @@ def test_an_iges_file_does_not_have_the_users_name() -> None:
 
 @pytest.mark.parametrize("kind", CAD_FORMATS)
 def test_the_same_surfaces_make_the_same_bytes(kind: str) -> None:
-    again = encode_cad(spline_surfaces(box()).surfaces, kind, name="pillow")[0]
+    again = encode_cad(spline_surfaces(box(), None).surfaces, kind, "mm", "pillow")[0]
     assert again == encoded("pillow", kind)
 
 
@@ -174,7 +174,7 @@ def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:
     assert found.fitted == len(found.surfaces) == 5
     assert "has Bézier pieces of degree 70 only" in found.reasons[0][1]
     assert 0 < found.error <= 2e-3
-    shape = read(encode_cad(found.surfaces, "brep")[0], "brep", tmp_path)
+    shape = read(encode_cad(found.surfaces, "brep", "mm", "patch")[0], "brep", tmp_path)
     assert is_valid(shape)
     assert len(parts(shape, "SHELL")) == 1
     v = patch.domain.vertices
@@ -220,9 +220,9 @@ def test_exact_patches_stay_exact_beside_fitted_ones(
     top: Patch, turned: bool, faces: int, edges: int, tmp_path: Path
 ) -> None:
     model = pillow(top, turned=turned)
-    found = spline_surfaces(model)
+    found = spline_surfaces(model, None)
     assert (len(found.surfaces) - found.fitted, [name for name, _ in found.reasons]) == (faces, ["bottom"])
-    shape = read(encode_cad(found.surfaces, "step")[0], "step", tmp_path)
+    shape = read(encode_cad(found.surfaces, "step", "mm", "patch")[0], "step", tmp_path)
     assert (is_valid(shape), len(parts(shape, "SOLID")), len(unlike(parts(shape, "EDGE")))) == (True, 1, edges)
     v, size = top.domain.vertices, float(np.ptp(top.control_points, axis=0).max())
     points = top.evaluate(np.random.default_rng(1).dirichlet(np.ones(len(v)), 12) @ v)
@@ -238,7 +238,7 @@ def test_fitted_patches_share_edges_with_other_parameters() -> None:
     one = pillow(integer_pentagon().replace(weights=[1, 5, 0.3, 1, 2, 4, 1, 0.5]))[1]
     model = Model((one, elevate(one)))
     assert sum(bool(joint.match) for joint in model.joints.shared) == 5
-    found = spline_surfaces(model)
+    found = spline_surfaces(model, None)
     assert found.fitted == len(found.surfaces) == 10
     rims = [np.concatenate([surface.net[:, 0, :3], surface.net[0, :, :3]]) for surface in found.surfaces]
     size = np.ptp(one.control_points)
@@ -275,22 +275,22 @@ def test_seams_are_measured_to_a_hundred_thousandth_of_an_edge() -> None:
 @pytest.mark.parametrize("spec", mostly_long([pillow(rectangle(2)), pentagon(), pillow(integer_pentagon())]))
 def test_the_angle_at_inner_seams_is_the_one_the_kernel_measures(spec: Patch | Model, tmp_path: Path) -> None:
     """Fitted pieces that meet exactly have tangent planes that differ, by up to the angle that the warning says."""
-    found = spline_surfaces(spec)
-    measured = bends(read(encode_cad(found.surfaces, "brep")[0], "brep", tmp_path))
+    found = spline_surfaces(spec, None)
+    measured = bends(read(encode_cad(found.surfaces, "brep", "mm", "patch")[0], "brep", tmp_path))
     assert len(measured) == found.fitted  # a seam for each corner
     assert 1e-3 < max(measured) < 0.15
     assert 0.9 * found.bend < max(measured) < 1.01 * found.bend
 
 
 def test_an_exact_patch_of_high_degree_stays_exact_beside_a_fitted_one(tmp_path: Path) -> None:
-    found = spline_surfaces(pillow(rectangle(17)))
+    found = spline_surfaces(pillow(rectangle(17)), None)
     assert (found.fitted, len(found.surfaces)) == (4, 5)
-    shape = read(encode_cad(found.surfaces, "brep")[0], "brep", tmp_path)
+    shape = read(encode_cad(found.surfaces, "brep", "mm", "patch")[0], "brep", tmp_path)
     assert (is_valid(shape), len(parts(shape, "SOLID"))) == (True, 1)
 
 
 def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
-    assert (len(exact_surfaces(bicubic())), spline_surfaces(bicubic()).bend) == (1, 0)
+    assert (len(exact_surfaces(bicubic())), spline_surfaces(bicubic(), None).bend) == (1, 0)
     (surface,) = exact_surfaces(bicubic())
     assert surface.degrees == (3, 3)
     assert len(exact_surfaces(bezier_triangle())) == 3
@@ -311,13 +311,13 @@ def test_faces_that_turn_back_at_seams_of_a_part_are_refused(monkeypatch: pytest
 
 def test_curves_are_not_surfaces() -> None:
     with pytest.raises(DomainError, match="is a curve, and CAD files are made of surfaces"):
-        spline_surfaces(cubic_curve())
+        spline_surfaces(cubic_curve(), None)
 
 
 def test_what_is_too_small_for_the_kernel_is_refused() -> None:
     small = bicubic().replace(control_points=1e-9 * bicubic().control_points)
     with pytest.raises(ExportError, match="too small for a kernel that works to 1e-07"):
-        encode_cad(spline_surfaces(small).surfaces, "step")
+        encode_cad(spline_surfaces(small, None).surfaces, "step", "mm", "patch")
 
 
 def test_without_the_extra_there_is_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -325,7 +325,7 @@ def test_without_the_extra_there_is_a_message(monkeypatch: pytest.MonkeyPatch) -
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "OCP", None)
     with pytest.raises(ExportError, match=r"STEP needs Open CASCADE, the extra gtb-cli\[cad\]"):
-        encode_cad(spline_surfaces(bicubic()).surfaces, "step")
+        encode_cad(spline_surfaces(bicubic(), None).surfaces, "step", "mm", "patch")
 
 
 def test_the_names_of_units_and_formats_are_one_list() -> None:
@@ -361,7 +361,7 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     mixed = gtb("mesh", tmp_path / "mixed.toml", "-o", tmp_path / "mixed.step")
     said = re.search(r"planes differ by up to (\S+) degrees at edges and (\S+) at inner seams: bottom: has ", mixed.err)
     assert said is not None
-    fit = spline_surfaces(pillow(rectangle(2)))
+    fit = spline_surfaces(pillow(rectangle(2)), None)
     assert [float(word) for word in said.groups()] == pytest.approx([fit.angle, fit.bend], rel=0.005)
     assert mixed.err.endswith("mixed.step: 1 exact and 4 fitted faces, 1 solid\n")
     for angle, lost in ((360, 25), (190, 20)):  # more spans where the least have nearly the angle that is asked for

@@ -12,7 +12,6 @@ from gtb_cli.fairing.fair import agreed, agreed_text, fair, kept_knots
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.language.loading import parse
 from gtb_cli.models.model import Model
-from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
@@ -94,7 +93,7 @@ def curved(patch: Patch) -> np.ndarray:
         b, c = np.s_[1:, :-1], np.s_[:-1, 1:]
         for a in (np.s_[:-1, :-1], np.s_[1:, 1:]):
             areas = np.linalg.norm(np.cross(p[b] - p[a], p[c] - p[a]), axis=2) / 2
-            gaussian, mean = curvature(patch, ((u[a] + u[b] + u[c]) / 3).reshape(-1, 2), "linear")
+            gaussian, mean = patch.curvature(((u[a] + u[b] + u[c]) / 3).reshape(-1, 2), "linear")
             bent = np.where(areas > 0, (4 * mean**2 - 2 * gaussian).reshape(areas.shape) * areas, 0.0)
             found += bent[shares[:-1] < 0.99e-2].sum(), bent.sum()
     return found

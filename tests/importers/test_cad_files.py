@@ -126,9 +126,9 @@ def test_pieces_are_points_at_smooth_corners_and_follow_a_part_from_which_the_pa
     far = np.linalg.norm(patch.knots[:, None] - patch.domain.vertices, axis=2).min(axis=1, keepdims=True)
     for off in (0.0, 1e-4):
         points = patch.control_points * np.where(far < 0.6 * far.max(), 1.0, 1 + off)
-        fit = spline_surfaces(patch.replace(control_points=points), part=part.shape)
+        fit = spline_surfaces(patch.replace(control_points=points), None, part=part.shape)
         assert (fit.fitted, max(np.ptp(surface.net[0], axis=0).max() for surface in fit.surfaces[:3])) == (6, 0)
-        data, _, solids, seams = encode_cad(fit.surfaces, "brep", part=part.shape)
+        data, _, solids, seams = encode_cad(fit.surfaces, "brep", "mm", "patch", part=part.shape)
         shape = read_shape(data, "brep", "x")
         assert kernel("BRepCheck").BRepCheck_Analyzer(shape).IsValid()
         assert (solids, extent_of(shape, "Volume")) == (1, pytest.approx(32 / 3 * np.pi, abs=0.01))
@@ -169,7 +169,7 @@ def test_seams_are_those_of_the_file_as_it_is_read(monkeypatch):
     monkeypatch.setattr(cad_writing, "shape_in", lambda *at: read.append(cad_files.shape_in(*at)) or read[-1])
     monkeypatch.setattr(cad_writing, "seams_of", lambda *shapes, **_: measured.append(shapes))
     patch, box = gtb_cli.load_patch(SPECS / "bicubic.toml"), kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 1, 1)
-    encode_cad(spline_surfaces(patch).surfaces, "step", part=box.Shape())
+    encode_cad(spline_surfaces(patch, None).surfaces, "step", "mm", "patch", part=box.Shape())
     ((whole, (face,)),) = measured
     kinds = [face_kind(each) > 0 for each in (*parts(whole, "FACE"), face)]
     assert (whole.IsSame(read[0]), kinds) == (True, [False] * 6 + [True] * 2)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.moment.moment_map import MomentMap, layer_starts, tame_starts
-from gtb_cli.moment.solve import ACCEPTED_RESIDUAL, LogSum, solve
+from gtb_cli.moment.solve import ACCEPTED_RESIDUAL, TARGET_RESIDUAL, LogSum, solve
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.laws import RESIDUAL
@@ -17,7 +17,7 @@ POINTS = np.random.default_rng(2).dirichlet(np.ones(8), 40) @ KNOTS
 
 @pytest.mark.parametrize("start", [np.zeros((2, 40)), np.full((2, 40), 1e4), layer_starts(KNOTS, POINTS.T)])
 def test_each_column_may_have_its_own_weights(start):
-    found, missing = solve(LogSum(KNOTS, WEIGHTS), POINTS.T, start)
+    found, missing = solve(LogSum(KNOTS, WEIGHTS), POINTS.T, start, TARGET_RESIDUAL)
     means = LogSum(KNOTS, WEIGHTS).moments(found)[0]
     there = np.delete(np.arange(40), missing)
     assert np.abs(means - POINTS.T)[:, there].max() <= ACCEPTED_RESIDUAL
@@ -39,7 +39,7 @@ def test_several_vectors_of_weights_are_inverted_together():
 def test_starts_of_steep_weights_are_near_their_solutions(range_):
     total, p = LogSum(KNOTS, np.array([1, 0, 3, 2, 0, 1, 3, 1]) * (range_ / 3)), POINTS.T
     start = tame_starts(total, p, layer_starts(KNOTS, p))
-    found, missing = solve(total, p, start)
+    found, missing = solve(total, p, start, TARGET_RESIDUAL)
     assert not len(missing)
     assert np.abs(found - start).max() < 20  # of torus coordinates in thousands
 

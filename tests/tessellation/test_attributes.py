@@ -10,7 +10,6 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.attributes import QUALITY_NAME, filled_scalars, with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.curvature import curvature
 from gtb_cli.vocabulary import ATTRIBUTES
 from tests.marks import mostly_long
 from tests.specs import SPECS, load
@@ -27,7 +26,7 @@ def test_attributes_are_those_of_the_vertices():
         assert list(mesh.attributes) == ["mean_curvature", "v", "u", QUALITY_NAME]
         np.testing.assert_array_equal(mesh.attributes["u"], mesh.parameters[:, 0])
         np.testing.assert_array_equal(mesh.attributes["v"], mesh.parameters[:, 1])
-        expected = curvature(patch, mesh.parameters, parametrization).mean
+        expected = patch.curvature(mesh.parameters, parametrization).mean
         np.testing.assert_array_equal(mesh.attributes["mean_curvature"], expected)
         np.testing.assert_array_equal(mesh.attributes[QUALITY_NAME], expected)
         assert replaced == 0
@@ -43,7 +42,7 @@ def test_no_attribute_of_any_spec_is_infinite(path):
     mesh, replaced = with_attributes(shape, tessellate(shape, 4), ATTRIBUTES)
     values = np.stack(list(mesh.attributes.values()))
     assert np.isfinite(values).all()
-    raw = curvature(shape, mesh.parameters, "linear")
+    raw = shape.curvature(mesh.parameters, "linear")
     undefined = np.isnan(raw.gaussian)
     assert replaced == undefined.sum()
     np.testing.assert_array_equal(mesh.attributes["gaussian_curvature"][~undefined], raw.gaussian[~undefined])

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.patch import Patch
 from tests.exact import CONTEXT, Number, numbers, point
 from tests.marks import mostly_long
@@ -30,7 +29,7 @@ SPHERES = [
 @pytest.mark.parametrize("parametrization", ["toric", "linear"])
 def test_a_sphere_has_one_over_r_squared_and_one_over_r(patch, u, radius, digits, parametrization):
     """Inside and on the whole rim, but for the pole."""
-    gaussian, mean = curvature(patch, u, parametrization)
+    gaussian, mean = patch.curvature(u, parametrization)
     np.testing.assert_allclose(gaussian, 1 / radius**2, rtol=digits)
     np.testing.assert_allclose(mean, 1 / radius, rtol=digits)
 
@@ -40,7 +39,7 @@ def test_no_digits_are_lost_near_the_boundary(place):
     """Towards edges, corners, and the pole, at which all derivatives along the edge vanish."""
     target, middle = np.array(place, dtype=float), np.array([0.9, 0.8])
     u = target + 10.0 ** -np.arange(1.0, 15.0)[:, None] * (middle - target)
-    gaussian, mean = curvature(octant(), u)
+    gaussian, mean = octant().curvature(u)
     # Right at a corner of the pole, control points that are 1e-16 from the tangent plane are taken to lie in it.
     digits = 1e-8 if place == (0, 2) else DIGITS
     np.testing.assert_allclose(gaussian, 1, rtol=digits)
@@ -48,7 +47,7 @@ def test_no_digits_are_lost_near_the_boundary(place):
 
 
 def test_at_the_pole_there_is_no_formula():
-    assert np.isnan(curvature(octant(), [[1, 2], [0, 2], [2, 2]])).all()
+    assert np.isnan(octant().curvature([[1, 2], [0, 2], [2, 2]])).all()
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e7])
@@ -57,21 +56,21 @@ def test_a_plane_has_exactly_none(shift):
     for weight in (3.0, 1e30):
         patch = plane(weight)
         moved = Patch(patch.knots, patch.control_points + shift, patch.weights)
-        gaussian, mean = curvature(moved, np.concatenate([inside(patch, 100), rim(patch)]))
+        gaussian, mean = moved.curvature(np.concatenate([inside(patch, 100), rim(patch)]))
         assert (gaussian == 0).all()
         assert (mean == 0).all()
 
 
 def test_a_plane_whose_square_is_no_number_has_none():
     small = Patch([[0, 0], [1, 0], [0, 1]], [[0, 0, 0], [1e-300, 0, 0], [0, 1e-300, 0]])
-    assert not np.any(curvature(small, [[0.25, 0.25], [0.5, 0.0]]))
+    assert not np.any(small.curvature([[0.25, 0.25], [0.5, 0.0]]))
 
 
 def test_a_torus():
     patch = torus(3.0, 1.0)
     u = np.concatenate([inside(patch, 100), rim(patch)])
     cosine = np.hypot(*patch.evaluate(u)[:, :2].T) - 3.0
-    gaussian, mean = curvature(patch, u)
+    gaussian, mean = patch.curvature(u)
     np.testing.assert_allclose(gaussian, cosine / (3 + cosine), atol=DIGITS)
     np.testing.assert_allclose(mean, (3 + 2 * cosine) / (2 * (3 + cosine)), rtol=DIGITS)
 
@@ -126,7 +125,7 @@ def assert_same(found, expected, digits=DIGITS):
 def test_curvature_is_that_of_difference_quotients(name):
     patch = load(SPECS / f"{name}.toml")
     for u in inside(patch, 3, seed=1, depth=0.1):
-        assert_same(curvature(patch, u[None]), by_quotients(patch, u))
+        assert_same(patch.curvature(u[None]), by_quotients(patch, u))
 
 
 @pytest.mark.parametrize("name", mostly_long(GENERAL, 0))
@@ -138,7 +137,7 @@ def test_curvature_keeps_its_digits_near_the_boundary(name):
         start, end = corners[edge], corners[(edge + 1) % len(corners)]
         for t, depth in ((0.3, 1e-3), (0.8, 1e-7), (1e-6, 1e-9), (0.5, 1e-13)):
             u = (1 - depth) * ((1 - t) * start + t * end) + depth * corners.mean(axis=0)
-            assert_same(curvature(patch, u[None]), by_quotients(patch, u))
+            assert_same(patch.curvature(u[None]), by_quotients(patch, u))
 
 
 @pytest.mark.parametrize("power", [0, 5, 40])
@@ -149,7 +148,7 @@ def test_extreme_weights(power):
     heavy = Patch(patch.knots, patch.control_points, log_weights=logs)
     for u in inside(patch, 5, seed=2, depth=0.2):
         # Exponents of up to 276 have that many times the rounding of 1, and T with them.
-        assert_same(curvature(heavy, u[None]), by_quotients(heavy, u), (1 + 7 * power) * DIGITS)
+        assert_same(heavy.curvature(u[None]), by_quotients(heavy, u), (1 + 7 * power) * DIGITS)
 
 
 def test_knots_close_to_a_slanted_edge():
@@ -159,7 +158,7 @@ def test_knots_close_to_a_slanted_edge():
     patch = Patch(knots, random.uniform(-1, 1, (7, 3)), [1e3, 1e3, 1, 1, 1, 1, 1])
     assert 0 < patch.domain.heights[4, 0] < 1e-6
     for u in inside(patch, 12, seed=4, depth=0.01):
-        assert_same(curvature(patch, u[None]), by_quotients(patch, u))
+        assert_same(patch.curvature(u[None]), by_quotients(patch, u))
 
 
 def test_knots_typed_with_twelve_digits_are_on_their_edge():
@@ -172,7 +171,7 @@ def test_knots_typed_with_twelve_digits_are_on_their_edge():
     one, other = (Patch(knots, points, weights) for knots in (exactly, typed))
     assert other.domain.incidence[4, 0]
     u = exactly[4] + np.array([[-0.2, 0.9], [-0.4, 0.3]]) * np.array([[1e-5], [1e-6]])
-    for there, here in zip(curvature(other, u), curvature(one, u), strict=True):
+    for there, here in zip(other.curvature(u), one.curvature(u), strict=True):
         np.testing.assert_allclose(there, here, rtol=1e-8)
 
 
@@ -187,7 +186,7 @@ def test_collinear_knots_inside_are_collinear_to_rounding():
     u = inside(plain, 20, seed=5, depth=0.2)
     basis_values = np.sort(plain.basis(u), axis=1)
     assert (basis_values[:, -4] < 1e-15).any()
-    for there, here in zip(curvature(turned, u @ turn), curvature(plain, u), strict=True):
+    for there, here in zip(turned.curvature(u @ turn), plain.curvature(u), strict=True):
         # Exponents of up to 60 have that many times the rounding of 1.
         np.testing.assert_allclose(there, here, rtol=60 * DIGITS)
 
@@ -197,7 +196,7 @@ def test_a_pole_of_points_that_are_equal_within_rounding():
     points = patch.control_points.copy()
     points[6:, 2] = [1 - 2**-53, 1.0, 1 + 2**-52]
     rounded = Patch(patch.knots, points, patch.weights, patch.coefficients)
-    gaussian, mean = curvature(rounded, np.column_stack([np.full(13, 1.2), 2 - 10.0 ** -np.arange(1.0, 14.0)]))
+    gaussian, mean = rounded.curvature(np.column_stack([np.full(13, 1.2), 2 - 10.0 ** -np.arange(1.0, 14.0)]))
     np.testing.assert_allclose(gaussian, 1, rtol=1e-7)
     np.testing.assert_allclose(mean, 1, rtol=1e-7)
 
@@ -224,7 +223,7 @@ LIMITS = [
 def test_values_on_the_boundary_are_limits(patch, u, share, error):
     """Also at an edge whose second layer of knots is twice as far as the first, or farther."""
     near = u + share * (patch.domain.vertices.mean(axis=0) - u)
-    for there, here in zip(curvature(patch, u, "linear"), curvature(patch, near, "linear"), strict=True):
+    for there, here in zip(patch.curvature(u, "linear"), patch.curvature(near, "linear"), strict=True):
         np.testing.assert_allclose(there, here, rtol=error, atol=min(error, 1e-7))
 
 
@@ -232,9 +231,9 @@ def test_an_edge_whose_second_layer_is_too_near_has_no_curvature():
     """There it grows like h^(δ'/δ − 2) with the distance h, by a fitted rate."""
     for second in (1.2, 1.5, 1.8):
         patch = layered(second)
-        assert np.isnan(curvature(patch, [[1.0, 0.0], [0.4, 0.0], [0.0, 0.0]])).all()
+        assert np.isnan(patch.curvature([[1.0, 0.0], [0.4, 0.0], [0.0, 0.0]])).all()
         h = 10.0 ** -np.arange(8, 12)
-        mean = curvature(patch, np.column_stack([np.full(4, 1.1), h]), "linear").mean
+        mean = patch.curvature(np.column_stack([np.full(4, 1.1), h]), "linear").mean
         rate = np.polyfit(np.log(h), np.log(np.abs(mean)), 1)[0]
         # 0.2: next to the limit of 2 the terms that stay finite are not small yet.
         assert rate == pytest.approx(second - 2, abs=0.02 if second < 1.7 else 0.2)
@@ -252,13 +251,13 @@ def test_the_parametrisation_does_not_count():
         np.exp(patch.log_products + patch.knots @ [0.5, -1.0]),
         edge_scale=[1.0, 2.0, 0.5, 3.0],
     )
-    linear = curvature(patch, u, "linear")
+    linear = patch.curvature(u, "linear")
     # The affine factor e^<a, θ> moves points in the linear parametrisation, not on corners.
-    corners = curvature(other, 1e9 * u[50:54, ::-1] + 3e9)
+    corners = other.curvature(1e9 * u[50:54, ::-1] + 3e9)
     np.testing.assert_allclose(corners.gaussian, linear.gaussian[50:54], rtol=DIGITS)
     np.testing.assert_allclose(corners.mean, -linear.mean[50:54], rtol=DIGITS)
     mirrored = Patch(1e-9 * patch.knots[:, ::-1], patch.control_points, patch.weights, patch.coefficients)
-    turned = curvature(mirrored, 1e-9 * u[:, ::-1], "linear")
+    turned = mirrored.curvature(1e-9 * u[:, ::-1], "linear")
     np.testing.assert_allclose(turned.gaussian, linear.gaussian, rtol=1e-9)
     np.testing.assert_allclose(turned.mean, -linear.mean, rtol=1e-9)
 
@@ -268,6 +267,6 @@ def test_units(scale):
     patch = load(SPECS / "pentagon.toml")
     u = inside(patch, 50)
     large = Patch(patch.knots, scale * patch.control_points, patch.weights)
-    gaussian, mean = curvature(patch, u)
-    np.testing.assert_allclose(curvature(large, u).gaussian * scale**2, gaussian, rtol=DIGITS)
-    np.testing.assert_allclose(curvature(large, u).mean * scale, mean, rtol=DIGITS)
+    gaussian, mean = patch.curvature(u)
+    np.testing.assert_allclose(large.curvature(u).gaussian * scale**2, gaussian, rtol=DIGITS)
+    np.testing.assert_allclose(large.curvature(u).mean * scale, mean, rtol=DIGITS)

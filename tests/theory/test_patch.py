@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.normals import tangents
 from tests.laws import LAWS
 from tests.marks import mostly_long
@@ -46,9 +45,9 @@ OUTSIDE = np.ones((4, 3, 2)) * [[1], [1], [9]] * (np.arange(12) == 11).reshape(4
         (lambda: SURFACE.derivatives([[1, 1]], 3), "order: expected 1 or 2, got 3"),
         (lambda: SURFACE.derivatives([[1, 1]], 1, "polar"), "parametrization: expected toric or linear, got 'polar'"),
         (lambda: CURVE.normals([0.5]), "normals: a curve has none"),
-        (lambda: curvature(CURVE, [0.5]), "this is a curve"),
-        (lambda: curvature(SURFACE, [[1, 1]], "polar"), "expected toric or linear, got 'polar'"),
-        (lambda: curvature(SURFACE, [[1, 4]]), "outside the domain"),
+        (lambda: CURVE.curvature([0.5]), "this is a curve"),
+        (lambda: SURFACE.curvature([[1, 1]], "polar"), "expected toric or linear, got 'polar'"),
+        (lambda: SURFACE.curvature([[1, 4]]), "outside the domain"),
         (lambda: tangents(SURFACE, [[1, 1]]), "a surface has many at a point"),
         (lambda: tangents(CURVE, [1.0], "polar"), "expected toric or linear"),
     ],
