@@ -78,8 +78,7 @@ def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
         value, bound = ("" if x is None else f"{x:.3g}" for x in (found.value, found.bound))
         figures = f"{value} {'>' if found.status == 'fails' else '<='} {bound}" if bound else value
         status = f"{found.status:14}"
-        if colours:
-            status = click.style(status, fg=verdict_colours.get(found.status))
+        status = click.style(status, fg=verdict_colours.get(found.status)) if colours else status
         lines.append(f"{status}  {found.name:40}  {figures:20}  {found.reference}: {found.reason}\n")
     return "".join(lines)
 

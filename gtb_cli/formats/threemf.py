@@ -76,8 +76,7 @@ def _model(vertices: FloatArray, cells: IntArray, kept: Any, groups: Ranges, fac
     yield b"</vertices>\n<triangles>\n"
     for number, (_, start, stop) in enumerate(groups):
         material = f' pid="2" p1="{number}"' if number else ""
-        line = f'<triangle v1="%d" v2="%d" v3="%d"{material}/>\n'
-        yield from text_rows(line, cells[start:stop][kept[start:stop]])
+        yield from text_rows(f'<triangle v1="%d" v2="%d" v3="%d"{material}/>\n', cells[start:stop][kept[start:stop]])
     yield b'</triangles>\n</mesh>\n</object>\n</resources>\n<build>\n<item objectid="1"/>\n</build>\n</model>\n'
 
 

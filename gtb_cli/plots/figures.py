@@ -169,11 +169,11 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
             else:
                 draw_surfaces(panels(figure, names), variants, look, stripes=what == "stripes")
         else:
-            in_space = isinstance(thing, Mesh) or what in ("surface", "stripes")
-            is_graph = what == "basis" or (what == "decomposition" and look.lifted)
-            in_space |= default_picture(thing) == "surface" and is_graph
+            in_space = what in ("mesh", "surface", "stripes")
             if what == "curve" and not isinstance(thing, Mesh):
                 in_space = not is_flat([patch.control_points for patch in thing.patches])
+            elif what == "basis" or (what == "decomposition" and look.lifted):
+                in_space = default_picture(thing) == "surface"
             _draw_on(figure.add_axes((0.0, 0.0, 1.0, 1.0)) if in_space else with_numbers(figure), thing, picture)
         return figure
 
