@@ -176,13 +176,9 @@ def plot(
         picture = picture_of(shape, "sequence" if is_animation else what, {**looks, "vary": variation, **vars(limit)})
         if is_animation:
             frames = frames_of_picture(shape, picture, "animation")
+            members = range(len(frames.meshes))  # all with one camera and one scale
+            data = encoded_animation(figure_of_members(frames, [member], picture.look) for member in members)
         else:
-            figure = figure_of(shape, picture)
-    if is_animation:
-        members = range(len(frames.meshes))  # all with one camera and one scale
-        data = encoded_animation(figure_of_members(frames, [member], picture.look) for member in members)
-    else:
-        with settings():
-            data = encoded_figure(figure, kind)
+            data = encoded_figure(figure_of(shape, picture), kind)
     write_blocks(output, [data])
     streams.console.report(output, f"{len(data) / 1000:.0f} kB")

@@ -220,8 +220,7 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
     numbers, varies = getattr(patch, vary.key).ravel(), np.arange(len(patch.knots)) == vary.knot
     variants = [patch.replace(**{vary.key: np.where(varies, value, numbers)}) for value in vary.values]
     symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
-    pretty = [re.sub(r"sqrt\((\d+)\)", r"√\1", text) for text in vary.texts]
-    return variants, [f"{symbol} = {text}" for text in pretty]
+    return variants, [re.sub(r"sqrt\((\d+)\)", r"√\1", f"{symbol} = {text}") for text in vary.texts]
 
 
 def _with_index(look: Look, vary: Variation | None) -> Look:
