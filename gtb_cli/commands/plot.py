@@ -155,8 +155,7 @@ def plot(
     from gtb_cli.plots.look import encoded_animation, encoded_figure, settings
 
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
-    with settings():  # a missing matplotlib is reported before anything is computed
-        pass
+    settings()  # a missing matplotlib is reported before anything is computed
     from gtb_cli.plots.figures import Variation, figure_of, frames_of_picture, picture_of
     from gtb_cli.plots.panels import figure_of_members
 

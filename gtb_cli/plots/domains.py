@@ -56,9 +56,8 @@ def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> Non
 
 def _draw_plane(ax: Axes, shape: Domain, texts: Sequence[str], absent: Sequence[int] = ()) -> None:
     """Draw knots over Δ with texts on the inside, as edges have their numbers outside."""
-    view = scene.plane_view(ax, shape.vertices)
+    _draw_knots(scene.plane_view(ax, shape.vertices), shape.knots, absent)
     ax.set(xlabel="u", ylabel="v")
-    _draw_knots(view, shape.knots, absent)
     for place, text in _gathered(shape.knots, texts):
         x, y = _inward(np.array(place), shape)
         across = 0 if abs(x) < 0.3 else int(np.sign(x))
