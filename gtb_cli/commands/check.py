@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -33,13 +32,13 @@ def check(request: ReportRequest) -> None:
     """
     from gtb_cli.checks.report import counts
 
-    is_plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    is_plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not is_terminal(request.streams.output)
     rows, errors = request.found(_checked)
     request.write(
         rows,
         _data,
         lambda name, row: f"{'holds' if row.holds else 'fails'}  {name}: {counts(row.findings)}",
-        partial(_text, colours=is_terminal(request.streams.output) and not is_plain),
+        lambda row: click.unstyle(_text(row)) if is_plain else _text(row),
     )
     if errors:
         raise GtbError(*errors)
@@ -71,27 +70,25 @@ def _finding_data(found: Finding) -> dict[str, Any]:
     return {**named, "value": value, "bound": bound, "reason": found.reason}
 
 
-def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
+def _rows(findings: tuple[Finding, ...]) -> str:
     verdict_colours = {"holds": "green", "fails": "red", "measured": "cyan", "not decided": "yellow"}
     lines = []
     for found in findings:
         value, bound = ("" if x is None else f"{x:.3g}" for x in (found.value, found.bound))
         figures = f"{value} {'>' if found.status == 'fails' else '<='} {bound}" if bound else value
-        status = f"{found.status:14}"
-        if colours:
-            status = click.style(status, fg=verdict_colours.get(found.status))
+        status = click.style(f"{found.status:14}", fg=verdict_colours.get(found.status))
         lines.append(f"{status}  {found.name:40}  {figures:20}  {found.reference}: {found.reason}\n")
     return "".join(lines)
 
 
-def _text(report: Report | ModelReport, colours: bool) -> str:
+def _text(report: Report | ModelReport) -> str:
     """Write a row for each property; for a model, for the properties of its joints and for what fails in patches."""
     from gtb_cli.checks.report import Report, counts
 
     findings = report.findings if isinstance(report, Report) else report.joints
-    text = f"{_rows(findings, colours)}{counts(findings)}\n"
+    text = f"{_rows(findings)}{counts(findings)}\n"
     for index, part in enumerate([] if isinstance(report, Report) else report.patches):
         failing = tuple(found for found in part.findings if found.status == "fails")
         name = f"patch {index}" + (f" ({part.name})" if part.name else "")
-        text += f"{name}: {counts(part.findings)}\n{_rows(failing, colours)}"
+        text += f"{name}: {counts(part.findings)}\n{_rows(failing)}"
     return text

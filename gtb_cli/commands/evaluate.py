@@ -148,6 +148,7 @@ def _plain(values: FloatArray) -> list[Any]:
 def _rows(arrays: list[FloatArray]) -> bytes:
     import numpy as np
 
+    from gtb_cli.formats.obj_writing import text_rows
+
     values = np.concatenate([array.reshape(len(array), -1) for array in arrays], axis=1)
-    line = " ".join(["%r"] * values.shape[1]) + "\n"
-    return (line * len(values) % tuple(values.ravel().tolist())).encode("ascii")
+    return b"".join(text_rows(" ".join(["%r"] * values.shape[1]) + "\n", values))

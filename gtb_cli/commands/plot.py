@@ -155,8 +155,7 @@ def plot(
     from gtb_cli.plots.look import encoded_animation, encoded_figure, settings
 
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
-    with settings():  # a missing matplotlib is reported before anything is computed
-        pass
+    settings()  # a missing matplotlib is reported before anything is computed
     from gtb_cli.plots.figures import Variation, figure_of, frames_of_picture, picture_of
     from gtb_cli.plots.panels import figure_of_members
 
@@ -176,13 +175,9 @@ def plot(
         picture = picture_of(shape, "sequence" if is_animation else what, {**looks, "vary": variation, **vars(limit)})
         if is_animation:
             frames = frames_of_picture(shape, picture, "animation")
+            members = range(len(frames.meshes))  # all with one camera and one scale
+            data = encoded_animation(figure_of_members(frames, [member], picture.look) for member in members)
         else:
-            figure = figure_of(shape, picture)
-    if is_animation:
-        members = range(len(frames.meshes))  # all with one camera and one scale
-        data = encoded_animation(figure_of_members(frames, [member], picture.look) for member in members)
-    else:
-        with settings():
-            data = encoded_figure(figure, kind)
+            data = encoded_figure(figure_of(shape, picture), kind)
     write_blocks(output, [data])
     streams.console.report(output, f"{len(data) / 1000:.0f} kB")

@@ -295,7 +295,6 @@ def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
         near = np.flatnonzero(np.all([column[one] == column[other] for column in columns], axis=0))
         merged[near] |= (mesh.vertices[one[near]] != mesh.vertices[other[near]]).any(axis=1)
     if merged.any():
-        what = "segments" if mesh.is_curve else "triangles"
-        share = f"{np.count_nonzero(merged)} of {len(merged)} {what}"
+        share = f"{np.count_nonzero(merged)} of {len(merged)} {'segments' if mesh.is_curve else 'triangles'}"
         messages.append(f"{loss} merge the corners of {share}; {_way_out(kind)}")
     return messages

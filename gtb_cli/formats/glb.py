@@ -106,20 +106,18 @@ def _lines(parts: Sequence[Mesh], said: dict[str, str], root: str) -> list[bytes
         chunks.append(values.tobytes())
         views.append({"buffer": 0, "byteOffset": start, "byteLength": len(chunks[-1]), "target": target})
         kind, width = 5126 if values.dtype.kind == "f" else 5125, ("SCALAR", "VEC2", "VEC3")[values.shape[1] - 1]
-        bounds = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
         said = {"bufferView": len(views) - 1, "componentType": kind, "count": len(values), "type": width}
-        accessors.append(said | bounds)
+        accessors.append(said | {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()})
         return len(accessors) - 1
 
     for part in parts:
         attributes = {"POSITION": add(part.vertices.astype(SINGLE_FLOAT), VERTICES)}
         if part.parameters is not None:
             u, v = part.parameters.T
-            upwards = np.column_stack([u, 1.0 - v])  # glTF counts from the top
-            attributes["TEXCOORD_0"] = add(upwards.astype(SINGLE_FLOAT), VERTICES)
+            # glTF counts from the top.
+            attributes["TEXCOORD_0"] = add(np.column_stack([u, 1.0 - v]).astype(SINGLE_FLOAT), VERTICES)
         indices = add(part.cells.astype("<u4").reshape(-1, 1), INDICES)
-        primitive = {"attributes": attributes, "indices": indices, "mode": 1}
-        meshes.append({"name": part.name, "primitives": [primitive]})
+        meshes.append({"name": part.name, "primitives": [{"attributes": attributes, "indices": indices, "mode": 1}]})
     nodes = [{"name": part.name, "mesh": number} for number, part in enumerate(parts)]
     tree = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [*range(len(parts))]}]}
     tree |= {"nodes": nodes, "meshes": meshes, "accessors": accessors, "bufferViews": views}

@@ -60,8 +60,7 @@ def _rows(tree: dict[str, Any], binary: bytes, accessor: dict[str, Any]) -> NDAr
     component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
     element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
     view = tree["bufferViews"][_index(accessor["bufferView"])]
-    buffer = tree["buffers"][_index(view.get("buffer", 0))]
-    if "uri" in buffer or view.get("buffer", 0) != 0:
+    if "uri" in tree["buffers"][_index(view.get("buffer", 0))] or view.get("buffer", 0) != 0:
         raise GtbError("has its numbers in another file")
     kind = np.dtype(component_types[accessor["componentType"]])
     width, count = element_widths[accessor["type"]], _index(accessor["count"])

@@ -187,8 +187,7 @@ def _cells(elements: dict[str, Element], tables: dict[str, Columns]) -> IntArray
     if face.rows and edge.rows:
         raise GtbError("has both faces and edges: expected one of them")
     if edge.rows:
-        ends = [_numbers(edge, tables, name)[0] for name in ("vertex1", "vertex2")]
-        return np.stack(ends, axis=1).astype(np.int64)
+        return np.stack([_numbers(edge, tables, end)[0] for end in ("vertex1", "vertex2")], axis=1).astype(np.int64)
     if not face.rows:
         return np.empty((0, 3), dtype=np.int32)
     name = next((name for name in face.properties if name in POLYGONS), POLYGONS[0])

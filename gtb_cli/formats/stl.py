@@ -44,8 +44,7 @@ def _text(vertices: FloatArray, triangles: IntArray, normals: FloatArray, name: 
     facet = "facet normal %r %r %r\nouter loop\n" + 3 * "vertex %r %r %r\n" + "endloop\nendfacet\n"
     yield b"solid " + title + b"\n"
     for rows in row_blocks(len(triangles), BLOCK_ROWS):
-        corners = vertices[triangles[rows]].reshape(-1, 9)
-        yield from text_rows(facet, np.column_stack([normals[rows], corners]))
+        yield from text_rows(facet, np.column_stack([normals[rows], vertices[triangles[rows]].reshape(-1, 9)]))
     yield b"endsolid " + title + b"\n"
 
 

@@ -76,8 +76,7 @@ def _model(vertices: FloatArray, cells: IntArray, kept: Any, groups: Ranges, fac
     yield b"</vertices>\n<triangles>\n"
     for number, (_, start, stop) in enumerate(groups):
         material = f' pid="2" p1="{number}"' if number else ""
-        line = f'<triangle v1="%d" v2="%d" v3="%d"{material}/>\n'
-        yield from text_rows(line, cells[start:stop][kept[start:stop]])
+        yield from text_rows(f'<triangle v1="%d" v2="%d" v3="%d"{material}/>\n', cells[start:stop][kept[start:stop]])
     yield b'</triangles>\n</mesh>\n</object>\n</resources>\n<build>\n<item objectid="1"/>\n</build>\n</model>\n'
 
 
@@ -230,11 +229,10 @@ class _Reader:
         elif name in ("component", "item"):
             if any(key.endswith(":path") for key in given):
                 raise GtbError("has an object in another part of the archive, where it is not looked for")
-            is_printed = given.get("printable", "1") in ("1", "true")
             matrix = np.eye(4)  # by which rows (x y z 1) are multiplied
             if "transform" in given:
                 matrix[:, :3] = np.array([float(word) for word in given["transform"].split()]).reshape(4, 3)
-            link = given["objectid"], matrix, "" if is_printed else "not printed\n"
+            link = given["objectid"], matrix, "" if given.get("printable", "1") in ("1", "true") else "not printed\n"
             (self.items if name == "item" else self.components[self.id]).append(link)
             self.note(f"{name} {len(self.items)}", given, *_KNOWN)
             self.extensions.update((self.meshes[self.id].name if name == "component" else "").encode())

@@ -221,8 +221,7 @@ def carried_out(
         order = list(TopologicalSorter(needs).static_order())
     except CycleError as error:
         circle = [copies[number] for number in reversed(error.args[1])]
-        text = " -> ".join(copy.original for copy in circle[:9])
-        faults.add((*circle[0].path, "copy"), f"copies itself: {text}")
+        faults.add((*circle[0].path, "copy"), f"copies itself: {' -> '.join(copy.original for copy in circle[:9])}")
         return {}
     found = dict(named)
     made: dict[int, list[Patch]] = {}

@@ -215,10 +215,8 @@ def _decode(data: bytes | str, source: str) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        byte = error.object[error.start]
-        reason = f"is not UTF-8 text, byte 0x{byte:02x} ({error.reason}): save it as UTF-8"
-        raise SpecError(Fault(reason, source, line)) from None
+        reason = f"is not UTF-8 text, byte 0x{error.object[error.start]:02x} ({error.reason}): save it as UTF-8"
+        raise SpecError(Fault(reason, source, data.count(b"\n", 0, error.start) + 1)) from None
 
 
 def _measure(text: str, source: str, format: SpecFormat) -> tuple[tuple[Path, int, str], ...]:

@@ -82,21 +82,20 @@ def _included(values: Values, include: Include, data: dict[str, Any]) -> tuple[l
         return patches, owners
     for i, entry in enumerate(names):
         path: Path = ("include", i)
-        table = Table(entry, path, values) if isinstance(entry, dict) else None
-        name, place, expected = entry, path, "the name of a file or a table"
-        if table is not None:
-            table.unknown_keys(INCLUDE_KEYS)
-            name, place, expected = table.entries.get("file"), (*path, "file"), "the name of a file"
+        table = Table(entry if (is_table := isinstance(entry, dict)) else {"file": entry}, path, values)
+        table.unknown_keys(INCLUDE_KEYS)
+        name = table.entries.get("file")
         if not isinstance(name, str) or not name:
-            is_missing = table is not None and name is None
-            values.faults.add(place, "is missing" if is_missing else f"must be {expected}, got {shown(name)}")
+            expected = "the name of a file" if is_table else "the name of a file or a table"
+            fault = "is missing" if is_table and name is None else f"must be {expected}, got {shown(name)}"
+            values.faults.add((*path, "file") if is_table else path, fault)
             continue
         try:
-            found = include(name, {} if table is None else _numbers(table), (*path, "let"))
+            found = include(name, _numbers(table), (*path, "let"))
         except SpecError as error:
             values.faults.add(path, str(error))
             continue
-        if table is not None:
+        if is_table:
             from gtb_cli.language.copies import included_copies
 
             found = tuple(included_copies(found, table, MAX_PATCHES - len(patches)))

@@ -8,6 +8,7 @@ would refuse is passed over: it gives the better message, with line and column.
 import math
 import re
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from typing import TypeAlias
 
 from gtb_cli.vocabulary import SpecFormat
@@ -174,10 +175,8 @@ def _parts(word: str) -> list[str]:
     if word[0] == '"' and "\\" in word:
         import json
 
-        try:
+        with suppress(ValueError):  # an escape that only TOML knows: the key as written is good enough to find a line
             return [str(json.loads(word))]
-        except ValueError:
-            pass  # an escape that only TOML knows: the key as written is good enough to find a line
     return [word[1:-1]]
 
 

@@ -31,7 +31,6 @@ def schema() -> Schema:
     finite (JSON has no others); that a name has no half of a surrogate pair; that the hull is not flat, and the number
     of its edges; and whether the knots are a lattice.
     """
-    is_model = _any({"required": ["patches"]}, {"required": ["include"]})
     names = {"pattern": f"^{NAME_PATTERN}$", "maxLength": MAX_NUMBER_NAME}
     definitions = {
         "let": {
@@ -56,7 +55,7 @@ def schema() -> Schema:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "GT-Bézier patch, or model of several patches",
-        **_either(_model(), is_model, shared=("name", "let")),
+        **_either(_model(), _any({"required": ["patches"]}, {"required": ["include"]}), shared=("name", "let")),
         "$defs": {f"{key}_of_patch": schema for key, schema in _patch().items()} | definitions,
     }
 

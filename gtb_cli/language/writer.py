@@ -71,10 +71,9 @@ def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
     `gtb_cli.load` reads back an equal value, bit for bit, which is checked before anything is written. Only the name
     may be new: a spec without one is named after its file.
     """
-    data = to_dict(spec)
     target = os.fspath(path)
-    again = parse(text := _text(data, target), target, spec_format_of(target) or "toml")
-    if again.replace(name=spec.name) != spec:
+    text = _text(to_dict(spec), target)
+    if parse(text, target, spec_format_of(target) or "toml").replace(name=spec.name) != spec:
         raise SpecError(f"{target}: a spec cannot hold this exactly: both weights and other logarithms of weights")
     replace_file(target, [text.encode("utf-8")])
 

@@ -123,8 +123,7 @@ class _EdgeCurves:
             found[first] = [(j, turned, Match(0.0, True, True)) for j, turned in self.same[first]]
             for k in sorted(group[first])[1:]:
                 match = self.compared(first, k)
-                edges = ((k, False), *self.same[k])
-                found[first] += [(j, turned ^ match.turned, match) for j, turned in edges]
+                found[first] += [(j, turned ^ match.turned, match) for j, turned in ((k, False), *self.same[k])]
             found[first].sort(key=lambda follower: follower[0])
         return found
 

@@ -97,12 +97,11 @@ def seams_of(patches: Sequence[Patch], joints: Joints) -> tuple[Seam, ...]:
     twice the difference of the mean curvatures.
     """
     t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
-    is_away = np.abs(t - 0.5) <= 0.5 - CORNERS
     uses = [use for joint in joints.shared for use in ((joint.first, t), (joint.second, joint.across(patches, t)))]
     rims, normals = _rims(patches, joints.flipped, uses)
     angles = angles_between(normals[::2], normals[1::2])
     worst = np.where(np.isfinite(angles), angles, -1.0).argmax(axis=1)
-    smooth = (angles <= MAX_CREASE_DEGREES) & is_away
+    smooth = (angles <= MAX_CREASE_DEGREES) & (np.abs(t - 0.5) <= 0.5 - CORNERS)
     return tuple(
         Seam(joint.first, joint.second, float(angles[i, k]), k, smooth[i], (rims[2 * i], rims[2 * i + 1]))
         for i, (joint, k) in enumerate(zip(joints.shared, worst.tolist(), strict=True))

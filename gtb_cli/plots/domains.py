@@ -56,9 +56,8 @@ def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> Non
 
 def _draw_plane(ax: Axes, shape: Domain, texts: Sequence[str], absent: Sequence[int] = ()) -> None:
     """Draw knots over Δ with texts on the inside, as edges have their numbers outside."""
-    view = scene.plane_view(ax, shape.vertices)
+    _draw_knots(scene.plane_view(ax, shape.vertices), shape.knots, absent)
     ax.set(xlabel="u", ylabel="v")
-    _draw_knots(view, shape.knots, absent)
     for place, text in _gathered(shape.knots, texts):
         x, y = _inward(np.array(place), shape)
         across = 0 if abs(x) < 0.3 else int(np.sign(x))
@@ -171,14 +170,13 @@ def draw_all_decompositions(figure: Figure, patch: Patch) -> None:
 
 def _draw_cells(ax: Axes, patch: Patch, cone: LiftingCone, dot: float) -> None:
     """Draw the cells, and knots, hollow in none; of a curve, the lifted knots and their upper hull."""
-    decomposition = regular_decomposition(patch.knots, cone.lifting)
     places = patch.knots
     if patch.dimension == 1:
         places = np.column_stack([patch.knots[:, 0], cone.lifting / (np.ptp(cone.lifting) or 1.0)])
         ax.set_ylim(-1.15, 1.15)
     else:
         ax.set_aspect("equal", anchor="NW")
-    for cell, polygon in enumerate(decomposition.polygons):
+    for cell, polygon in enumerate(regular_decomposition(patch.knots, cone.lifting).polygons):
         outline = places[list(polygon)].T
         if patch.dimension == 1:
             ax.plot(*outline, "-", color=patch_colour(cell), lw=dot / 2)

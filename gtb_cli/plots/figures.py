@@ -169,11 +169,11 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
             else:
                 draw_surfaces(panels(figure, names), variants, look, stripes=what == "stripes")
         else:
-            in_space = isinstance(thing, Mesh) or what in ("surface", "stripes")
-            is_graph = what == "basis" or (what == "decomposition" and look.lifted)
-            in_space |= default_picture(thing) == "surface" and is_graph
+            in_space = what in ("mesh", "surface", "stripes")
             if what == "curve" and not isinstance(thing, Mesh):
                 in_space = not is_flat([patch.control_points for patch in thing.patches])
+            elif what == "basis" or (what == "decomposition" and look.lifted):
+                in_space = default_picture(thing) == "surface"
             _draw_on(figure.add_axes((0.0, 0.0, 1.0, 1.0)) if in_space else with_numbers(figure), thing, picture)
         return figure
 
@@ -220,8 +220,7 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
     numbers, varies = getattr(patch, vary.key).ravel(), np.arange(len(patch.knots)) == vary.knot
     variants = [patch.replace(**{vary.key: np.where(varies, value, numbers)}) for value in vary.values]
     symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
-    pretty = [re.sub(r"sqrt\((\d+)\)", r"√\1", text) for text in vary.texts]
-    return variants, [f"{symbol} = {text}" for text in pretty]
+    return variants, [re.sub(r"sqrt\((\d+)\)", r"√\1", f"{symbol} = {text}") for text in vary.texts]
 
 
 def _with_index(look: Look, vary: Variation | None) -> Look:

@@ -183,7 +183,8 @@ def encoded_figure(figure: Figure, kind: str) -> bytes:
     # Metadata that would change from day to day, or from one version of matplotlib to the next
     changing = {"png": ["Software"], "svg": ["Date", "Creator"], "pdf": ["CreationDate"]}
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, metadata=dict.fromkeys(changing[kind]))
+    with settings():
+        figure.savefig(buffer, format=kind, metadata=dict.fromkeys(changing[kind]))
     return buffer.getvalue()
 
 

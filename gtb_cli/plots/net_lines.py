@@ -24,8 +24,7 @@ def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, in
 
 @lru_cache(maxsize=256)  # the copies of a patch, and the next picture of a model that is being changed, have its knots
 def _net(knots: bytes, dimension: int, lifting: bytes) -> list[tuple[int, int]]:
-    places = np.frombuffer(knots).reshape(-1, dimension)
-    return control_net(regular_decomposition(places, np.frombuffer(lifting)))
+    return control_net(regular_decomposition(np.frombuffer(knots).reshape(-1, dimension), np.frombuffer(lifting)))
 
 
 def bowl(domain: Domain) -> FloatArray:

@@ -274,8 +274,7 @@ def _refined(points: FloatArray) -> FloatArray:
     counts = np.maximum(np.ceil(gaps / piece_length).astype(np.int64), 1)
     place = np.repeat(np.arange(len(gaps)), counts)
     share = (np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[place]
-    between = points[place] + share[:, None] * (points[place + 1] - points[place])
-    return np.concatenate([between, points[-1:]])
+    return np.concatenate([points[place] + share[:, None] * (points[place + 1] - points[place]), points[-1:]])
 
 
 def plain(count: int, colour: str = SURFACE_COLOUR) -> FloatArray:

@@ -58,8 +58,7 @@ def tell(what: Fault | str, severity: str = "note") -> None:
 def error_record(fault: Fault, severity: str = "error") -> dict[str, object]:
     """Return an error or a warning as plain data."""
     fault = located(fault, _messages.words)
-    keys = ("file", "line", "column", "key", "message")
-    return {key: getattr(fault, key) for key in keys} | {"severity": severity}
+    return {key: getattr(fault, key) for key in ("file", "line", "column", "key", "message")} | {"severity": severity}
 
 
 def annotation(fault: Fault, severity: str) -> str:

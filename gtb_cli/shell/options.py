@@ -54,8 +54,7 @@ def tolerance_of(text: str) -> float | str:
     try:
         percentage(word if word.endswith("%") else f"{word}%")
     except DomainError:
-        expected = "a positive number or percentage, such as 0.01 or 1%"
-        raise ValueError(f"{text!r} is not {expected}") from None
+        raise ValueError(f"{text!r} is not a positive number or percentage, such as 0.01 or 1%") from None
     return word if word.endswith("%") else float(word)
 
 

@@ -131,8 +131,7 @@ def numbered_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Itera
                 shown = word.decode("utf-8", "backslashreplace")[:60]
                 raise SpecError(Fault(f"{shown!r} is not a number", source, number)) from None
         if row and len(row) not in sizes:
-            expected = " or ".join(map(str, sizes))
-            raise SpecError(Fault(f"expected {expected} numbers, got {len(row)}", source, number))
+            raise SpecError(Fault(f"expected {' or '.join(map(str, sizes))} numbers, got {len(row)}", source, number))
         if row:
             yield number, row
             sizes = [len(row)]

@@ -147,8 +147,7 @@ def handler(pages: Pages, port: int) -> type[BaseHTTPRequestHandler]:
             if path == "/":
                 return self._answer(200, "text/html", pages.page())
             if path == "/state":
-                news = pages.news(parse_qs(query))
-                return self._answer(200, "application/json", json.dumps(news, allow_nan=False))
+                return self._answer(200, "application/json", json.dumps(pages.news(parse_qs(query)), allow_nan=False))
             return self._answer(404, "text/plain", "not here")
 
         def _answer(self, status: int, kind: str, text: str) -> None:

@@ -35,9 +35,7 @@ class Workers:
 
             return in_cluster(function, tasks, self.cluster, warn)
         jobs = divided_among(min(self.jobs or processors(), len(tasks)))
-        if jobs > 1:
-            return in_processes(function, tasks, jobs)
-        return (result for result in map(here or function, tasks))
+        return in_processes(function, tasks, jobs) if jobs > 1 else (found for found in map(here or function, tasks))
 
 
 jobs_option = click.option(
