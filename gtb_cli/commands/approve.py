@@ -81,10 +81,8 @@ def _refuse_folders(golden: str, out: str) -> None:
         if not os.path.isdir(folder):
             raise GtbError(f"{folder}: is not a folder")
     places = [os.path.join(os.path.realpath(folder), "") for folder in (golden, out)]
-    if places[0] == places[1]:
-        raise click.UsageError("GOLDEN and OUT are the same folder")
-    if os.path.commonpath(places) + os.sep in places:
-        raise click.UsageError("GOLDEN and OUT are one in the other")
+    if os.path.join(os.path.commonpath(places), "") in places:
+        raise click.UsageError("GOLDEN and OUT are the same folder, or one in the other")
 
 
 def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, out: str) -> list[Verdict]:

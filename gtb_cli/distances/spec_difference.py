@@ -82,27 +82,27 @@ def _sides_and_names(
     rows = [[of[patch.replace(name=None)] for patch in each.patches] for of, each in zip(numbers, (a, b), strict=True)]
     here, there = (mesh.origin.turned[row] for mesh, row in zip(meshes, rows, strict=True) if mesh.origin is not None)
     pairs, left_out = [(p, q, here[p] ^ there[q] ^ mirrored) for p, q, _, mirrored in found], tuple[str, ...]()
-    sided = pairs
+    is_cut = False
     if any(lone):  # most of their faces tell
         one, other = (0, 1) if len(lone[0]) >= len(lone[1]) else (1, 0)
-        ways = ((meshes[one], meshes[other]), (meshes[other], meshes[one]))
-        (nearest, away), (back, others_away) = (nearest_cells(*way, allowed) for way in ways)
+        nearest, away = nearest_cells(meshes[one], meshes[other], allowed)
+        back, others_away = nearest_cells(meshes[other], meshes[one], allowed)
         groups = [slice(*meshes[one].groups[row][1:]) for row in rows[one]]
         over = [(away & others_away[nearest])[group].mean() > 0.5 for group in groups]
         ends = [stop for _, _, stop in meshes[other].groups]
-        homes = [np.searchsorted(ends, nearest[groups[k]], "right") for k in lone[one]]
-        counts = [np.bincount(each, minlength=len(ends)) for each in homes]
+        at = np.searchsorted(ends, nearest, "right")
+        counts = [np.bincount(at[groups[k]], minlength=len(ends)) for k in lone[one]]
         home = [rows[other].index(int(each.argmax())) for each in counts]
-        cut = [(*((k, at) if one == 0 else (at, k)), over[k]) for k, at in zip(lone[one], home, strict=True)]
-        sided = [(p, q, turned and over[(p, q)[one]]) for p, q, turned in pairs] + cut
+        homes = zip(*((lone[0], home) if one == 0 else (home, lone[1])), strict=True)
+        pairs = [(p, q, turned and over[(p, q)[one]]) for p, q, turned in (*pairs, *((*both, True) for both in homes))]
         is_cut = sorted(home) != lone[other] or any(each.max() < 0.9 * each.sum() for each in counts)
-        pairs = pairs if is_cut else sided
         are_unsure = (away > others_away[nearest]).any() or (others_away > away[back]).any()
         left_out += ("names of patches are not compared where they are cut otherwise",) * is_cut
         left_out += ("sides of patches are not compared where others lie on them",) * bool(are_unsure)
     ours, theirs = (_one_sided(each, row) for each, row in zip(once, rows, strict=True))
-    turned = sum(over for p, q, over in sided if not (ours[p] and theirs[q]))
-    refs = [((first, a.patches[first].name), (second, b.patches[second].name)) for first, second, _ in sorted(pairs)]
+    turned = sum(over for p, q, over in pairs if not (ours[p] and theirs[q]))
+    named = sorted(pairs[: len(found)] if is_cut else pairs)
+    refs = [((first, a.patches[first].name), (second, b.patches[second].name)) for first, second, _ in named]
     names = [[name or f"patch{k}" for k, name in pair] for pair in refs if any(name for _, name in pair)]  # as meshes
     others = [pair for pair in names if pair[0] != pair[1] and max(map(len, (a.patches, b.patches))) > 1]
     old, new = (" ".join(pair[way] for pair in others) for way in (0, 1))

@@ -47,7 +47,7 @@ def unfolded(content: FileArrays) -> tuple[FileArrays, int]:
     Also returns the number of polygons whose triangles may overlap: they cross themselves, take too much effort, or
     have too many corners. What is not flat is seen along its mean normal.
     """
-    most, block, effort, left = 5000, 1 << 14, 30_000_000, 0  # corners, all at a time, and steps of `_ears`
+    most, block, effort, left = 50_000, 1 << 14, 30_000_000, 0  # corners, all at a time, and steps of `_ears`
     cells, frame, places = content.cells.ravel(), Frame.around(content.vertices), np.arange(content.cells.size)
     for count, which in groups(content.polygons[:, 1]):
         left += len(which) * (count > most)

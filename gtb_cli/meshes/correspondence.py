@@ -207,8 +207,6 @@ def nearest_cells(mesh: Mesh, other: Mesh, tolerance: float = 0.0) -> tuple[IntA
     from scipy.spatial import cKDTree
 
     candidates, much = 16, 3  # faces of the other mesh with the nearest centres, and times as far
-    if not len(mesh.cells) or not len(other.cells):
-        return np.zeros(len(mesh.cells), dtype=np.intp), np.zeros(len(mesh.cells), dtype=bool)
     frame = Frame.around(mesh.vertices, other.used)
     here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
     tree, points = NearestCells(there), middles(here)
@@ -309,7 +307,7 @@ def unlike(
         told.append(f"{other} {side}{s} of common {cell}s {have} further {cell}s in one of them only")
     thin, others_thin = (_without_extent(each.mesh, close) for each in (a, b))
     turned, rest, others_rest = faces.turned(), ~thin & only, ~others_thin & others_only
-    if have_others and not first.is_curve:
+    if have_others and not first.is_curve and not thin.all() and not others_thin.all():
         ways = (a.mesh, rest, b.mesh, ~others_thin), (b.mesh, others_rest, a.mesh, ~thin)
         chosen = ((Mesh(one.vertices, one.cells[k]), Mesh(two.vertices, two.cells[m])) for one, k, two, m in ways)
         turned += max(int(nearest_cells(one, other, tolerance)[1].sum()) for one, other in chosen)

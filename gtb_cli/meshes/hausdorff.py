@@ -96,7 +96,6 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     cell_batch, cut_batch = 1 << 16, 20_000  # cells bounded together, and pieces cut together: they bound the memory
     cells_per_cut = 4  # that cost as much as a cut; a large mesh leaves less for cuts …
     least_share = 0.16  # … but this part of the effort
-    usual_crowd = 40.0  # twice as many as in a fan of a hundred triangles
     excess = 10  # pieces for each allowed cut above which little can be proved: only likely ones are kept, and cut once
     used = np.flatnonzero(are_used(cells, len(vertices)))
     used = used[spatial_order(vertices[used])]
@@ -108,9 +107,10 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     effort = max(effort - len(cells) // cells_per_cut, round(effort * least_share))
     # Boxes of long and thin cells lie on each other, and a search visits all of them: a few cuts prove no less.
     some = other[:: len(other) // 1000 + 1]
-    low, high, at = some.min(axis=1), some.max(axis=1), middles(some[:: len(some) // 50 + 1])[:, None]
-    crowd = len(other) * float(((low <= at) & (at <= high)).all(axis=2).mean())  # boxes about the middle of a cell
-    effort = round(effort * min(1.0, usual_crowd / crowd) ** 2)
+    low, high = some.min(axis=1), some.max(axis=1)
+    places = (low + high)[:: len(some) // 50 + 1, None] / 2
+    crowd = len(other) * float(((low <= places) & (places <= high)).all(axis=2).mean())  # 20 in a fan of 100 triangles
+    effort = round(effort * min(1.0, 40 / crowd) ** 2)
     by_sample, kept = False, list[CellParts]()
     for begin in range(0, len(cells), cell_batch):
         rows = cells[begin : begin + cell_batch]

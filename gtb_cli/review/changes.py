@@ -184,12 +184,11 @@ def _framed(change: Change) -> Change:
         return replace(change, frames=(common, common))
     small, large = ("old", "new") if extents[0] < extents[1] else ("new", "old")
     ratio = max(extents) / min(extents) if min(extents) else np.inf
+    reason = (
+        f"{large} is {ratio:.4g} times as large as {small}" if ratio < np.inf else f"{small} is a dot beside {large}"
+    )
     if ratio < 1 / dot or not max(extents):
         reason = "old and new are far apart"
-    elif ratio < np.inf:
-        reason = f"{large} is {ratio:.4g} times as large as {small}"
-    else:
-        reason = f"{small} is a dot beside {large}"
     return replace(change, frames=(Frame.around(points[0]), Frame.around(points[1])), scale=reason)
 
 
