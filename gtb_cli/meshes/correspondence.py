@@ -211,14 +211,13 @@ def nearest_cells(mesh: Mesh, other: Mesh, tolerance: float = 0.0) -> tuple[IntA
     here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
     tree, points = NearestCells(there), middles(here)
     distances, nearest = tree.nearest(points)
-    turned = np.zeros(len(nearest), dtype=bool)
     if mesh.is_curve or other.is_curve:
-        return nearest, turned
+        return nearest, np.zeros(len(nearest), dtype=bool)
     normals, others = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, there))
-    away = np.flatnonzero(dot(normals, others[nearest]) < 0)
+    turned = np.asarray(dot(normals, others[nearest]) < 0)
+    away = np.flatnonzero(turned)
     within = np.maximum(much * distances[away], float(frame.length(tolerance, -1))) * (1 + 1e-9)
     near = np.asarray(cKDTree(middles(there)).query(points[away], k=[*range(1, min(candidates, len(there)) + 1)])[1]).T
-    turned[away] = True
     for cells in near:
         turned[away] &= (dot(normals[away], others[cells]) <= 0) | (tree.distances(points[away], cells) > within)
     return nearest, turned

@@ -162,7 +162,7 @@ def _side(mesh: Mesh | None, other: Mesh | None = None, found: Difference | None
         return Side(measures, shown, len(mesh.cells))
     if found.distance <= found.tolerance:
         marked = np.zeros(len(shown.vertices), dtype=bool)
-        marked[shown.cells[nearest_cells(shown, other)[1]]] = True
+        marked[shown.cells[nearest_cells(shown, other, found.tolerance)[1]]] = True
         return Side(measures, shown, len(mesh.cells), turned=marked)
     if found.method == "vertices" and np.array_equal(mesh.cells, other.cells):
         frame = Frame.around(shown.vertices, others := other.vertices[kept])
