@@ -32,7 +32,7 @@ def approve(golden: str, out: str, names: tuple[str, ...], prune: bool, comparin
 
     Take the meshes of the folder OUT over into the folder GOLDEN: all that differ, or that GOLDEN does not have, as
     gtb diff GOLDEN OUT says with the same options; or only those with the names that it prints, or that match patterns
-    such as 'part-*', even if they differ by less than the tolerance. A link that leads out of GOLDEN is never followed.
+    such as 'part-*', even if they differ by less than the tolerance. Nothing is written through links in GOLDEN.
 
     Every mesh is read first, and what changes is said. If one cannot be read, or OUT has no files, nothing is taken
     over. All files appear together: if one cannot be written, GOLDEN stays as it was.
@@ -81,10 +81,8 @@ def _refuse_folders(golden: str, out: str) -> None:
         if not os.path.isdir(folder):
             raise GtbError(f"{folder}: is not a folder")
     places = [os.path.join(os.path.realpath(folder), "") for folder in (golden, out)]
-    if places[0] == places[1]:
-        raise click.UsageError("GOLDEN and OUT are the same folder")
-    if os.path.commonpath(places) + os.sep in places:
-        raise click.UsageError("GOLDEN and OUT are one in the other")
+    if os.path.join(os.path.commonpath(places), "") in places:
+        raise click.UsageError("GOLDEN and OUT are the same folder, or one in the other")
 
 
 def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, out: str) -> list[Verdict]:
@@ -136,9 +134,8 @@ def _new_content(golden: str, verdict: Verdict) -> bytes:
     target, source = verdict.paths
     if suffix_of(target) != suffix_of(source):
         raise GtbError(f"{source}: is a file of another kind than {target}")
-    inside, place = (os.path.join(os.path.realpath(path), "") for path in (golden, target))
-    if not place.startswith(inside):
-        raise GtbError(f"{target}: is a link out of {golden}, or in a folder that is one: nothing is written there")
+    if os.path.realpath(target) != os.path.join(os.path.realpath(golden), os.path.relpath(target, golden)):
+        raise GtbError(f"{target}: is a link, or in a folder that is one: nothing is written there")
     if not os.path.isfile(source):  # reading a pipe would wait for its writer
         raise GtbError(*(verdict.errors or [Fault("is not a file", source)]))
     with opened(source) as file:

@@ -1,6 +1,7 @@
 """Two patches, models or curves compared themselves: surfaces, sides, names, open edges, and what is there twice."""
 
 from collections.abc import Collection, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from gtb_cli.theory.edges import edge_curve
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import Aspect
 
+Paired: TypeAlias = tuple[Sequence[Pair], Sequence[list[int]]]  # patches of two specs, as `partners` returns them
+
 
 def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Collection[Aspect]) -> Difference:
     """Compare two specs as the points that they describe, whatever their parameters; see `diff`.
@@ -27,13 +30,14 @@ def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Co
     Patches that are another one in other words are proved to be by `partners`; if there are others, `shape_distance`
     searches for the farthest points. `aspects` are ignored.
     """
-    once = [_once(spec) for spec in (a, b)]
+    models = [Model(spec.patches, weld=getattr(spec, "weld", None)) for spec in (a, b)]
+    once = [_once(model) for model in models]
     meshes = [Recipe(8).mesh(each)[0] for each in once]
     bounds = [mesh.bounds for mesh in meshes]
     resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
-    pairs, lone = partners(a.patches, b.patches, allowed)
+    pairs, lone = paired = partners(a.patches, b.patches, allowed)
     most, place = max(((pair.distance, pair.first) for pair in pairs), default=(0.0, 0))
     at = Farthest(most, tuple(a.patches[place].evaluate(a.patches[place].domain.vertices)[0].tolist()))
     found = Distance(at, at, most, is_proved=True)
@@ -41,13 +45,12 @@ def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Co
         found = shape_distance(a, b)
     dimensions = {each.dimension for each in once}
     is_same = found.distance <= allowed and len(dimensions) == 1
-    turned, values, left_out = _sides_and_names(a, b, once, meshes, pairs, lone) if is_same else (0, (), ())
+    turned, values, left_out = _sides_and_names(a, b, once, meshes, paired, allowed) if is_same else (0, (), ())
     spans = [mesh.vertices[mesh.cells[i:k]].reshape(-1, 3) for mesh in meshes for _, i, k in mesh.groups]
     least = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in spans)
     share = 1e-3 if tolerance is None else 1.0 if isinstance(tolerance, str) else np.inf
-    is_wide = is_same and 0 < share * least < allowed
     wide = f"tolerance {allowed:.3g}, as all patches together are {diagonal:.3g} long, and one only {least:.3g}"
-    repeated, doubts = _repeated(a, b, pairs, lone, Frame.around(*bounds), allowed) if is_same else ((), ())
+    repeated, doubts = _repeated(a, b, paired, Frame.around(*bounds), allowed) if is_same else ((), ())
     return Difference(
         method="patches",
         distance=found.distance,
@@ -61,52 +64,59 @@ def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Co
         same_kind=len(dimensions) == 1,
         is_curve=dimensions == {1},
         turned=turned,
-        remarks=(*repeated, *_open_edges(once, allowed)) if is_same else (),
+        remarks=(*repeated, *_open_edges(once if repeated else models, allowed)) if is_same else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
-        uncompared=left_out + doubts + (wide,) * is_wide,
+        uncompared=left_out + doubts + (wide,) * (is_same and 0 < share * least < allowed),
         is_searched=not found.is_proved,
     )
 
 
 def _sides_and_names(
-    a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], found: Sequence[Pair], lone: Sequence[list[int]]
+    a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], paired: Paired, allowed: float
 ) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
     """Compare two specs of one surface: how many patches are turned over, remarks on names, and what is left out."""
+    found, lone = paired
     numbers = [{patch: k for k, patch in enumerate(model.patches)} for model in once]
     rows = [[of[patch.replace(name=None)] for patch in each.patches] for of, each in zip(numbers, (a, b), strict=True)]
     here, there = (mesh.origin.turned[row] for mesh, row in zip(meshes, rows, strict=True) if mesh.origin is not None)
-    ours, theirs = (_one_sided(each, row) for each, row in zip(once, rows, strict=True))
-    turned = sum(here[p] ^ there[q] ^ over for p, q, _, over in found if not (ours[p] and theirs[q]))
-    pairs, is_cut = [(first, second) for first, second, *_ in found], False
+    pairs, left_out = [(p, q, here[p] ^ there[q] ^ mirrored) for p, q, _, mirrored in found], tuple[str, ...]()
+    is_cut = False
     if any(lone):  # most of their faces tell
         one, other = (0, 1) if len(lone[0]) >= len(lone[1]) else (1, 0)
-        nearest, over = nearest_cells(meshes[one], meshes[other])
-        groups = [slice(*meshes[one].groups[rows[one][k]][1:]) for k in lone[one]]
+        nearest, away = nearest_cells(meshes[one], meshes[other], allowed)
+        back, others_away = nearest_cells(meshes[other], meshes[one], allowed)
+        groups = [slice(*meshes[one].groups[row][1:]) for row in rows[one]]
+        over = [(away & others_away[nearest])[group].mean() > 0.5 for group in groups]
         ends = [stop for _, _, stop in meshes[other].groups]
-        counts = [np.bincount(np.searchsorted(ends, nearest[group], "right"), minlength=len(ends)) for group in groups]
+        at = np.searchsorted(ends, nearest, "right")
+        counts = [np.bincount(at[groups[k]], minlength=len(ends)) for k in lone[one]]
         home = [rows[other].index(int(each.argmax())) for each in counts]
-        homes = [*zip(*((lone[0], home) if one == 0 else (home, lone[1])), strict=True)]
-        sided = [over[g] for g, (p, q) in zip(groups, homes, strict=True) if not (ours[p] and theirs[q])]
-        turned += sum(each.sum() > each.size / 2 for each in sided)
+        homes = zip(*((lone[0], home) if one == 0 else (home, lone[1])), strict=True)
+        pairs = [(p, q, turned and over[(p, q)[one]]) for p, q, turned in (*pairs, *((*both, True) for both in homes))]
         is_cut = sorted(home) != lone[other] or any(each.max() < 0.9 * each.sum() for each in counts)
-        pairs += [] if is_cut else homes
-    refs = [((first, a.patches[first].name), (second, b.patches[second].name)) for first, second in sorted(pairs)]
+        are_unsure = (away > others_away[nearest]).any() or (others_away > away[back]).any()
+        left_out += ("names of patches are not compared where they are cut otherwise",) * is_cut
+        left_out += ("sides of patches are not compared where others lie on them",) * bool(are_unsure)
+    ours, theirs = (_one_sided(each, row) for each, row in zip(once, rows, strict=True))
+    turned = sum(over for p, q, over in pairs if not (ours[p] and theirs[q]))
+    named = sorted(pairs[: len(found)] if is_cut else pairs)
+    refs = [((first, a.patches[first].name), (second, b.patches[second].name)) for first, second, _ in named]
     names = [[name or f"patch{k}" for k, name in pair] for pair in refs if any(name for _, name in pair)]  # as meshes
     others = [pair for pair in names if pair[0] != pair[1] and max(map(len, (a.patches, b.patches))) > 1]
     old, new = (" ".join(pair[way] for pair in others) for way in (0, 1))
-    left_out = ("names of patches are not compared where they are cut otherwise",) * is_cut
     left_out += ("sides of patches are not compared where a surface has only one",) * (any(ours) and any(theirs))
     return int(turned), (f"groups: {old} against {new}",) * bool(others), left_out
 
 
 def _repeated(
-    a: Spec, b: Spec, pairs: Sequence[Pair], lone: Sequence[list[int]], frame: Frame, allowed: float
+    a: Spec, b: Spec, paired: Paired, frame: Frame, allowed: float
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Remark on parts of one surface, or curve, that are there more often in one of two specs; and on what is left out.
 
     Patches in no pair are counted if they are others in other words; else areas tell, and where they lie.
     """
+    pairs, lone = paired
     sides = [(spec.patches, {pair[way] for pair in pairs}) for way, spec in enumerate((a, b))]
     rest = [[patch for k, patch in enumerate(patches) if k not in paired] for patches, paired in sides]
     numbers = [*zip(map(len, rest), ("first", "second"), strict=True)]
@@ -139,10 +149,9 @@ def _one_sided(model: Model, rows: Sequence[int]) -> list[bool]:
     return list(np.isin(part, part[[joint.first[0] for joint in model.joints.one_sided]])[rows].tolist())
 
 
-def _once(spec: Spec) -> Model:
+def _once(model: Model) -> Model:
     """The patches without names, and without those that are there again."""
-    patches = dict.fromkeys(patch.replace(name=None) for patch in spec.patches)
-    return Model(patches, weld=getattr(spec, "weld", None))
+    return model.replace(patches=dict.fromkeys(patch.replace(name=None) for patch in model.patches))
 
 
 def _open_edges(models: Sequence[Model], allowed: float) -> tuple[str, ...]:
@@ -153,5 +162,5 @@ def _open_edges(models: Sequence[Model], allowed: float) -> tuple[str, ...]:
     )
     both = bool(one and other)
     are_other = shape_distance(Model(one), Model(other)).distance > allowed if both else bool(one or other)
-    what = "edges of patches" if models[0].dimension == 2 else "ends of curves"
+    what = "edges of patches, which no other whole edge meets," if models[0].dimension == 2 else "ends of curves"
     return (f"{len(one)} open {what} against {len(other)}" + ", in other places" * both,) * are_other

@@ -129,8 +129,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         if label not in values and columns.keys() >= {*names}:
             values[label] = np.stack([columns.pop(name) for name in names], axis=1).astype(np.float64), cells
     for name, numbers in columns.items():
-        is_packed = name in ("rgb", "rgba") and numbers.dtype.kind == "f" and not (np.abs(numbers) > 3.4e38).any()
-        if is_packed:  # the bytes of a colour, as PCL writes them
+        if name in ("rgb", "rgba") and numbers.dtype.kind == "f" and not (np.abs(numbers) > 3.4e38).any():  # by PCL
             numbers = numbers.astype(SINGLE_FLOAT).view(np.uint32)
         values[unreserved(name, values)] = _exact(numbers), cells
     table, what = ("edge", "edges") if cells.shape[1] == 2 else ("face", "faces")

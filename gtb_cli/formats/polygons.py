@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, as_indices, cross, dot, groups, planar_cross, row_blocks
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, as_indices, cross, dot, groups, planar_cross, row_blocks
 from gtb_cli.formats.file_arrays import FileArrays
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Values
@@ -47,7 +47,7 @@ def unfolded(content: FileArrays) -> tuple[FileArrays, int]:
     Also returns the number of polygons whose triangles may overlap: they cross themselves, take too much effort, or
     have too many corners. What is not flat is seen along its mean normal.
     """
-    most, block, effort, left = 5000, 1 << 14, 30_000_000, 0  # corners, all at a time, and steps of `_ears`
+    most, block, effort, left = 50_000, 1 << 14, 30_000_000, 0  # corners, all at a time, and steps of `_ears`
     cells, frame, places = content.cells.ravel(), Frame.around(content.vertices), np.arange(content.cells.size)
     for count, which in groups(content.polygons[:, 1]):
         left += len(which) * (count > most)
@@ -55,14 +55,16 @@ def unfolded(content: FileArrays) -> tuple[FileArrays, int]:
             first = content.polygons[which[some], 0]
             corners = 3 * first[:, None] + np.array([0, 1, *range(2, 3 * count - 6, 3)])  # places in the cells
             points = frame.inside(content.vertices[cells[corners]])
-            sides = points[:, 1:] - points[:, :1]
-            normals = cross(sides[:, :-1], sides[:, 1:])
-            means, squares = normals.sum(axis=1), np.einsum("pkx,pkx->p", normals, normals)
-            along, size = np.einsum("pkx,px->pk", normals, means), dot(means, means)
-            for k in np.flatnonzero(along.min(axis=1) < 1e-7 * (squares - 2 * size)).tolist():
+            folded, means = _folded(points)
+            if count == 4:  # then those around the second corner are all that is left to try
+                turned = folded & ~_folded(np.roll(points, -1, axis=1))[0]
+                places[3 * first[turned, None] + np.arange(6)] = corners[turned][:, [1, 2, 3, 1, 3, 0]]
+                left += int((folded & ~turned).sum())
+                continue
+            for k in np.flatnonzero(folded).tolist():
                 axis = int(np.abs(means[k]).argmax())
                 plan = points[k][:, [(axis + 1) % 3, (axis + 2) % 3]] * [np.sign(means[k, axis]), 1]
-                found, effort = _ears(plan, effort) if size[k] > 1e-18 * squares[k] else ([], effort)
+                found, effort = _ears(plan, effort) if means[k].any() else ([], effort)
                 left += not found
                 places[3 * first[k] :][: 3 * len(found)] = corners[k][np.array(found, dtype=int)].ravel()
     if (places[1:] > places[:-1]).all():
@@ -72,6 +74,19 @@ def unfolded(content: FileArrays) -> tuple[FileArrays, int]:
         return {name: (rows, of.ravel()[places].reshape(-1, 3)) for name, (rows, of) in content.values().items()}
 
     return replace(content, cells=cells[places].reshape(-1, 3), values=values), left
+
+
+def _folded(points: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Tell whether triangles around the first corners of (p, n, 3) polygons look to both sides of the mean normals.
+
+    Returns (p,) answers and the normals, (p, 3), which are 0 where rounding leaves none.
+    """
+    sides = points[:, 1:] - points[:, :1]
+    normals = cross(sides[:, :-1], sides[:, 1:])
+    means, squares = normals.sum(axis=1), np.einsum("pkx,pkx->p", normals, normals)
+    size = dot(means, means)
+    along = np.einsum("pkx,px->pk", normals, means).min(axis=1)
+    return along < 1e-7 * (squares - 2 * size), np.where(size > 1e-18 * squares, 1, 0)[:, None] * means
 
 
 def _ears(points: FloatArray, effort: int) -> tuple[list[list[int]], int]:

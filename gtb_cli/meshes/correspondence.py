@@ -198,15 +198,29 @@ def _order(mesh: Mesh, face: IntArray, odd: BoolArray) -> IntArray:
     return np.lexsort((odd, rank[part], face))
 
 
-def nearest_cells(mesh: Mesh, other: Mesh) -> tuple[IntArray, BoolArray]:
-    """(k,) the nearest cell of another mesh to each, and (k,) true where faces look to the other side than these."""
+def nearest_cells(mesh: Mesh, other: Mesh, tolerance: float = 0.0) -> tuple[IntArray, BoolArray]:
+    """Return the nearest cell of another mesh to each, (k,), and which faces are turned over, (k,).
+
+    These have no face of the other mesh that looks to their side within the tolerance of their middle, or not much
+    farther than the nearest one: of surfaces in one place, cut otherwise, one may be nearer than another.
+    """
+    from scipy.spatial import cKDTree
+
+    candidates, much = 16, 3  # faces of the other mesh with the nearest centres, and times as far
     frame = Frame.around(mesh.vertices, other.used)
     here, there = (frame.inside(each.vertices)[each.cells] for each in (mesh, other))
-    nearest = NearestCells(there).nearest(middles(here))[1]
+    tree, points = NearestCells(there), middles(here)
+    distances, nearest = tree.nearest(points)
     if mesh.is_curve or other.is_curve:
         return nearest, np.zeros(len(nearest), dtype=bool)
-    one, second = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, there[nearest]))
-    return nearest, np.asarray(dot(one, second) < 0)
+    normals, others = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, there))
+    turned = np.asarray(dot(normals, others[nearest]) < 0)
+    away = np.flatnonzero(turned)
+    within = np.maximum(much * distances[away], float(frame.length(tolerance, -1))) * (1 + 1e-9)
+    near = np.asarray(cKDTree(middles(there)).query(points[away], k=[*range(1, min(candidates, len(there)) + 1)])[1]).T
+    for cells in near:
+        turned[away] &= (dot(normals[away], others[cells]) <= 0) | (tree.distances(points[away], cells) > within)
+    return nearest, turned
 
 
 @dataclass(frozen=True)
@@ -292,9 +306,10 @@ def unlike(
         told.append(f"{other} {side}{s} of common {cell}s {have} further {cell}s in one of them only")
     thin, others_thin = (_without_extent(each.mesh, close) for each in (a, b))
     turned, rest, others_rest = faces.turned(), ~thin & only, ~others_thin & others_only
-    if have_others and not first.is_curve:
-        away = _looking_away(a.mesh, rest, b.mesh, ~others_thin, tolerance)
-        turned += max(away, _looking_away(b.mesh, others_rest, a.mesh, ~thin, tolerance))
+    if have_others and not first.is_curve and not thin.all() and not others_thin.all():
+        ways = (a.mesh, rest, b.mesh, ~others_thin), (b.mesh, others_rest, a.mesh, ~thin)
+        chosen = ((Mesh(one.vertices, one.cells[k]), Mesh(two.vertices, two.cells[m])) for one, k, two, m in ways)
+        turned += max(int(nearest_cells(one, other, tolerance)[1].sum()) for one, other in chosen)
     return turned, (f"in the same place, but {', '.join(told)}",) if told else ()
 
 
@@ -308,25 +323,3 @@ def _without_extent(mesh: Mesh, close: float = 0.0) -> BoolArray:
         return np.asarray(squares == 0)
     normals = cross(sides[:, 1], sides[:, 2])
     return np.asarray(dot(normals, normals) <= np.maximum(least**2 * squares, frame.length(close, -1) ** 2) * squares)
-
-
-def _looking_away(mesh: Mesh, chosen: BoolArray, other: Mesh, solid: BoolArray, tolerance: float) -> int:
-    """How many of the chosen triangles have none that looks to the same side within the tolerance of their middle."""
-    from scipy.spatial import cKDTree
-
-    candidates = 16  # triangles of the other mesh with the nearest centres, besides the nearest triangle
-    if not chosen.any() or not solid.any():
-        return 0
-    frame = Frame.around(other.bounds)
-    here, there = (frame.inside(each.vertices)[each.cells[kept]] for each, kept in ((mesh, chosen), (other, solid)))
-    normals, others = (cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in (here, there))
-    tree, points = NearestCells(there), middles(here)
-    distances, nearest = tree.nearest(points)
-    away = np.flatnonzero(dot(normals, others[nearest]) < 0)
-    within = np.maximum(distances[away], float(frame.length(tolerance, -1))) * (1 + 1e-9)
-    number = min(candidates, len(there))
-    choice = np.asarray(cKDTree(middles(there)).query(points[away], k=[*range(1, number + 1)])[1]).T
-    good = np.zeros(len(away), dtype=bool)
-    for cells in choice:
-        good |= (dot(normals[away], others[cells]) > 0) & (tree.distances(points[away], cells) <= within)
-    return int((~good).sum())

@@ -162,7 +162,7 @@ def _side(mesh: Mesh | None, other: Mesh | None = None, found: Difference | None
         return Side(measures, shown, len(mesh.cells))
     if found.distance <= found.tolerance:
         marked = np.zeros(len(shown.vertices), dtype=bool)
-        marked[shown.cells[nearest_cells(shown, other)[1]]] = True
+        marked[shown.cells[nearest_cells(shown, other, found.tolerance)[1]]] = True
         return Side(measures, shown, len(mesh.cells), turned=marked)
     if found.method == "vertices" and np.array_equal(mesh.cells, other.cells):
         frame = Frame.around(shown.vertices, others := other.vertices[kept])
@@ -184,12 +184,11 @@ def _framed(change: Change) -> Change:
         return replace(change, frames=(common, common))
     small, large = ("old", "new") if extents[0] < extents[1] else ("new", "old")
     ratio = max(extents) / min(extents) if min(extents) else np.inf
+    reason = (
+        f"{large} is {ratio:.4g} times as large as {small}" if ratio < np.inf else f"{small} is a dot beside {large}"
+    )
     if ratio < 1 / dot or not max(extents):
         reason = "old and new are far apart"
-    elif ratio < np.inf:
-        reason = f"{large} is {ratio:.4g} times as large as {small}"
-    else:
-        reason = f"{small} is a dot beside {large}"
     return replace(change, frames=(Frame.around(points[0]), Frame.around(points[1])), scale=reason)
 
 

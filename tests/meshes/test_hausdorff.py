@@ -169,3 +169,9 @@ def test_small_meshes_with_lines_of_farthest_points_take_few_cuts(monkeypatch):
     )
     assert 0.49 < found.distance <= 0.5 <= found.bound
     assert sum(cuts) < 50_000  # a fifth of a second
+    cuts.clear()
+    around = np.arange(500) * np.pi / 250
+    rim = np.column_stack([np.cos(around), np.sin(around), 0 * around])
+    fans = (Mesh(np.roll(rim, k, axis=0), np.array([[0, i, i + 1] for i in range(1, 499)])) for k in (0, 160))
+    assert mesh_distance(*fans, 1e-9).distance < 1e-9
+    assert sum(cuts) < 50_000  # of slivers that lie on each other's boxes
