@@ -58,7 +58,7 @@ from gtb_cli.distances.diff_and_distance import diff as diff
 from gtb_cli.meshes.difference import Difference as Difference
 from gtb_cli.language.for_paths import joints as joints
 from gtb_cli.models.joints import Joints as Joints, Joint as Joint
-from gtb_cli.models.seams import Seam as Seam
+from gtb_cli.models.smoothness import Seam as Seam
 from gtb_cli.checks.properties import check as check
 from gtb_cli.checks.report import Report as Report, ModelReport as ModelReport, Finding as Finding
 

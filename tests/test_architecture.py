@@ -249,7 +249,7 @@ def test_import_gtb_cli_imports_nothing(tmp_path):
 
 
 def test_a_small_mesh_imports_little(tmp_path):
-    ours = {"models.same_edges", "models.seams", "theory.normals", "knots.decomposition", "language.copies"}
+    ours = {"models.same_edges", "models.smoothness", "theory.normals", "knots.decomposition", "language.copies"}
     assert ours <= modules().keys()
     slow = {"scipy", "trimesh", "fractions", "tempfile", "concurrent.futures", "multiprocessing", "numpy.ma", "json"}
     slow |= {"importlib.metadata", "decimal", "asyncio", "logging", "subprocess", "urllib.request", "unittest", "http"}

@@ -9,7 +9,7 @@ from gtb_cli.arrays import FloatArray, point_text
 from gtb_cli.checks.report import Finding, at_most, not_applicable, number
 from gtb_cli.models.model import Model
 from gtb_cli.models.same_edges import FAR_ROUNDING
-from gtb_cli.models.seams import bends
+from gtb_cli.models.smoothness import bends
 from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_points_at
 from gtb_cli.theory.patch import Patch
 

@@ -142,7 +142,7 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     from gtb_cli.models.openings import near_misses
-    from gtb_cli.models.seams import bends
+    from gtb_cli.models.smoothness import bends
     from gtb_cli.theory.edges import edge_name
 
     joints, seams, name = model.joints, model.seams, partial(edge_name, model.patches)

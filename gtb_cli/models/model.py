@@ -17,7 +17,7 @@ from gtb_cli.values import by_value
 from gtb_cli.vocabulary import percentage
 
 if TYPE_CHECKING:
-    from gtb_cli.models.seams import Seam
+    from gtb_cli.models.smoothness import Seam
 
 Shape = TypeVar("Shape", Patch, "Model", "Patch | Model")
 
@@ -94,7 +94,7 @@ class Model:
     @cached_property
     def seams(self) -> tuple[Seam, ...]:
         """The seams, which tell how smoothly patches meet, one for each of `joints.shared`; none between curves."""
-        from gtb_cli.models.seams import seams_of
+        from gtb_cli.models.smoothness import seams_of
 
         return seams_of(self.patches, self.joints) if self.dimension == 2 else ()
 

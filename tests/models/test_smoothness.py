@@ -12,7 +12,7 @@ from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.formats.export import held
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
-from gtb_cli.models.seams import bends
+from gtb_cli.models.smoothness import bends
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import requirements
@@ -61,7 +61,7 @@ def test_the_largest_difference_of_curvatures_does_not_depend_on_how_many_places
     """
     model = load(SPECS / "box-corner.toml")
     few = max(bends(model.seams))[0]
-    monkeypatch.setattr("gtb_cli.models.seams.SEAM_PLACES", 98)
+    monkeypatch.setattr("gtb_cli.models.smoothness.SEAM_PLACES", 98)
     assert few == pytest.approx(max(bends(model.replace().seams))[0], rel=0.1)
 
 
