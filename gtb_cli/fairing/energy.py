@@ -54,7 +54,7 @@ def samples(
         count, s = base or (half, samples(domain, log_weights, half, left_out, until).s)
         depth, along = _lagrange(_depths(count, until), _depths(resolution, until)), _lagrange(count, resolution)
         start = (depth @ s.reshape(2, len(domain.vertices), -1, count) @ along.T).reshape(2, -1)
-    s = MomentMap(knots, log_weights).inverse((p - middle) / unit, 1e-10, start)
+    s = MomentMap(knots, log_weights).inverse((p - middle) / unit, 1e-8, start)
     return Samples(knots, log_weights, s, areas / unit**2)
 
 

@@ -115,7 +115,7 @@ def _places(patch: Patch) -> tuple[FloatArray, FloatArray, FloatArray]:
     They are those of the energy's quadrature, and further ones from these to all edges and corners.
     """
     domain, edges = patch.domain, len(patch.domain.vertices)
-    resolution = math.ceil(24 * math.sqrt(min(1.0, 8 / edges)))  # no more places with many sides
+    resolution = math.ceil(32 * math.sqrt(min(1.0, 8 / edges)))  # no more places with many sides
     knots, weights, s, _ = samples(domain, patch.log_products, resolution)
     s = s.reshape(2, edges, resolution, resolution)
     # Outwards from each edge, so that the shares of the knots beside it fall to 1 / e; in six steps to exp(-15)

@@ -56,8 +56,9 @@ class FairSearch:
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
         self._inside, self._outside = (list(blocks(*at[:3], part)) for part in parts)
         if self._known:
-            self._t = shares(exponents(*at[:3]))  # at all places, and the form of distances there
-            self._distances = (self._t * self._zones[1]) @ self._t.T
+            third = slice(None, None, 3)  # of the places, all over Δ: so many distances suffice
+            self._t = shares(exponents(*at[:2], at.s[:, third]))
+            self._areas = 3 * self._zones[1, third]
 
     def scored(self, *surfaces: FloatArray) -> list[Scored]:
         """Score by the product of powers of bending and of its variation, of what is seen and of all."""
@@ -201,10 +202,10 @@ class FairSearch:
         if (ways := self._known) is None:
             return []
         t, led = self._t, one.points
-        form = self._distances + stiffness * self._stiff
+        form = (weighted := t * np.sqrt(self._areas)) @ weighted.T + stiffness * self._stiff
         even = partial(self._even, strength * stiffness * self._stiff) if strength else None
         for _ in range(rounds):
-            origin = led + np.linalg.solve(form, (t * self._zones[1]) @ ways(t.T @ led))
+            origin = led + np.linalg.solve(form, (t * self._areas) @ ways(t.T @ led))
             led = self._least(form, origin=origin, pull=even)
         farther = np.abs([ways(t.T @ each) for each in (led, one.points)]).max(axis=(1, 2))
         (found,) = self.scored(led)
