@@ -1,6 +1,6 @@
 """The equations that join the quadratic forms of a filling at its corners, so that curvature stays bounded there.
 
-Control points at sums p_i + p_j of the first knots of a corner (`corner_exponents`) have heights h over its plane that
+Control points at sums p_i + p_j of the first knots of a corner (`corner_knots`) have heights h over its plane that
 give the surface's form there: ℓ_i(b_j) = W_ij h_ij / (W_i W_j) and ℓ_i(b_i) = 2 W_ii h_ii / W_i². The forms of the ways
 between b₀, b₁, b₂ and b₃ join if ℓ_1 and ℓ_2 are linear, each with three values. So there are two equations, linear in
 the heights at 2 p₁, p₁ + p₂ and 2 p₂. A row without given planes also has to begin in the corner's plane.

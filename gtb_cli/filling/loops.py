@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.filling.bspline_spans import span_matrices
 from gtb_cli.filling.part_holes import Part, part_of
 from gtb_cli.filling.sides import MAX_DEGREE, HoleSide
 from gtb_cli.filling.strips import curve_sides, strip_side
 from gtb_cli.importers.cad_files import cad_kind, kernel_faults, read_shape
-from gtb_cli.importers.nurbs import span_matrices
 from gtb_cli.importers.words import Words
 from gtb_cli.language.loading import parse_loop
 from gtb_cli.language.reading import AS_SEEN, Reading

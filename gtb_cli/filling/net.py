@@ -2,7 +2,7 @@
 
 The row determines the tangent plane along its edge, so all other knots are at least twice as far from the edge (which
 keeps curvature finite); the rings are closer together near the boundary than in the middle. Knots that would break the
-plane or the curvature of a corner are left out (`corner_exponents`). The inner weights give each knot the same share of
+plane or the curvature of a corner are left out (`corner_knots`). The inner weights give each knot the same share of
 T at its own place, so that no control point is too weak or too strong.
 """
 
@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, planar_cross, unit
-from gtb_cli.filling.corner_exponents import FREE, SUMS, corner_places, frames, keeps_corners
+from gtb_cli.filling.corner_knots import FREE, SUMS, corner_places, frames, keeps_corners
 from gtb_cli.filling.osculation import polar
 from gtb_cli.filling.sides import binomials, points_and_tangents
 from gtb_cli.filling.tangent_rows import EdgeRows
@@ -31,7 +31,7 @@ class Net:
 
     `edges` have the m + 1 knots of each edge, from corner to corner, `rows` the m of each row, `seconds` the m − 1 of a
     second row, or none, and `inner` all others. The (r, 10) `corners` are the knots that rule each corner, as in
-    `corner_exponents.corner_places`.
+    `corner_knots.corner_places`.
     """
 
     knots: FloatArray

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.interpolate import BSpline
 
+from gtb_cli.filling.bspline_spans import span_matrices
 from gtb_cli.filling.sides import bernstein
-from gtb_cli.importers.nurbs import span_matrices
 
 
 def test_spans_are_those_of_scipys_splines():
