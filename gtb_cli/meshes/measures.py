@@ -125,8 +125,7 @@ def moments(mesh: Mesh) -> tuple[list[float] | None, list[float] | None]:
     frame = Frame.around(mesh.bounds)
     corners = frame.inside(mesh.vertices)[mesh.cells]
     sides = corners[:, 1:] - corners[:, :1]
-    spans = sides[:, 0] if mesh.is_curve else cross(sides[:, 0], sides[:, 1])
-    weights = np.linalg.norm(spans, axis=1)
+    weights = np.linalg.norm(sides[:, 0] if mesh.is_curve else cross(sides[:, 0], sides[:, 1]), axis=1)
     if not weights.sum() > 0:
         return None, None
     weights /= weights.sum()

@@ -25,8 +25,7 @@ def write_reports(found: Review, paths: Sequence[str]) -> None:
     pages = [path for path in paths if suffix_of(path) == "html"]
     with StagedFiles() as files:
         for path in paths:
-            name = os.path.basename(pages[0]) if pages else ""
-            text = page(found) if path in pages else markdown(found, name)
+            text = page(found) if path in pages else markdown(found, os.path.basename("".join(pages[:1])))
             files.add(path, [text.encode("utf-8", "backslashreplace")])
 
 
