@@ -116,9 +116,8 @@ class Difference:
         if self.same and self.asked is None and self.tolerance > 1e-6 * self.diagonal:
             result.append(f"tolerance {self.tolerance:.3g}, as {finest}: smaller differences are not seen")
         if self.stray is not None:
-            size = f"the size is {self.stray:.3g} instead of {self.diagonal:.3g}"
-            makes = f"which makes the tolerance {self.tolerance:.3g}"
-            result.append(f"without a few vertices far from all others, {size}, {makes}")
+            size = f"the size is {self.stray:.3g} instead of {self.diagonal:.3g}, which makes the tolerance"
+            result.append(f"without a few vertices far from all others, {size} {self.tolerance:.3g}")
         if self.is_loose:
             where = "" if self.method == "patches" else "between samples "
             what = f"nothing farther apart than {self.distance:.3g} was found, but it is not proved"

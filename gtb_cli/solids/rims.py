@@ -94,8 +94,7 @@ def _knife_edge(vertices: FloatArray, cells: IntArray, is_rim: BoolArray, shorte
     corners = vertices[cells[beside]]
     cosines = -dot(*unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))[pairs.T])
     sharp = np.flatnonzero((is_rim[beside[pairs]].sum(axis=1) == 1) & (cosines > np.sqrt(0.5)))
-    lengths = np.linalg.norm(np.diff(vertices[ends[sharp]], axis=1)[:, 0], axis=1)
-    if lengths.sum() <= shortest:  # such as at a corner
+    if np.linalg.norm(np.diff(vertices[ends[sharp]], axis=1), axis=2).sum() <= shortest:  # such as at a corner
         return []
     chosen = sharp[cosines[sharp].argmax()]
     angle, near = np.degrees(np.arccos(cosines[chosen])), point_text(vertices[ends[chosen]].mean(axis=0), vertices)

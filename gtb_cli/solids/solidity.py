@@ -83,7 +83,6 @@ def inward_faces(mesh: Mesh) -> IntArray:
     boxes = [bounds_of(corners[rows].reshape(-1, 3)) for rows in members]
     found = np.zeros(len(cells), dtype=bool)
     for index, rows in enumerate(members):
-        volume = float(dot(corners[rows, 0], normals[rows]).sum())
         point = corners[rows[dot(normals[rows], normals[rows]).argmax()]].mean(axis=0)
         winding = 0
         for other, (others, (below, above)) in enumerate(zip(members, boxes, strict=True)):
@@ -92,5 +91,5 @@ def inward_faces(mesh: Mesh) -> IntArray:
                 one, two, three = (np.sqrt(dot(x, x)) for x in (a, b, c))
                 cosine = one * two * three + dot(a, b) * three + dot(b, c) * one + dot(c, a) * two
                 winding += round(float(np.arctan2(dot(a, cross(b, c)), cosine).sum()) / (2 * np.pi))
-        found[rows] = winding != (volume < 0)
+        found[rows] = winding != (dot(corners[rows, 0], normals[rows]).sum() < 0)  # its volume
     return np.flatnonzero(found)
