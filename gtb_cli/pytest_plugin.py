@@ -190,17 +190,17 @@ class MeshRegression:
             if basename is not None:
                 raise DomainError("fullpath: excludes basename, give one of them")
             return self._file.parent / fullpath
+        nodes = [node.name for node in self._test.listchain() if isinstance(node, pytest.Class | pytest.Item)]
+        name = basename if basename is not None else re.sub(r"[^\w.-]+", "_", "_".join(nodes)).rstrip("_")
+        path = self._file.with_suffix("") / f"{name}.{format}"
         if basename is None:
             if self._named_after_test:
                 raise DomainError("basename: expected one, as another golden file has the name of this test already")
             self._named_after_test = True
-            nodes = [node for node in self._test.listchain() if isinstance(node, pytest.Class | pytest.Item)]
-            basename = re.sub(r"[^\w.-]+", "_", "_".join(node.name for node in nodes)).rstrip("_")
-            path = self._file.with_suffix("") / f"{basename}.{format}"
             test = self._config.stash.setdefault(_TESTS, {}).setdefault(str(path), self._test.nodeid)
             if test != self._test.nodeid:
                 raise DomainError(f"basename: expected one, as {test} has the golden file {self._shown(path)}")
-        return self._file.with_suffix("") / f"{basename}.{format}"
+        return path
 
     def _compare(self, golden: Path, data: bytes, beside: Mapping[str, bytes], comparing: Comparing) -> None:
         """Compare a golden file with new bytes and material libraries, and write what has to be written."""

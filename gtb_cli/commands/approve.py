@@ -170,8 +170,7 @@ def _what_has_to_stay(golden: str, gone: Sequence[Verdict], rest: Iterable[Verdi
     kept = {os.stat(path).st_ino: path for path in (each.paths[0] for each in rest) if os.path.exists(path)}
     faults = []
     for path, name in ((each.paths[0], each.name) for each in gone):
-        folder = os.path.dirname(os.path.join(os.path.realpath(golden), name))
-        if os.path.realpath(os.path.dirname(path)) != folder:
+        if os.path.realpath(os.path.dirname(path)) != os.path.dirname(os.path.join(os.path.realpath(golden), name)):
             faults.append(Fault("is in a folder that is linked, where --prune removes nothing", path))
         elif other := kept.get(os.lstat(path).st_ino):  # also where A.obj and a.obj are one file
             faults.append(Fault(f"is what {other} leads to, which stays", path))

@@ -6,6 +6,7 @@ Signals, such as Ctrl-C, get their exit statuses in `gtb_cli.__main__`.
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 
 import click
@@ -236,13 +237,12 @@ def _done(arguments: Sequence[str], alone: bool) -> tuple[int, list[Fault]]:
 
 def _complete(arguments: Sequence[str]) -> None:
     """Answer the shell, which asks through environment variables."""
-    try:
-        gtb.main(list(arguments), prog_name="gtb", complete_var=COMPLETION_VARIABLE, standalone_mode=False)
-    except SystemExit as end:
-        if not end.code:
-            raise
-    except (KeyError, ValueError):
-        pass
+    with suppress(KeyError, ValueError):
+        try:
+            gtb.main(list(arguments), prog_name="gtb", complete_var=COMPLETION_VARIABLE, standalone_mode=False)
+        except SystemExit as end:
+            if not end.code:
+                raise
     raise click.UsageError(f"{COMPLETION_VARIABLE} is for shells, which also set COMP_WORDS and COMP_CWORD")
 
 

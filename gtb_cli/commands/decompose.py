@@ -18,13 +18,7 @@ from gtb_cli.shell.streams import Streams, about, single, write_json
 @click.option("--max", "most", type=WholeNumber(1), metavar="N", help="With --all: stop at this many.")
 @streams_options
 def decompose(
-    spec: str,
-    lifting: tuple[float, ...] | None,
-    as_json: bool,
-    every: bool,
-    triangulations: bool,
-    most: int | None,
-    streams: Streams,
+    spec: str, lifting: tuple[float, ...] | None, every: bool, as_json: bool, streams: Streams, **limits: Any
 ) -> None:
     """\b
     Example: gtb decompose specs/pentagon.toml
@@ -44,9 +38,9 @@ def decompose(
     if every:
         if lifting is not None:
             raise click.UsageError("--all tries every lifting: leave out --lifting")
-        return _print_all(spec, triangulations, most, as_json, streams)
-    if triangulations or most is not None:
-        raise click.UsageError(f"{'--triangulations' if triangulations else '--max'} is for --all")
+        return _print_all(spec, as_json, streams, **limits)
+    if limits["triangulations"] or limits["most"] is not None:
+        raise click.UsageError(f"{'--triangulations' if limits['triangulations'] else '--max'} is for --all")
     with streams.spec_of(spec) as loaded:
         is_model = isinstance(loaded, Model)
         if is_model and lifting is not None:
@@ -65,7 +59,7 @@ def decompose(
     streams.write("\n".join(texts))
 
 
-def _print_all(spec: str, triangulations: bool, most: int | None, as_json: bool, streams: Streams) -> None:
+def _print_all(spec: str, as_json: bool, streams: Streams, triangulations: bool, most: int | None) -> None:
     """Print all regular decompositions of a patch's knots, or as many as are asked for, lexicographic by cells."""
     from gtb_cli.knots.all_decompositions import regular_decompositions
 

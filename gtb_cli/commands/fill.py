@@ -76,20 +76,7 @@ def _kinds(values: tuple[str, ...]) -> dict[str, str]:
 @json_option
 @streams_options
 def fill(
-    loop: str,
-    hole: str | None,
-    holes: bool,
-    continuity: dict[str, str],
-    inner: str,
-    fullness: float | None,
-    raises: int | None,
-    tolerance: float | None,
-    angle: float | None,
-    weld: float | str | None,
-    g2_tolerance: float,
-    is_long: bool,
-    as_json: bool,
-    streams: Streams,
+    loop: str, hole: str | None, holes: bool, weld: float | str | None, as_json: bool, streams: Streams, **asked: Any
 ) -> None:
     """\b
     Example: gtb boundary specs/nonagon.toml | gtb fill - | gtb mesh - -o filled.obj
@@ -123,7 +110,8 @@ def fill(
     from gtb_cli.models.model import Model
 
     source, kind = shown_input(loop), surface_format(None, streams.output)
-    if kind is None and (tolerance or angle):
+    continuity, fineness = asked["continuity"], [asked[name] for name in ("tolerance", "angle")]
+    if kind is None and any(fineness):
         raise click.UsageError("--tolerance and --angle are for an output that is a CAD file, such as -o filled.step")
     if kind is None and not holes:
         check_target(streams.output)
@@ -141,10 +129,11 @@ def fill(
         name = None if isinstance(found, Model) else named or input_stem(loop)
         # What is written meets curvature, where no patch does
         bends = isinstance(found, Part) and kind is not None and continuity == {"": "g2"}
-        options = {"inner": inner, "fullness": fullness or 1.0, "raises": raises, "g2_tolerance": g2_tolerance}
+        options = {name: asked[name] for name in ("inner", "fullness", "raises", "g2_tolerance")}
+        fill_hole = filled_in_some_way if options["fullness"] is options["raises"] is None else filled
+        options |= {"fullness": options["fullness"] or 1.0, "continuity": {} if bends else continuity}
         with streams.console.clock("fill"):
-            fill_hole = filled_in_some_way if fullness is None and raises is None else filled
-            filling = fill_hole(found, hole, name, continuity={} if bends else continuity, **options)
+            filling = fill_hole(found, hole, name, **options)
     seams = None
     if kind is not None and not filling.fault:
         from gtb_cli.cad.bspline_surfaces import CLOSEST
@@ -152,8 +141,8 @@ def fill(
 
         part = found.shape if isinstance(found, Part) else None
         with about(source):
-            model, allowed = filling.model or filling.patch, g2_tolerance if bends else None
-            made = encode_surfaces(model, kind, "mm", tolerance, angle, part=part, bend_allowed=allowed)
+            model, allowed = filling.model or filling.patch, options["g2_tolerance"] if bends else None
+            made = encode_surfaces(model, kind, "mm", *fineness, part=part, bend_allowed=allowed)
             block, size, warnings, seams = made
         has = {"colours": rb"STYLED_ITEM", "names": rb"ADVANCED_FACE\s*\(\s*'(?!NONE')[^']"}
         if part is not None and (lost := [what for what, word in has.items() if re.search(word, data)]):
@@ -166,7 +155,7 @@ def fill(
         write_json(STANDARD, _certificate(filling, seams, written=not bends))
     if filling.fault:
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
-    _report(filling, streams.console, is_long, written=not bends)
+    _report(filling, streams.console, asked["is_long"], written=not bends)
     if kind is not None:
         angles = enumerate(filling.corner_angles.tolist())  # those beyond are doubts
         most, k = max(((angle, k) for k, angle in angles if angle <= DISAGREEING), default=(0.0, 0))
@@ -199,19 +188,17 @@ def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dic
         "corner_angles": [known(angle) for angle in filling.corner_angles.tolist()],
         "corners": [
             {
-                "corner": corner,
+                "corner": k,
                 "at": side.ends[0].tolist(),
                 "angle": known(limits.angle),
-                "angle_near": known(part.normals_near(corner)),
+                "angle_near": known(part.normals_near(k)),
                 "curvature": known(limits.curvature),
                 "curvature_exponent": known(limits.curvature_exponent),
                 "curvature_near": known(near),
                 "folds": limits.folds,
             }
             for part in filling.parts or (filling,)
-            for corner, (side, limits, near) in enumerate(
-                zip(part.sides, part.corners, part.corner_curvatures, strict=True)
-            )
+            for k, (side, limits, near) in enumerate(zip(part.sides, part.corners, part.corner_curvatures, strict=True))
         ],
         **_bending(filling.bending, float(filling.bending_errors[0].max())),
         "nearer": _bending(filling.bending_nearer, float(filling.bending_errors[1].max())),

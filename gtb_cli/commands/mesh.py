@@ -303,10 +303,9 @@ def _files(output: str, folder: str | None, book: Manifest | None, resume: bool)
 
 def _written(task: Task, made: Made | GtbError, write: Write, book: Manifest | None) -> Made | GtbError:
     """Write a file, or return the error in its spec; an error in writing is raised."""
-    max_terminal_lines = 1000
     if isinstance(made, GtbError):
         return made
-    if is_terminal(task.output) and made.lines > max_terminal_lines:
+    if is_terminal(task.output) and made.lines > 1000:
         raise ExportError(f"the mesh has {made.lines} lines, and standard output is a terminal: give -o FILE")
 
     # Blocks are made as they are written: what is not an error in writing is this spec's.

@@ -117,16 +117,7 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
 @solid_option
 @limit_options
 @reading_streams
-def plot(
-    spec: str,
-    what: str | None,
-    format: str | None,
-    solid: Recipe | None,
-    limit: Approach,
-    vary: tuple[str, int, tuple[float, ...], tuple[str, ...]] | None,
-    streams: Streams,
-    **looks: Any,
-) -> None:
+def plot(spec: str, format: str | None, solid: Recipe | None, limit: Approach, streams: Streams, **looks: Any) -> None:
     """\b
     Example: gtb plot specs/pentagon.toml -o pentagon.png
 
@@ -148,7 +139,7 @@ def plot(
 
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
-    output = streams.output
+    output, what = streams.output, looks.pop("what")
     kind = output_format(output, format, (*FIGURE_FORMATS, ANIMATION_FORMAT))
     if kind != "svg":
         refuse_terminal(output, kind, "-o FIG")
@@ -171,8 +162,8 @@ def plot(
             shape, remarks = replace(solid, resolution=looks["resolution"] or RESOLUTION, normals=True).mesh(loaded)
             for remark in remarks:
                 streams.console.warn(in_options(remark))
-        variation = Variation(*vary) if vary else None
-        picture = picture_of(shape, "sequence" if is_animation else what, {**looks, "vary": variation, **vars(limit)})
+        looks |= vars(limit) | {"vary": Variation(*looks["vary"]) if looks["vary"] else None}
+        picture = picture_of(shape, "sequence" if is_animation else what, looks)
         if is_animation:
             frames = frames_of_picture(shape, picture, "animation")
             members = range(len(frames.meshes))  # all with one camera and one scale

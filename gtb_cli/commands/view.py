@@ -74,16 +74,7 @@ def _recipe(**values: Any) -> Recipe | None:
 @filling_option
 @console_option
 def view(
-    paths: tuple[str, ...],
-    output: str | None,
-    recipe: Recipe | None,
-    unit: str | None,
-    no_open: bool,
-    watch: bool,
-    port: int,
-    limit: Approach,
-    reading: Reading,
-    console: Console,
+    paths: tuple[str, ...], output: str | None, limit: Approach, reading: Reading, console: Console, **asked: Any
 ) -> None:
     """\b
     Example: gtb view specs/bicubic.toml -o bicubic.html
@@ -108,6 +99,7 @@ def view(
         other = " (gtb plot draws pictures, and a page saves what it shows as PNG)" if suffix in pictures else ""
         raise click.UsageError(f"-o: {output}: a page is HTML, and its name ends in .html{other}")
 
+    recipe, unit = asked["recipe"], asked["unit"]
     is_printed = recipe is not None and (recipe.thickness or recipe.radius) is not None
     if is_printed or all(suffix_of(path) == "stl" for path in paths):
         unit = unit or next(iter(UNITS))
@@ -115,12 +107,12 @@ def view(
     def see(numbers: Numbers, quick: bool = False) -> Content:
         return replace(content_of_paths(paths, recipe, reading._replace(let=numbers), limit, quick), unit=unit)
 
-    if watch:
+    if asked["watch"]:
         if output is not None or STANDARD in paths:
             raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
         from gtb_cli.shell.view_server import Pages, serve
 
-        return serve(Pages(paths, reading, see), paths, port, console, opens=not no_open)
+        return serve(Pages(paths, reading, see), paths, asked["port"], console, opens=not asked["no_open"])
     from gtb_cli.pages.page import page_of
 
     content = see(reading.let)
@@ -137,7 +129,7 @@ def view(
     place = os.path.join(tempfile.mkdtemp(prefix="gtb-"), "page.html")
     write_text(place, page)
     console.note(f"the page is {place}")
-    if not no_open and not webbrowser.open(Path(place).as_uri()):
+    if not asked["no_open"] and not webbrowser.open(Path(place).as_uri()):
         console.warn("no browser could be opened")
 
 

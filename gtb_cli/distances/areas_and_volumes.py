@@ -86,10 +86,9 @@ def _integrals_of(patch: Patch, nets: FloatArray, order: int) -> FloatArray:
     T is an exponential family. Where rounding leaves no determinant, as within 1e-14 of an edge, there is no area.
     """
     basis, rule, knots = patch.rational_basis, quadrature(patch, order), patch.domain.knots
-    count = max(1, 500_000 // max(len(knots), 3 * len(nets)))  # of places at a time
     result = np.zeros((len(nets), 3))
     values = np.moveaxis(nets, 0, 1).reshape(len(knots), -1)
-    for rows in row_blocks(len(rule.weights), count):
+    for rows in row_blocks(len(rule.weights), max(1, 500_000 // max(len(knots), 3 * len(nets)))):
         p, weights = rule.parameters[rows], rule.weights[rows]
         t = basis.values(basis.locations(p, "linear"), len(p))
         offsets = [axis - own[:, None] for axis, own in zip(knots.T, p.T, strict=True)]

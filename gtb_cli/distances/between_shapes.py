@@ -31,8 +31,7 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
     rough_cells, least = 512, 4  # in all, and along each edge
     surfaces = []
     for shape in (a, b):
-        resolution = cells_along_edges(shape.patches, rough_cells, least)
-        mosaic = joined_complex(shape.patches, joints_of(shape), resolution)
+        mosaic = joined_complex(shape.patches, joints_of(shape), cells_along_edges(shape.patches, rough_cells, least))
         surfaces.append(surface_of(shape.patches, layered(mosaic, shape.patches)))
     found, at, errors = FarthestSearch(surfaces, [(0, 1), (1, 0)], 2).farthest()
     ways = [Farthest(float(distance), tuple(point.tolist())) for distance, point in zip(found, at, strict=True)]

@@ -50,8 +50,7 @@ def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> tuple[
     rows, columns, values = zip(*costs, strict=True)
     partner = csgraph.min_weight_full_bipartite_matching(csr_array((values, (rows, columns))))[1]
     pairs = [pair for pair in found if pair.second == partner[pair.first]]
-    lone = [sorted({*range(len(each))} - {pair[way] for pair in found}) for way, each in enumerate((a, b))]
-    return pairs, lone
+    return pairs, [sorted({*range(len(each))} - {pair[way] for pair in found}) for way, each in enumerate((a, b))]
 
 
 def _same(a: Patch, b: Patch, tolerance: float, rounding: float) -> tuple[float, bool] | None:

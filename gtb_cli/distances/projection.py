@@ -15,9 +15,8 @@ def projected(
 
     Return (m,) distances, never too short, with a relative error of `accuracy` or at most `enough`, and coordinates.
     """
-    block = 1 + 100_000 // len(strata.log_weights)
     distances, found = np.empty(len(points)), np.empty_like(s)
-    for rows in row_blocks(len(points), block):
+    for rows in row_blocks(len(points), 1 + 100_000 // len(strata.log_weights)):
         there, least = strata.chosen(stratum[rows]), enough[rows] ** 2
         squares, found[rows] = _least_squares(there, points[rows].T, s[rows].T, 0.2 * accuracy, least)
         distances[rows] = np.sqrt(squares)
@@ -32,11 +31,10 @@ def _least_squares(
     Ends when a step would not shorten the square by more than a fraction `accuracy`, or when it is at most `enough`.
     """
     longest_step = 32.0  # towards an edge, steps are as long as one over its distance from the next knots
-    max_steps = 80  # mostly four; an edge is infinitely far, and each step divides the remaining distance by e
     s, active = np.ascontiguousarray(start), np.arange(start.shape[1])
     squares, enough, places = np.full(len(active), np.inf), np.maximum(enough, ROUNDING**2), s.copy()
     best, least, reach = s, squares, np.full(len(active), longest_step / 2)
-    for _ in range(max_steps):
+    for _ in range(80):  # mostly four; an edge is infinitely far, and each step divides the remaining distance by e
         place, first, second = strata.derivatives(s)
         apart = place - points
         square = column_dot(apart, apart)
@@ -47,8 +45,7 @@ def _least_squares(
         following = np.where(better, s + step, best + (s - best) / 4)
         best, least = np.where(better, s, best), np.where(better, square, least)
         squares[active], places[:, active] = least, best
-        near = better & (gain <= accuracy * square)
-        going = np.flatnonzero(~near & (least > enough))
+        going = np.flatnonzero(~(better & (gain <= accuracy * square)) & (least > enough))
         if not len(going):
             break
         if len(going) < len(active):

@@ -109,8 +109,7 @@ class FarthestSearch:
         likely = _highest(candidates.way, bounds, 8)  # rule out most others
         lower(likely)
         pair = candidates.way % self.count
-        least = self.largest(pair[likely], bounds[likely])
-        lower(np.flatnonzero(bounds > CLOSE_SHARE * least[pair]))
+        lower(np.flatnonzero(bounds > CLOSE_SHARE * self.largest(pair[likely], bounds[likely])[pair]))
         return candidates._replace(distance=bounds)
 
     def verified(self, candidates: Candidates) -> Candidates:
@@ -127,8 +126,7 @@ class FarthestSearch:
             close = bounds > np.maximum(CLOSE_SHARE * low[pair], ROUNDING)
             rows, starts = np.flatnonzero(close & (effort == 0)), MANY_STARTS
             if not len(rows):
-                top = np.flatnonzero(close & (bounds == low[pair]))
-                if (effort[top] == MOST_STARTS).all() or not rounds:
+                if (effort[close & (bounds == low[pair])] == MOST_STARTS).all() or not rounds:
                     return rows_of(candidates._replace(distance=bounds), effort > 0)
                 rows, starts, number = np.flatnonzero(close & (effort < MOST_STARTS)), MOST_STARTS, few
                 rounds -= 1
@@ -147,7 +145,6 @@ class FarthestSearch:
     def peaks(self, candidates: Candidates) -> LocalMaxima:
         """Return the local maxima of the distance, a few of the largest of each way."""
         same_height = 1e-9  # relative difference of distances of one place in two strata
-        few = 8
         heights = np.zeros((len(self.source), len(self.points)))
         heights[candidates.way, candidates.point] = candidates.distance
         low = self.largest(candidates.way % self.count, candidates.distance)[np.arange(len(heights)) % self.count]
@@ -159,7 +156,7 @@ class FarthestSearch:
         way, point, distance = rows_of(high_ones, _highest(high_ones.way, high_ones.distance, len(chosen)))[:3]
         again = (np.diff(way, prepend=-1) == 0) & (-np.diff(distance, prepend=np.inf) <= same_height * low[way])
         way, point, distance = way[~again], point[~again], distance[~again]
-        rows = _highest(way, distance, few)
+        rows = _highest(way, distance, 8)
         return LocalMaxima(way[rows], *rows_of(self.places, point[rows]), distance[rows])
 
     def climbed(self, peaks: LocalMaxima) -> LocalMaxima:

@@ -67,8 +67,7 @@ def _remarks(
                 one, other = (each[::step] for each in slots)
             held, others_held = rows[of.ravel()[one]], others[others_of.ravel()[other]]
             nowhere = [f"{name}: cannot be compared, as no vertices are in the same place"]
-            vertex = a.mesh.cells.ravel()[one]
-            remarks += _unlike(name, held, others_held, vertex, step == 1) if len(one) else nowhere
+            remarks += _unlike(name, held, others_held, a.mesh.cells.ravel()[one], step == 1) if len(one) else nowhere
         elif a.format == b.format or (name in on_request and on_request[name] >= {a.format, b.format}):
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)

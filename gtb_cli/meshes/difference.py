@@ -116,9 +116,8 @@ class Difference:
         if self.same and self.asked is None and self.tolerance > 1e-6 * self.diagonal:
             result.append(f"tolerance {self.tolerance:.3g}, as {finest}: smaller differences are not seen")
         if self.stray is not None:
-            size = f"the size is {self.stray:.3g} instead of {self.diagonal:.3g}"
-            makes = f"which makes the tolerance {self.tolerance:.3g}"
-            result.append(f"without a few vertices far from all others, {size}, {makes}")
+            size = f"the size is {self.stray:.3g} instead of {self.diagonal:.3g}, which makes the tolerance"
+            result.append(f"without a few vertices far from all others, {size} {self.tolerance:.3g}")
         if self.is_loose:
             where = "" if self.method == "patches" else "between samples "
             what = f"nothing farther apart than {self.distance:.3g} was found, but it is not proved"
@@ -232,9 +231,8 @@ def difference(
 
 def _decided(a: Mesh, b: Mesh, allowed: float) -> Distance:
     """Measure a distance so finely that it is more than what is allowed, or proved not to be, if effort suffices."""
-    finer = 0.1  # largest error of a distance, as a fraction of the tolerance, and of the error before
     for power in range(1, 5):
-        error = allowed * finer**power
+        error = allowed * 0.1**power  # a tenth of the tolerance at most, then a tenth of the one before
         found = mesh_distance(a, b, error)
         if not found.distance <= allowed < found.bound <= found.distance + 2 * error:
             break  # decided, or the effort was spent
@@ -245,8 +243,7 @@ def _told(lone: Lone, mesh: Mesh) -> tuple[str, ...]:
     words, count = [], len(lone.absent)
     cell = ("segment", "segments") if mesh.is_curve else ("face", "faces")
     if count:
-        middle = mesh.vertices[mesh.cells[lone.absent[0]]].mean(axis=0)
-        near = f"near ({' '.join(f'{x:.9g}' for x in middle)})"
+        near = f"near ({' '.join(f'{x:.9g}' for x in mesh.vertices[mesh.cells[lone.absent[0]]].mean(axis=0))})"
         words.append(f"{are(count, *cell)} {'missing' if lone.is_first else 'new'}, {near}")
     if lone.doubled:
         words.append(f"{are(lone.doubled, *cell)} {'no longer ' if lone.is_first else ''}there twice")

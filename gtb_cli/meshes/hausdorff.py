@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, joined, rows_of
+from gtb_cli.arrays import FloatArray, IntArray, joined, row_blocks, rows_of
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh, vertices_to_measure
 from gtb_cli.meshes.nearest import NearestCells, middles, spatial_order
@@ -77,11 +77,8 @@ def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     first, second, allowed = frame.inside(a.vertices), frame.inside(b.vertices), float(frame.length(accuracy, -1))
     cells, others = (_distinct(mesh.cells, len(rows)) for mesh, rows in zip((a, b), used, strict=True))
     searches = _directed(first, cells, second[others], allowed), _directed(second, others, first[cells], allowed)
-    forward, backward = (
-        Farthest(float(frame.length(found.found)), tuple(frame.outside(found.place).tolist())) for found in searches
-    )
-    bound = max(found.bound for found in searches)
-    return Distance(forward, backward, float(frame.length(bound)), is_proved=True)
+    ways = [Farthest(float(frame.length(way.found)), tuple(frame.outside(way.place).tolist())) for way in searches]
+    return Distance(ways[0], ways[1], float(frame.length(max(way.bound for way in searches))), is_proved=True)
 
 
 def _distinct(cells: IntArray, used: int) -> IntArray:
@@ -112,8 +109,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     crowd = len(other) * float(((low <= places) & (places <= high)).all(axis=2).mean())  # 20 in a fan of 100 triangles
     effort = round(effort * min(1.0, 40 / crowd) ** 2)
     by_sample, kept = False, list[CellParts]()
-    for begin in range(0, len(cells), cell_batch):
-        rows = cells[begin : begin + cell_batch]
+    for rows in (cells[block] for block in row_blocks(len(cells), cell_batch)):
         block = CellParts.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
         if sum(len(each.bounds) for each in kept) > excess * effort:
@@ -145,14 +141,9 @@ class _FarthestPoint:
         self.tree, self.accuracy, self.place = tree, accuracy, place
         self.found = self.bound = 0.0
 
-    @property
-    def enough(self) -> float:
-        """The value below which a bound need not be lowered."""
-        return self.found + max(self.found * RELATIVE_ERROR, self.accuracy, DISTANCE_ROUNDING)
-
     def needed(self, pieces: CellParts) -> CellParts:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
-        low = pieces.bounds <= self.enough
+        low = pieces.bounds <= self.found + max(self.found * RELATIVE_ERROR, self.accuracy, DISTANCE_ROUNDING)
         self.bound = max(self.bound, float(pieces.bounds[low].max(initial=0.0)))
         return rows_of(pieces, ~low)
 
@@ -177,14 +168,13 @@ class _FarthestPoint:
 
     def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:
         """Distances of (m, 3) points, exact if they may be the largest, else upper bounds; and the nearest cells."""
-        if likely is None:
-            distances, cells = self.tree.start(points)
-        else:
+        distances, cells = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+        if likely is not None:
             distances, cells = self.tree.distances(points, likely), likely.copy()
-            chosen = self._open(np.arange(len(points)), distances)
-            others, those = self.tree.start(points[chosen])
-            better = others < distances[chosen]
-            distances[chosen[better]], cells[chosen[better]] = others[better], those[better]
+        chosen = self._open(np.arange(len(points)), distances)
+        others, those = self.tree.start(points[chosen])
+        better = others < distances[chosen]
+        distances[chosen[better]], cells[chosen[better]] = others[better], those[better]
         order = self._open(np.arange(len(points)), distances)
         order = order[np.argsort(-distances[order], kind="stable")]
         begin, length = 0, 64  # points in the first batch measured exactly, farthest estimate first

@@ -45,18 +45,13 @@ class Measures:
 
     def record(self) -> dict[str, Any]:
         """Plain data, ready for ``json.dumps``; None also for a value that overflows, as an area may."""
-        record: dict[str, Any] = {
-            "vertices": self.vertices,
-            "segments" if self.is_curve else "faces": self.cells,
-            "bounds": [*map(list, self.bounds)],
-            "components": self.components,
-            "euler_characteristic": self.euler_characteristic,
-        }
+        cells, bounds = "segments" if self.is_curve else "faces", [*map(list, self.bounds)]
+        record: dict[str, Any] = {"vertices": self.vertices, cells: self.cells, "bounds": bounds}
+        record |= {"components": self.components, "euler_characteristic": self.euler_characteristic}
         if self.is_curve:
             return {**record, "length": _finite(self.length), "open_ends": self.open_edges}
-        edges = {"open_edges": self.open_edges, "crowded_edges": self.crowded_edges}
-        extents = {"area": self.area, "volume": self.volume, "boundary_length": self.boundary_length}
-        return {**record, **{name: _finite(value) for name, value in extents.items()}, **edges}
+        extents = {name: _finite(getattr(self, name)) for name in ("area", "volume", "boundary_length")}
+        return {**record, **extents, "open_edges": self.open_edges, "crowded_edges": self.crowded_edges}
 
 
 def labelled(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -125,8 +120,7 @@ def moments(mesh: Mesh) -> tuple[list[float] | None, list[float] | None]:
     frame = Frame.around(mesh.bounds)
     corners = frame.inside(mesh.vertices)[mesh.cells]
     sides = corners[:, 1:] - corners[:, :1]
-    spans = sides[:, 0] if mesh.is_curve else cross(sides[:, 0], sides[:, 1])
-    weights = np.linalg.norm(spans, axis=1)
+    weights = np.linalg.norm(sides[:, 0] if mesh.is_curve else cross(sides[:, 0], sides[:, 1]), axis=1)
     if not weights.sum() > 0:
         return None, None
     weights /= weights.sum()

@@ -275,8 +275,6 @@ class Mesh:
 def _view(values: ArrayLike, kind: type) -> NDArray[Any]:
     """A read-only view of an array, or of a copy if its type differs."""
     array = np.asarray(values)
-    if array.dtype == kind and not array.flags.writeable:
-        return array
     view: NDArray[Any] = (array.astype(kind, copy=False) if kind is np.float64 else as_indices(array, kind)).view()
     view.flags.writeable = False
     return view

@@ -31,13 +31,11 @@ class NearestCells:
 
     def nearby(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
         """The nearest of each point's own cell and the few cells with the nearest centres."""
-        candidate_cells = 8  # tried before a search
         bounds, cells = bounds.copy(), cells.copy()
-        number = min(candidate_cells, len(self.corners))
+        number = min(8, len(self.corners))  # of candidates, tried before a search
         for rows in row_blocks(len(points), PAIR_BATCH):
             candidates = np.asarray(self._centres.query(points[rows], k=[*range(1, number + 1)])[1])
-            each = self.distances(np.repeat(points[rows], number, axis=0), candidates.ravel())
-            each = each.reshape(-1, number)
+            each = self.distances(np.repeat(points[rows], number, axis=0), candidates.ravel()).reshape(-1, number)
             best, distance = each.argmin(axis=1), each.min(axis=1)
             better = np.flatnonzero(distance < bounds[rows])
             bounds[rows][better], cells[rows][better] = distance[better], candidates[better, best[better]]
@@ -94,8 +92,7 @@ class NearestCells:
     @cached_property
     def boxes(self) -> list[tuple[FloatArray, FloatArray]]:
         """Lowest and highest corners of the boxes of each level, those of the cells, in this order, first."""
-        corners = np.moveaxis(self.corners, 1, 0)
-        low, high = (reduce(bound, corners)[self.order] for bound in (np.minimum, np.maximum))
+        low, high = (reduce(bound, np.moveaxis(self.corners, 1, 0))[self.order] for bound in (np.minimum, np.maximum))
         levels = [(low, high)]
         while (count := len(levels[-1][0])) > BRANCHES:
             first = np.arange(0, count, BRANCHES)
@@ -127,13 +124,12 @@ def middles(corners: FloatArray) -> FloatArray:
 def spatial_order(points: FloatArray) -> IntArray:
     """The order of (m, 3) points along Morton's space-filling curve, in which consecutive points are mostly near."""
     low, high = bounds_of(points)
-    bits = 20  # of each coordinate
     # Groups of bits are halved and moved apart, until two zeros follow each bit.
     apart = (32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F), (4, 0x10C30C30C30C30C3)
     extent = float((high - low).max()) or 1.0
     key = np.zeros(len(points), dtype=np.int64)
     for axis in range(3):
-        grid = ((points[:, axis] - low[axis]) * ((2**bits - 1) / extent)).astype(np.int64)
+        grid = ((points[:, axis] - low[axis]) * ((2**20 - 1) / extent)).astype(np.int64)  # 20 bits
         for shift, kept in (*apart, (2, 0x1249249249249249)):
             grid = (grid | grid << shift) & kept
         key |= grid << axis

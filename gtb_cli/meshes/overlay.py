@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, rows_of
 from gtb_cli.meshes.nearest import NearestCells, middles
 
 
@@ -26,8 +26,7 @@ class CellParts(NamedTuple):
         # Each point has a corner within 1/√3 of a triangle's longest side, and within half of a segment.
         longest = np.sqrt(_squares(corners).max(axis=1, initial=0.0))
         bounds = distances.max(axis=1) + longest / (2.0 if number == 2 else np.sqrt(3.0))
-        points = np.repeat(middles(corners), number, axis=0)
-        samples = tree.distances(points, nearest.ravel()).reshape(-1, number)
+        samples = tree.distances(np.repeat(middles(corners), number, axis=0), nearest.ravel()).reshape(-1, number)
         rows, best = np.arange(len(corners)), samples.argmin(axis=1)
         return CellParts(corners, bounds, nearest[rows, best], distances.argmax(axis=1), samples[rows, best])
 
@@ -79,14 +78,8 @@ class CellParts(NamedTuple):
         parts = np.array([[0, 2], [2, 1]] if number == 2 else [[0, 3, 4], [3, 1, 2], [3, 2, 4]])
         kept = np.ones((len(heights), len(parts)), dtype=bool)
         kept[:, 1:] = share < 1  # a cut through the corner of a triangle makes two parts
-        rows = np.nonzero(kept)[0]
-        return CellParts(
-            np.concatenate([corners, ends], axis=1)[:, parts][kept],
-            self.bounds[rows],
-            self.likely[rows],
-            np.zeros(len(rows), dtype=np.int64),
-            self.samples[rows],
-        )
+        made = rows_of(self, np.nonzero(kept)[0])
+        return made._replace(corners=np.concatenate([corners, ends], axis=1)[:, parts][kept], worst=0 * made.worst)
 
 
 def _sides(corners: FloatArray) -> FloatArray:

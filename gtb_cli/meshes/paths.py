@@ -34,8 +34,7 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None, least_cosine: float = 
     shortest = MIN_SEGMENT_ROUNDINGS * EPS * float(np.abs(mesh.vertices).max())
     for vertices, segments, backwards in _chains(mesh.cells, len(mesh.vertices)):
         points = mesh.vertices[vertices]
-        steps = np.diff(points, axis=0)
-        lengths = np.abs(steps).max(axis=1)
+        lengths = np.abs(np.diff(points, axis=0)).max(axis=1)
         # The segment after skipped ones begins at their start; the last segment ends at the end of the path.
         long = np.flatnonzero(lengths > shortest)
         if not len(long):
@@ -64,29 +63,23 @@ def _chains(cells: IntArray, count: int) -> Iterator[tuple[IntArray, IntArray, B
     Yields the s + 1 vertices of each, its s segments, and which of these are traversed backwards.
     """
     degree = np.bincount(cells.ravel(), minlength=count)
-    order = np.argsort(cells.ravel(), kind="stable")
-    first = np.concatenate([[0], np.cumsum(degree)]).tolist()
-    incident, inner = (order // 2).tolist(), (degree == 2).tolist()
+    incident = (np.argsort(cells.ravel(), kind="stable") // 2).tolist()
+    first, inner = np.concatenate([[0], np.cumsum(degree)]).tolist(), (degree == 2).tolist()
     ends = cells.tolist()
     used = [False] * len(ends)
     starts = [k for k in range(len(ends)) if not (inner[ends[k][0]] and inner[ends[k][1]])]
-    for start in (*starts, *range(len(ends))):
-        if used[start]:
+    for segment in (*starts, *range(len(ends))):
+        if used[segment]:
             continue
         # A chain begins at an end or a branching; a segment with two such ends is traversed forwards.
-        vertex = ends[start][0] if not inner[ends[start][0]] or inner[ends[start][1]] else ends[start][1]
-        vertices, segments, backwards = [vertex], [], []
-        segment = start
-        while True:
+        vertex = ends[segment][inner[ends[segment][0]] and not inner[ends[segment][1]]]
+        vertices, segments, backwards = [vertex], list[int](), list[bool]()
+        while not used[segment]:
             used[segment] = True
             segments.append(segment)
             backwards.append(ends[segment][0] != vertex)
-            vertex = ends[segment][0] if backwards[-1] else ends[segment][1]
+            vertex = sum(ends[segment]) - vertex
             vertices.append(vertex)
-            if not inner[vertex]:
-                break
-            pair = incident[first[vertex] : first[vertex + 1]]
-            segment = pair[0] if pair[1] == segment else pair[1]
-            if used[segment]:
-                break
+            if inner[vertex]:  # go on along the other one of its two segments
+                segment = sum(incident[first[vertex] : first[vertex + 1]]) - segment
         yield np.array(vertices), np.array(segments), np.array(backwards)

@@ -52,9 +52,8 @@ def filled_normals(normals: FloatArray, places: FloatArray, corners: IntArray) -
         return normals
     touching = missing[corners].any(axis=1)
     a, b, c = (places[corner] for corner in corners[touching].T)
-    area = cross(b - a, c - a)
     sums = np.zeros_like(normals)
-    np.add.at(sums, corners[touching].T, area)
+    np.add.at(sums, corners[touching].T, cross(b - a, c - a))
     scale = np.abs(sums).max(axis=1, keepdims=True)
     sums = np.where(scale > 0, sums / np.where(scale > 0, scale, 1), [0.0, 0.0, 1.0])
     return np.where(missing[:, None], unit(sums), normals)

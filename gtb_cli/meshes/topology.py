@@ -93,12 +93,8 @@ def are_used(cells: IntArray, count: int) -> BoolArray:
 def compacted(cells: IntArray) -> tuple[IntArray, IntArray]:
     """Return the vertices that cells use, ascending, and the cells as indices of these."""
     low, high = int(cells.min(initial=0)), int(cells.max(initial=-1))
-    if high - low < cells.size:  # most numbers occur several times
-        is_used = are_used(cells - low, high - low + 1)
-        places = np.cumsum(is_used, dtype=cells.dtype) - 1
-        return np.flatnonzero(is_used) + low, taken(places, cells - low)
-    used, places = np.unique(cells, return_inverse=True)
-    return used, places.reshape(cells.shape).astype(cells.dtype, copy=False)
+    is_used = are_used(cells - low, high - low + 1)
+    return np.flatnonzero(is_used) + low, taken(np.cumsum(is_used, dtype=cells.dtype) - 1, cells - low)
 
 
 def components_of(cells: IntArray, count: int) -> IntArray:

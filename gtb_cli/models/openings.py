@@ -1,6 +1,7 @@
 """Why a model is open, edge by edge, as `--require watertight` says it; and seams that were welded."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -21,15 +22,12 @@ Miss: TypeAlias = tuple[EdgeRef, EdgeRef, str]  # two edges that are nearly join
 
 def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
     """Say what keeps a model from being closed, a line for each pair of edges or open ring."""
-    misses = near_misses(joints, patches)
-    told = {ref for first, second, _ in misses for ref in (first, second)}
-    lines = [
-        f"{edge_name(patches, one)} is open: {why.format(edge_name(patches, other))}" for one, other, why in misses
-    ]
+    misses, name = near_misses(joints, patches), partial(edge_name, patches)
+    told = {ref for miss in misses for ref in miss[:2]}
+    lines = [f"{name(one)} is open: {why.format(name(other))}" for one, other, why in misses]
     lines += _rings([ref for ref in joints.open if ref not in told], patches)
-    crowds = [", ".join(edge_name(patches, ref) for ref in refs) for refs in joints.crowded]
-    lines += [f"{names} are one curve: more than two meet there" for names in crowds]
-    pairs = [[edge_name(patches, ref) for ref in (joint.first, joint.second)] for joint in joints.one_sided]
+    lines += [f"{', '.join(map(name, refs))} are one curve: more than two meet there" for refs in joints.crowded]
+    pairs = [(name(joint.first), name(joint.second)) for joint in joints.one_sided]
     return lines + [f"{one} and {other} cannot be given the same orientation" for one, other in pairs]
 
 
@@ -123,8 +121,7 @@ def _cure(edge: Curve, distance: float) -> str:
 def above(distance: float) -> str:
     """Write a round number above a distance."""
     exponent = np.floor(np.log10(distance)) if distance > 0 else -9
-    digit = np.ceil(1.05 * distance / 10.0**exponent)
-    return f"{digit * 10.0**exponent:.1g}"
+    return f"{np.ceil(1.05 * distance / 10.0**exponent) * 10.0**exponent:.1g}"
 
 
 def _row(values: FloatArray) -> str:
@@ -182,10 +179,8 @@ def unjoined_seams(model: Model, are_touching: bool = False) -> list[str]:
         tolerance = CURVE_TOLERANCE * diagonal_of(patches)
         apart = [miss for miss in misses if part[miss[0][0]] != part[miss[1][0]]]
         misses = [miss for miss in apart if meeting(edge_curves(patches, miss[:2]), tolerance)[0]]
-    lines = one_of_alike(
-        (reason, f"{edge_name(patches, one)} is not joined: {reason.format(edge_name(patches, other))}")
-        for one, other, reason in misses
-    )
+    name = partial(edge_name, patches)
+    lines = one_of_alike((why, f"{name(one)} is not joined: {why.format(name(other))}") for one, other, why in misses)
     if len(lines) > MAX_SHOWN:
         lines[MAX_SHOWN:] = [f"{len(lines) - MAX_SHOWN} more kinds of seams nearly close: gtb info lists them"]
     return lines

@@ -19,7 +19,6 @@ from gtb_cli.verdicts.verdict import WORDS, Verdict, Word
 
 MAX_SHOWN_FACES = 20_000  # of one mesh: finer ones look the same in a third of a window
 MAX_ALL_FACES = 2_000_000  # of all meshes of a page, with which a browser still opens it
-REPORTED: tuple[Word, ...] = ("unreadable", "different", "missing", "extra")  # in this order
 
 
 class Row(NamedTuple):
@@ -145,7 +144,8 @@ def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
         while most > 1 and sum(len(mesh.cells) for one in kept for mesh in one.meshes) > MAX_ALL_FACES:
             most //= 2
             kept = [_at_most(one, most) for one in kept]
-    kept.sort(key=lambda each: (REPORTED.index(each.verdict.word), -each.amount, each.verdict.name))
+    words = [WORDS[-1], *WORDS]  # what is unreadable first
+    kept.sort(key=lambda each: (words.index(each.verdict.word), -each.amount, each.verdict.name))
     return Review(names, tuple(kept), same)
 
 
@@ -182,12 +182,9 @@ def _framed(change: Change) -> Change:
     extents = [float(np.ptp(common.inside(each), axis=0).max()) for each in points]
     if len(points) == 1 or min(extents) > dot:
         return replace(change, frames=(common, common))
-    small, large = ("old", "new") if extents[0] < extents[1] else ("new", "old")
-    ratio = max(extents) / min(extents) if min(extents) else np.inf
-    reason = (
-        f"{large} is {ratio:.4g} times as large as {small}" if ratio < np.inf else f"{small} is a dot beside {large}"
-    )
-    if ratio < 1 / dot or not max(extents):
+    (least, small), (most, large) = sorted(zip(extents, ("old", "new"), strict=True))
+    reason = f"{large} is {most / least:.4g} times as large as {small}" if least else f"{small} is a dot beside {large}"
+    if dot * most < least or not most:
         reason = "old and new are far apart"
     return replace(change, frames=(Frame.around(points[0]), Frame.around(points[1])), scale=reason)
 

@@ -25,20 +25,15 @@ def write_reports(found: Review, paths: Sequence[str]) -> None:
     pages = [path for path in paths if suffix_of(path) == "html"]
     with StagedFiles() as files:
         for path in paths:
-            name = os.path.basename(pages[0]) if pages else ""
-            text = page(found) if path in pages else markdown(found, name)
+            text = page(found) if path in pages else markdown(found, os.path.basename("".join(pages[:1])))
             files.add(path, [text.encode("utf-8", "backslashreplace")])
 
 
 def page(review: Review) -> str:
     """Return the text of a page that works offline; no name or message can become a part of its script."""
     names = [printable(name) for name in review.names]
-    data: dict[str, Any] = {
-        "names": names,
-        "counts": review.counts,
-        "most": MAX_SHOWN_FACES,
-        "changes": [_data(change) for change in review.changes],
-    }
+    changes = [_data(change) for change in review.changes]
+    data = {"names": names, "counts": review.counts, "most": MAX_SHOWN_FACES, "changes": changes}
     return page_with(data, f"{' and '.join(names)}: {len(review.changes)} changed", "gtb_cli.review")
 
 

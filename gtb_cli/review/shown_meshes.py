@@ -66,5 +66,4 @@ def _parts(corners: IntArray, between: IntArray) -> list[IntArray]:
     """Cells in place of (k, c) others, which are divided by vertices (k, c) between each corner and the next one."""
     if corners.shape[1] == 2:
         return [np.stack([corners[:, k], between[:, k]], axis=1) for k in (0, 1)]
-    around = [np.stack([between[:, k - 1], corners[:, k], between[:, k]], axis=1) for k in range(3)]
-    return [between, *around]
+    return [between, *(np.stack([between[:, k - 1], corners[:, k], between[:, k]], axis=1) for k in range(3))]

@@ -30,7 +30,7 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     if len(corners) < 2:
         return found[0], True
     depth = CROSSING_DEPTH * float(np.ptp(bounds_of(corners.reshape(-1, 3)), axis=0).max())
-    normals = _normals(corners)
+    normals = facing_of(corners)
     across = np.maximum(_across(cells), _across(places[cells]))
     compared = 0
     for pairs in _near_pairs(corners, depth):
@@ -41,12 +41,11 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     return proper[np.sort(np.concatenate(found), axis=1)], compared <= MAX_COMPARED_PAIRS
 
 
-def _normals(corners: FloatArray) -> FloatArray:
+def facing_of(corners: FloatArray) -> FloatArray:
     """(k, 3) unit normals of (k, 3, 3) triangles; 0 for those that are lines."""
     a, b, c = corners.transpose(1, 0, 2)
     normals = cross(b - a, c - a)
-    longest = np.maximum(dot(b - a, b - a), dot(c - a, c - a))
-    normals[np.sqrt(dot(normals, normals)) <= 64 * EPS * longest] = 0.0
+    normals[np.sqrt(dot(normals, normals)) <= 64 * EPS * np.maximum(dot(b - a, b - a), dot(c - a, c - a))] = 0.0
     return unit(normals)
 
 
@@ -103,8 +102,7 @@ def _cross(corners: FloatArray, normals: FloatArray, across: IntArray, pairs: In
     along = np.stack([segment[:, 1] - segment[:, 0] for segment in segments])
     longer = np.stack([dot(direction, direction) for direction in along]).argmax(axis=0)
     direction = unit(along[longer, np.arange(len(longer))])
-    origin = segments[0][:, :1]
-    places = np.stack([np.einsum("pij,pj->pi", segment - origin, direction) for segment in segments])
+    places = np.stack([np.einsum("pij,pj->pi", segment - segments[0][:, :1], direction) for segment in segments])
     result[rows[near]] = places.max(axis=2).min(axis=0) - places.min(axis=2).max(axis=0) > depth
     result[rows[flat]] = _overlap(corners[one[flat]], corners[other[flat]], normals[one[flat]], depth)
     for order, over, is_upon in (([one, other], heights, standing), ([other, one], back, back_standing)):
@@ -121,8 +119,7 @@ def _heights(
     heights = np.stack([dot(corners[other, k] - base, normal) for k in range(3)])
     low, high = (bound(bound(heights[0], heights[1]), heights[2]) for bound in (np.minimum, np.maximum))
     touching = (np.abs(heights) <= depth).sum(axis=0)
-    has_plane = dot(normal, normal) > 0
-    return heights.T, (low < -depth) & (high > depth), (touching == 3) & has_plane, touching == 2
+    return heights.T, (low < -depth) & (high > depth), (touching == 3) & (dot(normal, normal) > 0), touching == 2
 
 
 def _passes(
@@ -142,25 +139,23 @@ def _passes(
     start, end = corners[other, (apex + 1) % 3], corners[other, (apex + 2) % 3]
     length = np.sqrt(dot(end - start, end - start))
     offsets = [corners[other, apex] - start, points[beyond] - start]
-    sides = []  # of `one`: unit vectors inwards, distances of the edge's ends, and where on the edge it is passed
-    for k in range(3):
-        inwards = unit(cross(normal, corners[one, (k + 1) % 3] - corners[one, k]))
-        ends = np.stack([dot(x - corners[one, k], inwards) - depth for x in (start, end)])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            place = ends[0] / (ends[0] - ends[1])
-        low = np.where(ends[0] > 0, 0.0, np.where(ends[1] > 0, place, np.inf))
-        high = np.where(ends[1] > 0, 1.0, np.where(ends[0] > 0, place, -np.inf))
-        sides.append((inwards, np.abs(ends + depth).max(axis=0) <= depth, low, high))
-    lows, highs = (np.stack([side[column] for side in sides]) for column in (2, 3))
+    # Of the sides of `one`: unit vectors inwards, distances of the edge's ends, and where on the edge it is passed
+    around = corners[one].swapaxes(0, 1)
+    inwards = np.stack([unit(cross(normal, side)) for side in np.roll(around, -1, axis=0) - around])
+    ends = np.stack([((x - around) * inwards).sum(axis=2) - depth for x in (start, end)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = ends[0] / (ends[0] - ends[1])
+    lows = np.where(ends[0] > 0, 0.0, np.where(ends[1] > 0, place, np.inf))
+    highs = np.where(ends[1] > 0, 1.0, np.where(ends[0] > 0, place, -np.inf))
     up = [dot(x, normal) for x in offsets]
     is_inside = (highs.min(axis=0) - lows.max(axis=0)) * length > depth
     result[rows] = is_inside & (np.abs(up[1]) > depth) & (up[0] * up[1] < 0)
-    for k, (inwards, is_along, _, _) in enumerate(sides):
+    for k, is_along in enumerate(np.abs(ends + depth).max(axis=0) <= depth):
         others = [k - 1, k - 2]
         far = across[one, k]
         is_along = is_along & (far >= 0) & ((highs[others].min(axis=0) - lows[others].max(axis=0)) * length > depth)
         chosen = np.flatnonzero(is_along)
-        frame = np.stack([inwards[chosen], normal[chosen]])
+        frame = np.stack([inwards[k, chosen], normal[chosen]])
         ours = points[far[chosen]] - start[chosen]
         turned = [np.einsum("api,pi->ap", frame, x) for x in (ours, *(x[chosen] for x in offsets))]
         angles = [np.arctan2(y, x) % (2 * np.pi) for x, y in turned]

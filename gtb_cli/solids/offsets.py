@@ -180,10 +180,7 @@ def _displacements(mesh: Mesh) -> FloatArray:
     assert mesh.normals is not None
     vertex_normals = mesh.normals[: len(mesh.vertices)]
     count, groups = len(mesh.vertices), max(1, len(mesh.groups))
-    keys = paired(mesh.cells, cell_groups(mesh)[:, None], groups)
-    pairs, place = np.arange(count), keys
-    if groups > 1:
-        pairs, place = np.unique(keys, return_inverse=True)
+    pairs, place = np.unique(paired(mesh.cells, cell_groups(mesh)[:, None], groups), return_inverse=True)
     vertex = pairs // groups
     facets, by_area = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
     own = vertex_normals[vertex]
@@ -192,10 +189,9 @@ def _displacements(mesh: Mesh) -> FloatArray:
         sums = np.zeros_like(own)
         np.add.at(sums, pair, mesh.normals[normal])
         own = np.where((np.linalg.norm(sums, axis=1) > SMOOTH_COSINE)[:, None], unit(sums), own)
-    is_open = are_used(boundary(mesh)[0], count)
     # Tiny facets, as at a pole, may stand upright because of rounding: they have angles, but no area.
     agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH_COSINE
-    agree |= (mesh.exact_normals & ~is_open[vertex]) | ~facets.any(axis=1)
+    agree |= (mesh.exact_normals & ~are_used(boundary(mesh)[0], count)[vertex]) | ~facets.any(axis=1)
     normals = np.where(agree[:, None], own, facets)
     wrong = np.unique(vertex[dot(normals, vertex_normals[vertex]) < same_normal_cosine])
     if not len(wrong):

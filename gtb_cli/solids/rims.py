@@ -92,11 +92,9 @@ def _knife_edge(vertices: FloatArray, cells: IntArray, is_rim: BoolArray, shorte
     beside = np.flatnonzero(are_used(cells[is_rim], len(vertices))[cells].any(axis=1))
     pairs, ends = adjacent(cells[beside])
     corners = vertices[cells[beside]]
-    normals = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    cosines = -dot(*normals[pairs.T])
+    cosines = -dot(*unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))[pairs.T])
     sharp = np.flatnonzero((is_rim[beside[pairs]].sum(axis=1) == 1) & (cosines > np.sqrt(0.5)))
-    lengths = np.linalg.norm(np.diff(vertices[ends[sharp]], axis=1)[:, 0], axis=1)
-    if lengths.sum() <= shortest:  # such as at a corner
+    if np.linalg.norm(np.diff(vertices[ends[sharp]], axis=1), axis=2).sum() <= shortest:  # such as at a corner
         return []
     chosen = sharp[cosines[sharp].argmax()]
     angle, near = np.degrees(np.arccos(cosines[chosen])), point_text(vertices[ends[chosen]].mean(axis=0), vertices)
@@ -107,9 +105,8 @@ def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[Flo
     """Return a point and the (3,) normal, away from the surface, of a rim's plane, and what counts as no distance."""
     points = surface[rim]
     centre = points.mean(axis=0)
-    size = float(np.ptp(points, axis=0).max())
     plane = 1e-6  # of the size of a rim: its largest distance from its plane, a tenth of a micron in a decimetre
-    nearly = plane * size + 64 * EPS * float(np.abs(points).max())
+    nearly = plane * float(np.ptp(points, axis=0).max()) + 64 * EPS * float(np.abs(points).max())
     _, _, axes = np.linalg.svd(points - centre, full_matrices=False)
     normal = axes[2]
     height = (surface - centre) @ normal
@@ -119,8 +116,7 @@ def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[Flo
         cure = 'only a plane rim can be flat; `rim="normal"` leaves it as it is'
         raise DomainError(f"rim: a rim leaves its plane by {apart.max():.3g} {near}, and {cure}")
     beside = cells[rim[cells].any(axis=1)]
-    farthest = float(height[beside.ravel()[np.abs(height[beside]).argmax()]])
-    return centre, -np.copysign(1.0, farthest) * normal, nearly
+    return centre, -np.copysign(1.0, float(height[beside.ravel()[np.abs(height[beside]).argmax()]])) * normal, nearly
 
 
 def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -144,8 +140,7 @@ def _continuation(solid: Mesh, rim: BoolArray, normal: FloatArray) -> tuple[Floa
     share = share**2 * (3 - 2 * share)
     squares = np.add.reduceat(flat[:, :, None] * flat[:, None, :], first)
     right = np.add.reduceat(flat * along[:, None], first)
-    inverse = np.linalg.pinv(squares, rcond=alike, hermitian=True)
-    return share, np.einsum("kij,kj->ki", inverse, right) - normal
+    return share, np.einsum("kij,kj->ki", np.linalg.pinv(squares, rcond=alike, hermitian=True), right) - normal
 
 
 def _landings(
@@ -183,14 +178,13 @@ def _between(
 
     The faces are those in the plane of a rim. Some vertices are free, others move only along the rim.
     """
-    rounds = 8  # as long edges, or a corner that moves farther, leave vertices behind
     count, start, no_ways = len(rim), vertices, np.zeros_like(vertices)
     edges = sides_of(cells).edges
     ends = np.concatenate([edges, edges[:, ::-1]])
     is_free, is_along, is_rim = (np.concatenate([np.zeros(count, dtype=bool), each]) for each in (free, along, rim))
     ends = ends[is_free[ends[:, 0]] | (is_along[ends[:, 0]] & is_rim[ends[:, 1]])]
     best, fewest, is_moving = vertices, len(cells) + 1, np.zeros(len(vertices), dtype=bool)
-    for _ in range(rounds):
+    for _ in range(8):  # long edges, or a corner that moves farther, leave vertices behind
         a, b, c = (vertices[corner] for corner in cells.T)
         turned = cross(b - a, c - a) @ normal < 0
         if np.count_nonzero(turned) < fewest:

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, bounds_of, cross, distinct, dot, merged, point_text, unit
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, cross, distinct, dot, merged, point_text, unit
 from gtb_cli.errors import one_of_alike
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, are_proper
-from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs
+from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs, facing_of
 
 CROSSES = "the solid passes through itself"
 
@@ -18,18 +18,13 @@ def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
 
     A triangle that is a line takes a neighbour's normal, so that a fold along a row of them is found as well.
     """
-    flat_sine = 64 * EPS  # between two sides of a triangle; below, it is a line, and has no normal of its own
-    a, b, c = (vertices[cells[:, k]] for k in range(3))
-    normals = cross(b - a, c - a)
-    pairs, _ = adjacent(cells)
-    lengths = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
-    looks = np.linalg.norm(normals, axis=1) > flat_sine * lengths
-    normals[~looks] = 0.0
+    normals, pairs = facing_of(vertices[cells]), adjacent(cells)[0]
+    looks = np.asarray(normals.any(axis=1))
     while len(rows := pairs[looks[pairs].sum(axis=1) == 1]):
         rows = np.where(looks[rows[:, :1]], rows, rows[:, ::-1])  # from a triangle with a normal to one without
         normals[rows[:, 1]] = normals[rows[:, 0]]
         looks[rows[:, 1]] = True
-    return np.asarray(pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) < 0])
+    return np.asarray(pairs[dot(*normals[pairs.T]) < 0])
 
 
 def folded_places(mesh: Mesh) -> list[str]:
@@ -52,8 +47,7 @@ def crossing_remarks(mesh: Mesh) -> list[str]:
     remarks = []
     if len(crossing):
         one, other = np.moveaxis(mesh.vertices[mesh.faces[crossing]], 1, 0)
-        normals = unit(cross(one[:, 1] - one[:, 0], one[:, 2] - one[:, 0]))
-        heights = np.einsum("pcx,px->pc", other - one[:, :1], normals)
+        heights = np.einsum("pcx,px->pc", other - one[:, :1], unit(cross(one[:, 1] - one[:, 0], one[:, 2] - one[:, 0])))
         passes = np.abs(heights).max() > CROSSING_DEPTH * np.ptp(mesh.bounds, axis=0).max()
         what = CROSSES if passes else f"the solid lies upon itself, to {CROSSING_DEPTH:g} of its size"
         pair = crossing[crossing[:, 0].argmin()]
@@ -85,14 +79,11 @@ def inward_faces(mesh: Mesh) -> IntArray:
     part = merged(len(cells), adjacent(cells)[0])
     corners = Frame.around(mesh.vertices).inside(mesh.vertices[first])[cells]
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = dot(normals, normals)
-    numbers = distinct(part[proper])
-    members = [np.flatnonzero((part == number) & proper) for number in numbers]
+    members = [np.flatnonzero((part == number) & proper) for number in distinct(part[proper])]
     boxes = [bounds_of(corners[rows].reshape(-1, 3)) for rows in members]
     found = np.zeros(len(cells), dtype=bool)
     for index, rows in enumerate(members):
-        volume = float(dot(corners[rows, 0], normals[rows]).sum())
-        point = corners[rows[areas[rows].argmax()]].mean(axis=0)
+        point = corners[rows[dot(normals[rows], normals[rows]).argmax()]].mean(axis=0)
         winding = 0
         for other, (others, (below, above)) in enumerate(zip(members, boxes, strict=True)):
             if other != index and ((below <= point) & (point <= above)).all():
@@ -100,5 +91,5 @@ def inward_faces(mesh: Mesh) -> IntArray:
                 one, two, three = (np.sqrt(dot(x, x)) for x in (a, b, c))
                 cosine = one * two * three + dot(a, b) * three + dot(b, c) * one + dot(c, a) * two
                 winding += round(float(np.arctan2(dot(a, cross(b, c)), cosine).sum()) / (2 * np.pi))
-        found[rows] = winding != (volume < 0)
+        found[rows] = winding != (dot(corners[rows, 0], normals[rows]).sum() < 0)  # its volume
     return np.flatnonzero(found)

@@ -173,8 +173,7 @@ def _welded(mesh: Mesh) -> Mesh:
     short = np.abs(ends[:, 1] - ends[:, 0]).max(axis=1) <= MIN_THICKNESS_ROUNDINGS * EPS * np.abs(mesh.vertices).max()
     if not short.any():
         return mesh
-    label = merged(len(mesh.vertices), edges[short])
-    cells = label[mesh.cells]
+    cells = merged(len(mesh.vertices), edges[short])[mesh.cells]
     proper = are_proper(cells)
     if not proper.any():
         raise DomainError(f"thickness: the surface {mesh.name!r} is a single point")

@@ -47,15 +47,15 @@ def tube(
     """
     count = ring_size(radius, tolerance) if sides is None else sides
     planned = _planned(mesh, radius, tolerance, tangents)
-    along = sum(len(sections.at) - (not path.closed) for path, sections in planned)
+    along = sum(len(sections.at) - (not sections.path.closed) for sections in planned)
     if 2 * count * along > max_faces:
         faces = f"{2 * count * along} faces, {count} around and {along} along, more than {max_faces}"
         raise ToleranceError(f"the tube would have {faces}")
-    sweeps = [_sweep(path, sections, radius, count) for path, sections in planned]
+    sweeps = [_sweep(sections, radius, count) for sections in planned]
     vertices, vectors, owner, *columns = (np.concatenate(parts) for parts in zip(*sweeps, strict=True))
     firsts, breaks = (np.cumsum([0, *(len(sweep[k]) for sweep in sweeps)]).tolist() for k in (0, 3))
     cells, rows = (column + np.repeat(firsts[:-1], np.diff(breaks))[:, None] for column in columns)
-    starts = [int(path.segments[0]) for path, _ in planned]
+    starts = [int(sections.path.segments[0]) for sections in planned]
     names = [next((name for name, low, high in mesh.groups if low <= k < high), mesh.name) for k in starts]
     return Mesh(
         vertices,
@@ -84,21 +84,18 @@ def folded_segments(
     Parameters are those of `tube`. Distant parts of a tube that meet are not found.
     """
     found = [np.empty(0, dtype=np.int64)]
-    for path, sections in _planned(mesh, radius, tolerance, tangents):
-        rings, _, shift = _rings(sections, radius, RING_SIDES)
+    for sections in _planned(mesh, radius, tolerance, tangents):
+        path, (rings, _, shift) = sections.path, _rings(sections, radius, RING_SIDES)
         ahead = _ahead(rings, shift, path.closed)
         start = sections.at[: len(ahead)]
         end = np.append(sections.at, 0)[1 : len(ahead) + 1]
         chords = np.roll(path.points, -1, axis=0)[start] - path.points[start]
-        steps = ahead - rings[: len(ahead)]
-        backwards = ((steps * chords[:, None]).sum(axis=2) <= 0).any(axis=1) & (end != start)
+        backwards = (((ahead - rings[: len(ahead)]) * chords[:, None]).sum(axis=2) <= 0).any(axis=1) & (end != start)
         found.append(path.segments[start[backwards]])
     return np.unique(np.concatenate(found))
 
 
-def _planned(
-    mesh: Mesh, radius: float, tolerance: float | None, tangents: FloatArray | None
-) -> list[tuple[Path, "_Sections"]]:
+def _planned(mesh: Mesh, radius: float, tolerance: float | None, tangents: FloatArray | None) -> list["_Sections"]:
     if not mesh.is_curve:
         raise DomainError("radius: expected a curve; a surface takes a thickness instead")
     largest = float(np.abs(mesh.vertices).max())
@@ -106,7 +103,7 @@ def _planned(
         raise DomainError(f"radius: {radius:g} is below the rounding of coordinates of size {largest:.3g}")
     # A tube is not thinner than the tolerance where tangents have at least this cosine with segments.
     least_cosine = MIN_TANGENT_COSINE if tolerance is None else max(MIN_TANGENT_COSINE, 1 - tolerance / radius)
-    return [(path, _sections(path, radius, tolerance)) for path in paths(mesh, tangents, least_cosine)]
+    return [_sections(path, radius, tolerance) for path in paths(mesh, tangents, least_cosine)]
 
 
 @frozen
@@ -116,11 +113,10 @@ class _Sections:
     `fans` has the (f, 2) first and last rings of turns in several steps which one mitre would fit, too.
     """
 
+    path: Path
     at: IntArray
-    centers: FloatArray
     before: FloatArray
     after: FloatArray
-    closed: bool
     fans: IntArray
 
 
@@ -155,19 +151,18 @@ def _sections(path: Path, radius: float, tolerance: float | None) -> _Sections:
     lengths = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
     shorter = np.minimum(np.append(lengths, lengths[0])[:count], np.insert(lengths, 0, lengths[-1])[:count])
     fits = (cosine >= -ZERO_TOLERANCE) & (radius**2 * (1 - cosine) <= shorter**2 * (1 + cosine))
-    fans = np.stack([first, last], axis=1)[(steps > 1) & fits]
-    return _Sections(at, path.points[at], before, after, path.closed, fans)
+    return _Sections(path, at, before, after, np.stack([first, last], axis=1)[(steps > 1) & fits])
 
 
 def _sweep(
-    path: Path, sections: _Sections, radius: float, sides: int
+    sections: _Sections, radius: float, sides: int
 ) -> tuple[FloatArray, FloatArray, IntArray, IntArray, IntArray]:
     """A ring at each section of a path, a band of triangles between rings, and caps at the ends of an open path.
 
     Returns (m, 3) vertices and normals, (m,) vertices of the curve to which they belong, (k, 3) cells, and (k, 3)
     vertices whose normals the corners have: in a cap, its centre.
     """
-    rings, across, shift = _rings(sections, radius, sides)
+    path, (rings, across, shift) = sections.path, _rings(sections, radius, sides)
     vertices, normals = rings.reshape(-1, 3), across.reshape(-1, 3)
     owners = np.repeat(path.vertices[sections.at], sides)
     index = np.arange(len(vertices)).reshape(-1, sides)
@@ -179,7 +174,7 @@ def _sweep(
     if not path.closed:
         (first, last), count = index[[0, -1]], len(vertices)
         caps = [(count, np.roll(first, -1), first), (count + 1, last, np.roll(last, -1))]
-        vertices = np.concatenate([vertices, sections.centers[[0, -1]]])
+        vertices = np.concatenate([vertices, path.points[[0, -1]]])
         normals = np.concatenate([normals, -sections.before[:1], sections.after[-1:]])
         owners = np.concatenate([owners, path.vertices[[0, -1]]])
         cells = np.concatenate([cells, *(np.stack(np.broadcast_arrays(*cap), axis=1) for cap in caps)])
@@ -205,10 +200,9 @@ def _rings(sections: _Sections, radius: float, sides: int) -> tuple[FloatArray, 
     """(m, sides, 3) vertices of the rings, and their normals; and by how many sides the last one is ahead."""
     angle, shift = _frame(sections, sides)
     turn = angle[:, None] + 2 * np.pi / sides * np.arange(sides)
-    centers, before, after = sections.centers, sections.before, sections.after
+    centers, before, after = sections.path.points[sections.at], sections.before, sections.after
     start = _perpendicular(before)
-    other = cross(before, start)
-    radial = np.cos(turn)[:, :, None] * start[:, None] + np.sin(turn)[:, :, None] * other[:, None]
+    radial = np.cos(turn)[:, :, None] * start[:, None] + np.sin(turn)[:, :, None] * cross(before, start)[:, None]
     # Slide each ring along the tube before it into the mitre plane, where the tube after it has the same vertices.
     rings, normals, _ = _mitred(centers, radius, radial, before, after)
     # Inside a bend, all rings of a fan have the vertices of one mitre.
@@ -236,15 +230,15 @@ def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
     The frame does not rotate about the curve, to fourth order in the length of segments (W. Wang et al., Computation of
     rotation minimizing frames, 2008). A closed one misses itself by an angle: whole sides are a shift, the rest spread.
     """
-    before, after, centers = sections.before, sections.after, sections.centers
+    path, before, after = sections.path, sections.before, sections.after
     start = _perpendicular(before)
     # Over the joint: the least rotation that takes `before` to `after`.
     carried = start - dot(start, after)[:, None] / (1 + dot(before, after))[:, None] * (before + after)
-    step = np.roll(centers, -1, axis=0) - centers
+    step = np.roll(path.points[sections.at], -1, axis=0) - path.points[sections.at]
     lengths = np.linalg.norm(step, axis=1)
     arrived = np.roll(before, -1, axis=0)
     moving = lengths > 0
-    moving[-1] &= sections.closed
+    moving[-1] &= path.closed
     # Along the segment: reflect in the plane halfway, then so that the direction is right (double reflection).
     u = step[moving] / lengths[moving, None]
     direction = after[moving] - 2 * dot(u, after[moving])[:, None] * u
@@ -254,13 +248,12 @@ def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
     target = np.roll(start, -1, axis=0)
     advance = np.arctan2(dot(carried, cross(arrived, target)), dot(carried, target))
     angle = np.concatenate([[0.0], np.cumsum(advance[:-1])])
-    if not sections.closed:
+    if not path.closed:
         return angle, 0
     missed = angle[-1] + advance[-1]
     shift = round(missed * sides / (2 * np.pi))
-    rest = missed - shift * 2 * np.pi / sides
     along = np.concatenate([[0.0], np.cumsum(lengths[:-1])]) / lengths.sum()
-    return np.asarray(angle - rest * along), shift % sides
+    return np.asarray(angle - (missed - shift * 2 * np.pi / sides) * along), shift % sides
 
 
 def _perpendicular(vectors: FloatArray) -> FloatArray:
