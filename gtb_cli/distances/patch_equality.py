@@ -41,15 +41,20 @@ def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> tuple[
         reach = np.minimum(2 * there.query(here.data, p=np.inf)[0] + rounding, tolerance)
         for k, others in enumerate(there.query_ball_point(here.data, reach, p=np.inf)):
             near |= {(k, other) if way == 0 else (other, k) for other in others}
-    tried = ((p, q, _same(a[p], b[q], tolerance, rounding)) for p, q in sorted(near))
-    found = [Pair(first, second, *same) for first, second, same in tried if same]
+    found, met = list[Pair](), (set[int](), set[int]())  # by the same name: two that have met others do not meet
+    for p, q in sorted(near, key=lambda pair: (a[pair[0]].name != b[pair[1]].name, abs(pair[0] - pair[1]), pair)):
+        if not (p in met[0] and q in met[1]) and (same := _same(a[p], b[q], tolerance, rounding)):
+            found.append(Pair(p, q, *same))
+            if a[p].name == b[q].name and same[0] <= 2 * rounding and p not in met[0] and q not in met[1]:
+                met[0].add(p)
+                met[1].add(q)
     # All distances together cost less than another name does, all names less than a patch that is left alone.
     most = 2 * len(a) * max((pair.distance for pair in found), default=0.0) or 1.0
     costs = [(p, q, 1 + (a[p].name != b[q].name) + apart / most) for p, q, apart, _ in found]
     costs += [(k, len(b) + k, 3.0 * len(a) + 3) for k in range(len(a))]
     rows, columns, values = zip(*costs, strict=True)
     partner = csgraph.min_weight_full_bipartite_matching(csr_array((values, (rows, columns))))[1]
-    pairs = [pair for pair in found if pair.second == partner[pair.first]]
+    pairs = [pair for pair in sorted(found) if pair.second == partner[pair.first]]
     return pairs, [sorted({*range(len(each))} - {pair[way] for pair in found}) for way, each in enumerate((a, b))]
 
 
