@@ -30,7 +30,7 @@ def test_attributes_are_those_of_the_vertices():
         np.testing.assert_array_equal(mesh.attributes["mean_curvature"], expected)
         np.testing.assert_array_equal(mesh.attributes[QUALITY_NAME], expected)
         assert replaced == 0
-        assert mesh.vertices is bare.vertices
+        assert np.shares_memory(mesh.vertices, bare.vertices)
     assert with_attributes(patch, bare, []) == (bare, 0)
 
 
