@@ -249,6 +249,11 @@ class MeshRegression:
         if self._test.get_closest_marker("xfail") and not self._config.getoption("runxfail", False):
             told = f"{reason}, and is not written by a test marked xfail but with --runxfail"
             raise AssertionError(f"{self._shown(golden)} {told}")
+        for name, content in beside.items():  # a golden file of another test, perhaps; its own library may be renewed
+            held, may_be_own = golden.parent / name, golden.exists() and suffix_of(name) not in FORMATS
+            if held != golden and held.exists() and not may_be_own and held.read_bytes() != content:
+                told = f"{self._shown(held)} would be its library, but is there already with other content"
+                raise AssertionError(f"{self._shown(golden)} {reason}, and is not written: {told}")
         with StagedFiles(golden.parent) as files:
             for name, content in {**beside, golden.name: data}.items():
                 files.add(str(golden.parent / name), [content])
