@@ -152,6 +152,7 @@ class MeshRegression:
         __tracebackhide__ = True
         from gtb_cli.distances.operands import operand
         from gtb_cli.errors import DomainError, GtbError
+        from gtb_cli.files import read_file
         from gtb_cli.formats.export import encode_mesh
         from gtb_cli.tessellation.recipe import Recipe
         from gtb_cli.verdicts.comparing import Comparing
@@ -174,7 +175,7 @@ class MeshRegression:
                 named = [name for name, held in found.libraries.items() if isinstance(held, bytes)]
                 if far := [name for name in named if os.path.dirname(name)]:
                     raise GtbError(f"{path}: {far[0]} is in another folder, and is not kept beside a golden file")
-                files = {name: (path.parent / name).read_bytes() for name in named}
+                files = {name: read_file(path.parent / name, os.path.getsize(path.parent / name)) for name in named}
             else:
                 if mesh.attributes and kept and not kept.attributes:
                     raise DomainError(f"attributes: {format.upper()} holds none, give format='ply'")

@@ -104,7 +104,8 @@ class Comparing:
         specs_count = not has_meshes or len(suffixes) > 1
         if suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and specs_count):
             return self.files(first, second)
-        is_equal = filecmp.cmp(first, second, shallow=False)
+        is_empty = os.path.getsize(first) == os.path.getsize(second) == 0  # so are files of /proc, some without end
+        is_equal = is_empty or filecmp.cmp(first, second, shallow=False)
         is_rounded = not is_equal and os.path.basename(first) == SEQUENCE_RECORD and _are_alike(first, second)
         return Verdict("", (first, second), "same" if is_equal or is_rounded else "different", is_rounded=is_rounded)
 
@@ -162,14 +163,14 @@ def _are_alike(first: str, second: str) -> bool:
 
 def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:
     """By the names of files that only one folder has, those of files with equal bytes that only the other has."""
-    import hashlib
+    from gtb_cli.files import sha256_of
 
     lone = [(name, path, k) for name, pair in matched.items() for k, path in enumerate(pair) if path and None in pair]
     alike: dict[tuple[str, bytes], tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
     for name, path, k in lone if len({k for *_, k in lone}) == 2 else ():
         if os.path.isfile(path):
-            with suppress(OSError), open(path, "rb") as file:
-                alike[suffix_of(name), hashlib.file_digest(file, "sha256").digest()][k].append(name)
+            with suppress(OSError):
+                alike[suffix_of(name), sha256_of(path)][k].append(name)
     found = [pair for names in alike.values() for pair in zip(*names, strict=False)]
     return dict([*found, *((new, old) for old, new in found)])
 
