@@ -102,10 +102,10 @@ class Comparing:
                 raise GtbError(f"{path}: is not a file")
         suffixes = {suffix_of(first), suffix_of(second)}
         specs_count = not has_meshes or len(suffixes) > 1
-        if suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and specs_count):
+        is_read = suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and specs_count)
+        if is_read and not _are_equal_texts(first, second):  # some may be read only by what includes or uses them
             return self.files(first, second)
-        is_empty = os.path.getsize(first) == os.path.getsize(second) == 0  # so are files of /proc, some without end
-        is_equal = is_empty or filecmp.cmp(first, second, shallow=False)
+        is_equal = _are_equal(first, second)
         is_rounded = not is_equal and os.path.basename(first) == SEQUENCE_RECORD and _are_alike(first, second)
         return Verdict("", (first, second), "same" if is_equal or is_rounded else "different", is_rounded=is_rounded)
 
@@ -186,6 +186,20 @@ def mesh_or_spec(path: str) -> bytes:
     if len(data) > most == MAX_STREAM_BYTES:
         raise GtbError(f"{shown_input(path)}: does not end within {most >> 20} MB; more is read only from files")
     return data
+
+
+def _are_equal_texts(first: str, second: str) -> bool:
+    """Tell whether two files with suffixes of specs have equal bytes, which name no other file."""
+    if not {suffix_of(first), suffix_of(second)} <= {*SPEC_FORMATS} or not _are_equal(first, second):
+        return False
+    from gtb_cli.files import read_file
+
+    return not re.search(rb"include|\\", read_file(first, os.path.getsize(first)))
+
+
+def _are_equal(first: str, second: str) -> bool:
+    """Tell whether two files have equal bytes; those of /proc, some of which never end, count as empty."""
+    return os.path.getsize(first) == os.path.getsize(second) == 0 or filecmp.cmp(first, second, shallow=False)
 
 
 def _are_equal_meshes(first: str, second: str) -> bool:
