@@ -252,7 +252,7 @@ class MeshRegression:
             raise AssertionError(f"{self._shown(golden)} {told}")
         for name, content in beside.items():  # a golden file of another test, perhaps; its own library may be renewed
             held, may_be_own = golden.parent / name, golden.exists() and suffix_of(name) not in FORMATS
-            if held != golden and held.exists() and not may_be_own and held.read_bytes() != content:
+            if held != golden and held.is_file() and not may_be_own and held.read_bytes() != content:
                 told = f"{self._shown(held)} would be its library, but is there already with other content"
                 raise AssertionError(f"{self._shown(golden)} {reason}, and is not written: {told}")
         with StagedFiles(golden.parent) as files:
