@@ -258,7 +258,8 @@ class MeshRegression:
         with StagedFiles(golden.parent) as files:
             for name, content in {**beside, golden.name: data}.items():
                 files.add(str(golden.parent / name), [content])
-        self._written.append(f"golden file {reason}, written: {self._shown(golden)}; look at it, and run again")
+        written = ", ".join([self._shown(golden), *beside])  # another golden file may have the same library
+        self._written.append(f"golden file {reason}, written: {written}; look at it, and run again")
 
     def _shown(self, path: Path) -> str:
         """Return a path as commands take it in the folder in which pytest was called."""

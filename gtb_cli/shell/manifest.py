@@ -141,6 +141,5 @@ def _sum_of(path: str) -> str | None:
     from gtb_cli.files import sha256_of
 
     with suppress(OSError):
-        if os.path.isfile(path):
-            return sha256_of(path).hex()
+        return sha256_of(path).hex() if os.path.isfile(path) else None
     return None
