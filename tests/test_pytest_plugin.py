@@ -124,7 +124,7 @@ def test_what_a_library_holds_is_kept_and_compared_and_no_attribute_is_lost(fold
     far += 'shutil.copy("b.obj", "test_a.obj")\n'
     steps = far + 'run("-k", "test_a"), run("-k", "test_a"), pathlib.Path("a.mtl").write_text("newmtl red"), run()'
     steps += ', shutil.copytree("test_lamp", "kept"), run("-k", "test_a", "--force-regen")'
-    new, same, (status, text), _ = runs(folder, test, steps)
+    new, same, (status, text), renewed = runs(folder, test, steps)
     assert [new[0], same[0], status, (folder / "kept" / "a.mtl").read_text()[-7:]] == [1, 0, 1, " 1 0 0\n"]
     assert ((folder / "test_lamp" / "a.mtl").read_text(), (folder / "kept" / "test_theft.obj").exists()) == (
         "newmtl red",
@@ -138,6 +138,7 @@ def test_what_a_library_holds_is_kept_and_compared_and_no_attribute_is_lost(fold
         "test_a.obj would be its library",
     )
     assert [each in text for each in told] == [True] * 4
+    assert "written: test_lamp/test_a.obj, a.mtl; look" in renewed[1]
 
 
 @long
