@@ -61,6 +61,21 @@ def read_up_to(file: IO[bytes], limit: int) -> bytes:
     return b"".join(blocks)
 
 
+def sha256_of(path: str) -> bytes:
+    """Return the sha256 of a regular file, of as many bytes as the system gives as its size: some of /proc never end.
+
+    Raises an `OSError` if it cannot be read.
+    """
+    import hashlib
+
+    with open(path, "rb") as file:
+        left, found = os.fstat(file.fileno()).st_size, hashlib.sha256()
+        while block := file.read(min(left, 1 << 20)):
+            found.update(block)
+            left -= len(block)
+    return found.digest()
+
+
 class StagedFiles:
     """Several files that appear together when the `with` block ends, or not at all.
 

@@ -152,6 +152,7 @@ class MeshRegression:
         __tracebackhide__ = True
         from gtb_cli.distances.operands import operand
         from gtb_cli.errors import DomainError, GtbError
+        from gtb_cli.files import read_file
         from gtb_cli.formats.export import encode_mesh
         from gtb_cli.tessellation.recipe import Recipe
         from gtb_cli.verdicts.comparing import Comparing
@@ -174,7 +175,7 @@ class MeshRegression:
                 named = [name for name, held in found.libraries.items() if isinstance(held, bytes)]
                 if far := [name for name in named if os.path.dirname(name)]:
                     raise GtbError(f"{path}: {far[0]} is in another folder, and is not kept beside a golden file")
-                files = {name: (path.parent / name).read_bytes() for name in named}
+                files = {name: read_file(path.parent / name, os.path.getsize(path.parent / name)) for name in named}
             else:
                 if mesh.attributes and kept and not kept.attributes:
                     raise DomainError(f"attributes: {format.upper()} holds none, give format='ply'")
@@ -249,10 +250,16 @@ class MeshRegression:
         if self._test.get_closest_marker("xfail") and not self._config.getoption("runxfail", False):
             told = f"{reason}, and is not written by a test marked xfail but with --runxfail"
             raise AssertionError(f"{self._shown(golden)} {told}")
+        for name, content in beside.items():  # a golden file of another test, perhaps; its own library may be renewed
+            held, may_be_own = golden.parent / name, golden.exists() and suffix_of(name) not in FORMATS
+            if held != golden and held.is_file() and not may_be_own and held.read_bytes() != content:
+                told = f"{self._shown(held)} would be its library, but is there already with other content"
+                raise AssertionError(f"{self._shown(golden)} {reason}, and is not written: {told}")
         with StagedFiles(golden.parent) as files:
             for name, content in {**beside, golden.name: data}.items():
                 files.add(str(golden.parent / name), [content])
-        self._written.append(f"golden file {reason}, written: {self._shown(golden)}; look at it, and run again")
+        written = ", ".join([self._shown(golden), *beside])  # another golden file may have the same library
+        self._written.append(f"golden file {reason}, written: {written}; look at it, and run again")
 
     def _shown(self, path: Path) -> str:
         """Return a path as commands take it in the folder in which pytest was called."""

@@ -116,15 +116,29 @@ run()
 def test_what_a_library_holds_is_kept_and_compared_and_no_attribute_is_lost(folder):
     (folder / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
     (folder / "a.mtl").write_text("newmtl red\nKd 1 0 0\n")
-    checks = {"a": "'a.obj'", "u": "'lamp.toml', n=1, attributes=['u']", "far": "'b.obj'"}
+    checks = {"a": "'a.obj'", "u": "'lamp.toml', n=1, attributes=['u']", "far": "'b.obj'", "theft": "'c.obj'"}
     test = "".join(f"def test_{n}(mesh_regression):\n    mesh_regression.check({w})\n" for n, w in checks.items())
     far = 'os.mkdir("b"), shutil.copy("a.mtl", "b")\n'
     far += 'pathlib.Path("b.obj").write_text(pathlib.Path("a.obj").read_text().replace("a.mtl", "b/a.mtl"))\n'
+    far += 'pathlib.Path("c.obj").write_text(pathlib.Path("a.obj").read_text().replace("a.mtl", "test_a.obj"))\n'
+    far += 'shutil.copy("b.obj", "test_a.obj")\n'
     steps = far + 'run("-k", "test_a"), run("-k", "test_a"), pathlib.Path("a.mtl").write_text("newmtl red"), run()'
-    new, same, (status, text) = runs(folder, test, steps)
-    assert [new[0], same[0], status, (folder / "test_lamp" / "a.mtl").read_text()[-7:]] == [1, 0, 1, " 1 0 0\n"]
-    told = "libraries and pictures: not", "attributes: OBJ holds none, give", "b/a.mtl is in another folder, and"
-    assert [each in text for each in told] == [True] * 3
+    steps += ', shutil.copytree("test_lamp", "kept"), run("-k", "test_a", "--force-regen")'
+    new, same, (status, text), renewed = runs(folder, test, steps)
+    assert [new[0], same[0], status, (folder / "kept" / "a.mtl").read_text()[-7:]] == [1, 0, 1, " 1 0 0\n"]
+    assert ((folder / "test_lamp" / "a.mtl").read_text(), (folder / "kept" / "test_theft.obj").exists()) == (
+        "newmtl red",
+        False,
+    )
+    assert (folder / "kept" / "test_a.obj").read_text() == (folder / "a.obj").read_text()
+    told = (
+        "libraries and pictures: not",
+        "attributes: OBJ holds none, give",
+        "b/a.mtl is in another folder, and",
+        "test_a.obj would be its library",
+    )
+    assert [each in text for each in told] == [True] * 4
+    assert "written: test_lamp/test_a.obj, a.mtl; look" in renewed[1]
 
 
 @long

@@ -32,7 +32,8 @@ def approve(golden: str, out: str, names: tuple[str, ...], prune: bool, comparin
 
     Take the meshes of the folder OUT over into the folder GOLDEN: all that differ, or that GOLDEN does not have, as
     gtb diff GOLDEN OUT says with the same options; or only those with the names that it prints, or that match patterns
-    such as 'part-*', even if they differ by less than the tolerance. Nothing is written through links in GOLDEN.
+    such as 'part-*', even if they differ by less than the tolerance. Nothing is written through links in GOLDEN, or
+    taken over through links that lead out of OUT.
 
     Every mesh is read first, and what changes is said. If one cannot be read, or OUT has no files, nothing is taken
     over. All files appear together: if one cannot be written, GOLDEN stays as it was.
@@ -57,7 +58,7 @@ def approve(golden: str, out: str, names: tuple[str, ...], prune: bool, comparin
     rest = [verdicts[name] for name in verdicts.keys() - {each.name for each in gone if prune}]
     if prune and (faults := _what_has_to_stay(golden, gone, rest)):
         raise GtbError(*faults)
-    for line in _take_over(golden, taken, comparing, stamps):
+    for line in _take_over((golden, out), taken, comparing, stamps):
         console.note(line)
     for verdict in gone if prune else ():
         path = verdict.paths[0]
@@ -103,8 +104,10 @@ def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, o
     return [verdict for name in chosen if not (verdict := verdicts[name]).same or verdict.found is not None]
 
 
-def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, stamps: Mapping[str, object]) -> list[str]:
-    """Replace all files or none; return what changes in each."""
+def _take_over(
+    folders: tuple[str, str], taken: Sequence[Verdict], comparing: Comparing, stamps: Mapping[str, object]
+) -> list[str]:
+    """Replace all files of the first folder or none; return what changes in each."""
     from gtb_cli.files import StagedFiles
 
     changes, errors = list[str](), list[str | Fault]()
@@ -112,7 +115,7 @@ def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, stam
         for verdict in taken:
             target = verdict.paths[0]
             try:
-                content = _new_content(golden, verdict)
+                content = _new_content(*folders, verdict)
                 if stamp(verdict.paths[1]) != stamps.get(verdict.paths[1]):
                     raise GtbError(Fault("was changed after it was compared", verdict.paths[1]))
                 changes.append(f"{target}: {_changed(verdict, content, comparing)}")
@@ -125,17 +128,20 @@ def _take_over(golden: str, taken: Sequence[Verdict], comparing: Comparing, stam
                     raise GtbError(f"cannot make the folder {error.filename}: {error.strerror}") from None
                 files.add(target, [content])
         if errors:
-            raise GtbError(*errors, Fault("nothing was taken over", golden))
+            raise GtbError(*errors, Fault("nothing was taken over", folders[0]))
     return changes
 
 
-def _new_content(golden: str, verdict: Verdict) -> bytes:
+def _new_content(golden: str, out: str, verdict: Verdict) -> bytes:
     """Read a new file, unless it may not take the place of the old one."""
     target, source = verdict.paths
     if suffix_of(target) != suffix_of(source):
         raise GtbError(f"{source}: is a file of another kind than {target}")
     if os.path.realpath(target) != os.path.join(os.path.realpath(golden), os.path.relpath(target, golden)):
         raise GtbError(f"{target}: is a link, or in a folder that is one: nothing is written there")
+    folder, place = os.path.realpath(out), os.path.realpath(source)
+    if os.path.commonpath([folder, place]) != folder:
+        raise GtbError(f"{source}: is a link, or in a folder that is one, and leads to {place}: it is not taken over")
     if not os.path.isfile(source):  # reading a pipe would wait for its writer
         raise GtbError(*(verdict.errors or [Fault("is not a file", source)]))
     with opened(source) as file:

@@ -44,7 +44,7 @@ def diff(
     ignore : {"orientation", "connectivity", "attributes"}, or a collection of them
         What is not a difference between meshes in the same place: faces that are turned over; other holes or parts,
         vertices shared in another way, and faces that are missing, there twice or without area; other normals, texture
-        coordinates, attributes and names of patches.
+        coordinates, attributes, groups, materials, named files and names of patches, of which ``limits`` do not tell.
     """
     recipe = recipe or Recipe()
     return compared(operand(a, recipe), operand(b, recipe), tolerance, kind, ignore)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from functools import cache, partial
 
 from gtb_cli.errors import GtbError
-from gtb_cli.files import read_file
+from gtb_cli.files import read_file, sha256_of
 from gtb_cli.formats.meshfiles import MAX_STREAM_BYTES
 from gtb_cli.meshes.mesh import KnownMesh
 
@@ -22,7 +22,7 @@ def named_files(known: KnownMesh, path: str) -> dict[str, bytes | str]:
 
     def hold(lines: Iterable[str], place: str = "") -> None:
         """Hold what lines name, perhaps in quotes, each several files, or one with blanks after options."""
-        for line in (each.replace("\\", "/").replace('"', "") for each in dict.fromkeys(lines)):
+        for line in (each.replace("\\", "/").replace('"', "").strip() for each in dict.fromkeys(lines)):
             ends = (end for k in range(20) for end in line.split(None, k)[-1:] if " " in end)
             names = next(([end] for end in ends if os.path.isfile(beside(place, end))), line.split())
             for name in (os.path.join(place, name) for name in names):
@@ -31,16 +31,19 @@ def named_files(known: KnownMesh, path: str) -> dict[str, bytes | str]:
     hold(known.libraries)
     there = {os.path.realpath(beside(name)): name for name, found in held.items() if isinstance(found, bytes)}
     for library, name in there.items() if known.format == "obj" else ():  # materials name pictures
-        keys = rb"(?im)^[ \t]*(?:map_\w+|bump|disp|decal|norm|refl)[ \t]+(.*\S)"
-        hold(map(os.fsdecode, re.findall(keys, read_file(library, MAX_STREAM_BYTES))), os.path.dirname(name))
+        keys = rb"(?im)^[ \t]*(?:map_\w+|bump|disp|decal|norm|refl)[ \t]+(\S.*)"
+        hold(map(os.fsdecode, re.findall(keys, _text(library))), os.path.dirname(name))
     return held
+
+
+def _text(path: str) -> bytes:
+    return read_file(path, min(MAX_STREAM_BYTES, os.path.getsize(path)))
 
 
 def _digest(path: str) -> bytes:
     try:
-        with open(path, "rb") as file:
-            if path.lower().endswith(".mtl"):  # text, whose lines may end otherwise
-                return hashlib.sha256(file.read(MAX_STREAM_BYTES + 1).replace(b"\r", b"")).digest()
-            return hashlib.file_digest(file, "sha256").digest()
+        if path.lower().endswith(".mtl"):  # text, whose lines may end otherwise
+            return hashlib.sha256(_text(path).replace(b"\r", b"")).digest()
+        return sha256_of(path)
     except OSError as error:
         raise GtbError(f"{path}: {error.strerror or error}") from None

@@ -88,7 +88,8 @@ Columns: TypeAlias = dict[str, tuple[NDArray[Any], IntArray]]
 def read_ply(data: bytes) -> FileArrays:
     """Read a PLY file: the elements `vertex` (x, y, z), `face` (a list of corners) and `edge` (vertex1, vertex2)."""
     elements, order, start = _header(data)
-    pictures = tuple(map(os.fsdecode, re.findall(rb"(?im)^comment[ \t]+TextureFile[ \t]+(.*?)\s*$", data[:start])))
+    names = re.findall(rb"(?im)^comment[ \t]+TextureFile[ \t]+(\S.*)", data[:start])
+    pictures = tuple(os.fsdecode(name.strip()) for name in names)
     if "vertex" not in elements:
         raise GtbError("has no element vertex")
     tables: dict[str, Columns] = {}

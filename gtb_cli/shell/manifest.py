@@ -138,8 +138,8 @@ def _is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
 
 def _sum_of(path: str) -> str | None:
     """Return the sha256 of a regular file, or None if there is no such file."""
+    from gtb_cli.files import sha256_of
+
     with suppress(OSError):
-        if os.path.isfile(path):
-            with open(path, "rb") as file:
-                return hashlib.file_digest(file, "sha256").hexdigest()
+        return sha256_of(path).hex() if os.path.isfile(path) else None
     return None

@@ -291,7 +291,7 @@ ignore_option = click.option(
     metavar="WHAT",
     help="What is not a difference between faces in the same place: orientation (turned over), connectivity (other "
     "holes or parts, vertices shared in another way, faces missing, there twice or without area), attributes (normals, "
-    "texture coordinates and further values at vertices), or several of them.",
+    "texture coordinates, other values, groups, materials, named files: without a warning), or several of them.",
 )
 
 

@@ -102,9 +102,10 @@ class Comparing:
                 raise GtbError(f"{path}: is not a file")
         suffixes = {suffix_of(first), suffix_of(second)}
         specs_count = not has_meshes or len(suffixes) > 1
-        if suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and specs_count):
+        is_read = suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and specs_count)
+        if is_read and not _are_equal_texts(first, second):  # some may be read only by what includes or uses them
             return self.files(first, second)
-        is_equal = filecmp.cmp(first, second, shallow=False)
+        is_equal = _are_equal(first, second)
         is_rounded = not is_equal and os.path.basename(first) == SEQUENCE_RECORD and _are_alike(first, second)
         return Verdict("", (first, second), "same" if is_equal or is_rounded else "different", is_rounded=is_rounded)
 
@@ -162,14 +163,14 @@ def _are_alike(first: str, second: str) -> bool:
 
 def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:
     """By the names of files that only one folder has, those of files with equal bytes that only the other has."""
-    import hashlib
+    from gtb_cli.files import sha256_of
 
     lone = [(name, path, k) for name, pair in matched.items() for k, path in enumerate(pair) if path and None in pair]
     alike: dict[tuple[str, bytes], tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
     for name, path, k in lone if len({k for *_, k in lone}) == 2 else ():
         if os.path.isfile(path):
-            with suppress(OSError), open(path, "rb") as file:
-                alike[suffix_of(name), hashlib.file_digest(file, "sha256").digest()][k].append(name)
+            with suppress(OSError):
+                alike[suffix_of(name), sha256_of(path)][k].append(name)
     found = [pair for names in alike.values() for pair in zip(*names, strict=False)]
     return dict([*found, *((new, old) for old, new in found)])
 
@@ -185,6 +186,20 @@ def mesh_or_spec(path: str) -> bytes:
     if len(data) > most == MAX_STREAM_BYTES:
         raise GtbError(f"{shown_input(path)}: does not end within {most >> 20} MB; more is read only from files")
     return data
+
+
+def _are_equal_texts(first: str, second: str) -> bool:
+    """Tell whether two files with suffixes of specs have equal bytes, which name no other file."""
+    if not {suffix_of(first), suffix_of(second)} <= {*SPEC_FORMATS} or not _are_equal(first, second):
+        return False
+    from gtb_cli.files import read_file
+
+    return not re.search(rb"include|\\", read_file(first, os.path.getsize(first)))
+
+
+def _are_equal(first: str, second: str) -> bool:
+    """Tell whether two files have equal bytes; those of /proc, some of which never end, count as empty."""
+    return os.path.getsize(first) == os.path.getsize(second) == 0 or filecmp.cmp(first, second, shallow=False)
 
 
 def _are_equal_meshes(first: str, second: str) -> bool:
