@@ -45,10 +45,11 @@ def unreserved(name: str, taken: Container[str]) -> str:
     return name if is_free else unreserved(f"attribute {name}", taken)
 
 
-def mark_of(*contents: str | bytes) -> float:
-    """A whole number that differs where texts, or bytes, do, which stands for them among numbers."""
+def mark_of(*contents: str | bytes) -> list[float]:
+    """Three whole numbers of 48 bits that differ where texts, or bytes, do, which stand for them among numbers."""
     parts = [each.encode("utf-8", "surrogatepass") if isinstance(each, str) else each for each in contents]
-    return float(int.from_bytes(hashlib.sha256(b"".join(parts)).digest()[:6]))
+    digest = hashlib.sha256(b"".join(parts)).digest()
+    return [float(int.from_bytes(digest[k : k + 6])) for k in (0, 6, 12)]
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:

@@ -150,13 +150,13 @@ class _ObjLines:
         is_divided = len({name for name, *_ in objects}) > 1 or sum(b - a for _, a, b in objects) < self.cell_count
         is_divided = is_divided and any(keyword == b"g" for keyword, *_ in self.names)
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
-        marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
+        marks = {label: [(mark_of(name), a, b) for name, a, b in named] for label, named in ranges.items()}
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
         lone = [int(each) - 1 for each in re.findall(r"(?<= )[0-9]+", "".join(re.findall("^p( .*)", told, re.M)))]
         told += "".join(f" {x + 0:.7g}" for k in lone if 0 <= k < len(vertices) for x in vertices[k].tolist())
         libraries = tuple(name for keyword, name, _ in self.names if keyword == b"mtllib" and materials)
         for label, text in ((f"{OTHER}points and settings", told), (LIBRARIES, "\n".join(libraries))):
-            marks[label] = [([mark_of(text)], 0, self.cell_count)] if text else []
+            marks[label] = [(mark_of(text), 0, self.cell_count)] if text else []
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
         further = [np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan) for part in self.further]

@@ -112,7 +112,7 @@ def read_ply(data: bytes) -> FileArrays:
         return np.maximum(half_step(sample, largest), single_half_steps(largest) if is_single else 0.0)
 
     cells = _cells(elements, tables)
-    ranges = {LIBRARIES: [([mark_of(*pictures)], 0, len(cells))] if pictures else []}
+    ranges = {LIBRARIES: [(mark_of(*pictures), 0, len(cells))] if pictures else []}
     values = partial(_values, elements, tables, cells)
     corners = next((counts for name, (_, counts) in tables.get("face", {}).items() if name in POLYGONS), cells[:0, 0])
     return FileArrays(vertices, cells, half_steps, (), "", values, ranges, pictures, polygons_of(corners))
@@ -154,8 +154,8 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         takes_much = longest >= 64 and longest * len(counts) > 2 * len(numbers)
         if takes_much or (longest > 8 and longest * cells.size > 1 << 24):  # marks take less memory
             parts = np.split(_single(exact), np.cumsum(counts)[:-1])
-            exact, longest = np.array([[int(mark_of(part.tobytes()))] for part in parts]), 1
-            counts, suffix = np.ones_like(counts), MARKED
+            exact, longest = np.array([mark_of(part.tobytes()) for part in parts]).reshape(-1, 1), 3
+            counts, suffix = np.full_like(counts, 3), MARKED
         found = padded(exact[:, 0], counts, longest, np.nan if exact.dtype.kind == "f" else ABSENT)
         values[label + suffix] = found, cells if label.endswith(" of vertices") else rows
         del rest[label]
@@ -164,7 +164,7 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
             rest[f"{column} of {name}"] = numbers, counts
     for label, (numbers, counts) in rest.items():
         mark = mark_of(_single(_exact(numbers)).tobytes(), counts.tobytes())
-        values[f"{OTHER}{label}"] = np.array([[mark]]), np.zeros(cells.shape, dtype=np.int64)
+        values[f"{OTHER}{label}"] = np.array([mark]), np.zeros(cells.shape, dtype=np.int64)
     return values
 
 

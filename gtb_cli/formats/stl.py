@@ -57,7 +57,7 @@ def read_stl(data: bytes) -> FileArrays:
         values = {FACETS if name == "normal" else name: facets[name].copy() for name in kept}  # without the rest
         content = _content(facets["corners"].reshape(-1, 3), single_half_steps, values)
         look = re.findall(rb"(?s)(COLOR=.{4}|MATERIAL=.{12})", data[:80])  # of facets without a colour, by Magics
-        return replace(content, ranges={f"{OTHER}colour": [([mark_of(*look)], 0, number)] if look else []})
+        return replace(content, ranges={f"{OTHER}colour": [(mark_of(*look), 0, number)] if look else []})
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)
     if len(data) < STL_HEADER_BYTES:

@@ -294,7 +294,7 @@ class _Reader:
                 groups.append((name, groups.pop()[1] if is_same else rows + start, rows + end))
                 ranges[_LOOK].append((row, rows + start, rows + end))
             for label, text in ((_SPECIAL, said), (OBJECTS, mesh.name if len(named) > 1 and any(here) else "")):
-                ranges[label] += [([mark_of(text)], rows, rows + len(found))] if text else []
+                ranges[label] += [(mark_of(text), rows, rows + len(found))] if text else []
             count, rows = count + len(points), rows + len(found)
         extensions = self.extensions.digest() if self.extensions.digest() != hashlib.sha256().digest() else b""
         material = materials.pop() if len(materials) == 1 else ""  # that of a whole mesh
@@ -302,7 +302,7 @@ class _Reader:
         unbuilt = "".join(f"{self.mark(key)}\n" for key, mesh in self.meshes.items() if id(mesh) not in known)
         others = (("further parts", self.others), ("material", material), ("objects that are not built", unbuilt))
         for label, told in (("extensions", extensions), *others):
-            ranges[f"{OTHER}{label}"] = [([mark_of(told)], 0, rows)] if told else []
+            ranges[f"{OTHER}{label}"] = [(mark_of(told), 0, rows)] if told else []
         points, corners = np.concatenate(vertices), np.concatenate(cells)
         space = ", ".join([self.unit, *sorted(self.kinds - {""})])
         return FileArrays(points, corners, single_half_steps, tuple(groups), space, ranges=ranges)
@@ -316,9 +316,9 @@ class _Reader:
         elif known and len({*part[1]}) > 1:  # the colour runs from corner to corner
             rest += f"{[known[int(member or 0)] for member in part[1]]}"
         shares = [share / 255 for share in colour] or [math.nan] * 4
-        return name, [*shares, mark_of(rest) if rest else math.nan] if colour or rest else []
+        return name, [*shares, *(mark_of(rest) if rest else [math.nan] * 3)] if colour or rest else []
 
-    def mark(self, key: str) -> float:
+    def mark(self, key: str) -> list[float]:
         """Return a mark of all that is said of an object."""
         mesh = self.meshes[key]
         looks = [(start, *self.look(part)) for start, part in mesh.parts]
