@@ -136,13 +136,15 @@ class _Reader:
         is_other = has_links and (told.count(b"/01/3dmodel") != 1 or name.encode() not in told)
         if is_other or len({*archive.namelist()}) < len(archive.namelist()):
             raise GtbError(f"has a part twice, or {_LINKS} names another model than {name}")
-        if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        model, size = archive.getinfo(name), sum(each.file_size for each in archive.infolist())
+        if model.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise GtbError("is compressed in a way that no 3MF file is")
         least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
-        if archive.getinfo(name).file_size > min(LARGEST, max(least, ratio * archive.getinfo(name).compress_size)):
-            raise GtbError(f"says that its model has more than {LARGEST >> 30} GB, or {ratio} times its packed size")
+        pairs = (model.file_size, model.compress_size), (size, archive.start_dir)  # parts may overlap
+        if any(each > min(LARGEST, max(least, ratio * packed)) for each, packed in pairs):
+            raise GtbError(f"says that it holds more than {LARGEST >> 30} GB, or {ratio} times its packed size")
         self.depth = self.named = self.foreign = 0  # depths, of which the last is that of an element of an extension
-        self.left = (1 << 19) + archive.getinfo(name).compress_size // 2  # elements: each takes four bytes, or repeats
+        self.left = (1 << 19) + model.compress_size // 2  # elements: each takes four bytes, or repeats
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
         self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}
@@ -152,10 +154,14 @@ class _Reader:
         self.kinds = set[str]()  # of objects that are built; no solids but for ""
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
-        others = [(each.filename, each.CRC) for each in archive.infolist() if each.filename != name]
-        self.parts = {f"/{other}".lower(): crc for other, crc in others}  # by what elements call them
-        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*\.(config|model)$|Metadata/.*\.(xml|json)$")  # also settings
-        self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
+        digests = dict[str, str]()
+        for other in sorted({*archive.namelist()} - {name}):
+            with archive.open(other) as part:
+                digests[other] = hashlib.file_digest(part, "sha256").hexdigest()  # type: ignore[arg-type]
+        self.parts = {f"/{other}".lower(): digest for other, digest in digests.items()}  # by what elements call them
+        # Lists of parts, and pictures of what is compared
+        plain = re.compile(r"\[Content_Types\]\.xml$|.*(\.rels|/)$|(?!3D/).*\.(png|jpe?g)$", re.IGNORECASE)
+        self.others = "".join(f"{other} {digest}\n" for other, digest in digests.items() if not plain.match(other))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
