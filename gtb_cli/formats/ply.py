@@ -159,11 +159,17 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         found = padded(exact[:, 0], counts, longest, np.nan if exact.dtype.kind == "f" else ABSENT)
         values[label + suffix] = found, cells if label.endswith(" of vertices") else rows
         del rest[label]
+    doubles = set[str]()
     for name in tables.keys() - {"vertex", table}:
         for column, (numbers, counts) in tables[name].items() if elements[name].rows else ():
             rest[f"{column} of {name}"] = numbers, counts
+            doubles |= {f"{column} of {name}"} if elements[name].properties[column].kind == "f8" else set()
     for label, (numbers, counts) in rest.items():
-        mark = mark_of(_single(_exact(numbers)).tobytes(), counts.tobytes())
+        exact = _exact(numbers)
+        told = (
+            [_single(exact), exact] if label in doubles else [_single(exact)]
+        )  # the first one also for 32-bit numbers
+        mark = [number for each in told for number in mark_of(each.tobytes(), counts.tobytes())]
         values[f"{OTHER}{label}"] = np.array([mark]), np.zeros(cells.shape, dtype=np.int64)
     return values
 

@@ -286,8 +286,6 @@ def unlike(
     some.append((f"places with more than two {what[1]}", first.crowded_edges, second.crowded_edges))
     one, other = (int(_without_extent(each.mesh).sum()) for each in (a, b))  # not those that polygons are cut into
     some += [] if a.has_polygons or b.has_polygons else [("cells without extent", one, other)]
-    one, other = (int((~are_proper(_places(each.mesh)[1])).sum()) for each in (a, b))  # which no cut of faces makes
-    rows += [] if a.has_polygons or b.has_polygons else [("cells with a corner twice", one, other)]
     rows += [row for row in some if 0 in row[1:]]  # how many there are need not be the same
     told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
     extent, others_extent = (each.length or each.area or 0.0 for each in (first, second))
@@ -300,19 +298,20 @@ def unlike(
     only, others_only = faces.there[faces.numbers[0]] == 0, faces.here[faces.numbers[1]] == 0
     if only.any() != others_only.any():
         told.append(f"{int(only.sum())} against {int(others_only.sum())} {cell}s that the other has not")
-    sides = sides_of(np.concatenate([cells, others])).edge
-    parts = np.split(sides, [len(cells)])
-    here, there = (np.bincount(part.ravel(), minlength=int(sides.max()) + 1) for part in parts)
-    is_common = np.isin(np.arange(len(here)), sides[: len(cells)][~only])
-    is_odd = (here > 0) & (there > 0) & ((here - there) % 2 == 1)  # other cuts of flat faces leave the parity as it is
+    sides = sides_of(np.concatenate([cells, others]))
+    parts = np.split(sides.edge, [len(cells)])
+    here, there = (np.bincount(part.ravel(), minlength=len(sides.edges)) for part in parts)
+    is_common = np.isin(np.arange(len(here)), parts[0][~only])
+    # Other cuts of flat faces make no edges without length, and leave the parity of edges that are there before.
+    is_odd = (((here > 0) & (there > 0)) | ~sides.is_proper) & ((here - there) % 2 == 1)
     other = int((is_odd | (is_common & (here != there))).sum())
     s, have = ("", "has") if other == 1 else ("s", "have")
     told += [f"{other} common {side}{s} {have} further {cell}s in one of them only"] if other else []
     if a.has_indices and b.has_indices:
         pairs = ((sides_of(each.mesh.cells).first, part) for each, part in zip((a, b), parts, strict=True))
-        one, two = (np.bincount(part.ravel()[first], minlength=len(here)) for first, part in pairs)
-        apart = int(((here == there) & (one != two)).sum())
-        told += [f"the {cell}s at {apart} common {side}s share vertices in another way"] if apart else []
+        held, others_held = (np.bincount(part.ravel()[first], minlength=len(here)) for first, part in pairs)
+        apart = int(((here == there) & (held != others_held)).sum())
+        told += [f"the {cell}s at {apart} of the common {side}s share vertices in another way"] if apart else []
     thin, others_thin = (_without_extent(each.mesh, close) for each in (a, b))
     turned, rest, others_rest = faces.turned(), ~thin & only, ~others_thin & others_only
     if have_others and not first.is_curve and not thin.all() and not others_thin.all():
