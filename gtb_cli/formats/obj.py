@@ -12,7 +12,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of
 from gtb_cli.formats.polygons import polygons_of, segments, triangles
-from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, padded, shown
+from gtb_cli.formats.text import BLOCK_BYTES, T, half_step, lines_of, number_rows, padded, sampled, shown
 from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
@@ -126,8 +126,8 @@ class _ObjLines:
             ends = np.concatenate([[0], np.cumsum(counts - fewer)])
             through = np.searchsorted(places[keyword], [place for place, *_ in names])
             starts = [start + int(ends[row]) for start, row in zip(starts, through, strict=True)]
-        wanted = max(SAMPLED_VERTICES // 100, SAMPLED_VERTICES - len(self.words) // 3)  # further blocks may have others
-        self.words += [word for place in places[b"v"][:wanted] for word in lines[place].split()[1:4]]
+        rows = sampled([lines[place] for place in places[b"v"]], len(self.words) // 3)
+        self.words += [word for row in rows for word in row.split()[1:4]]
         self.vertices.append(points)
         self.further.append(further)
         self.count += len(points)

@@ -16,7 +16,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, unreserved
 from gtb_cli.formats.obj_writing import text_rows
 from gtb_cli.formats.polygons import polygons_of, triangles
-from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, padded, shown
+from gtb_cli.formats.text import half_step, lines_of, number_rows, padded, sampled, shown
 from gtb_cli.meshes.mesh import ABSENT, LIBRARIES, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 
@@ -308,8 +308,7 @@ def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Colum
         if not (block := list(islice(rows, min(left, most)))):
             raise GtbError(f"is cut off: it ends within the {element.rows} rows of element {element.name}")
         left -= len(block)
-        wanted = max(SAMPLED_VERTICES // 100, SAMPLED_VERTICES - len(sample) // 3)  # further blocks may have others
-        sample += [word for row in block[:wanted] for word in row.split()[:3]]
+        sample += [word for row in sampled(block, len(sample) // 3) for word in row.split()[:3]]
         try:
             parts.append(_text_block(block, element))
         except GtbError as error:

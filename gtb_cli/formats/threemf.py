@@ -136,12 +136,11 @@ class _Reader:
         is_other = has_links and (told.count(b"/01/3dmodel") != 1 or name.encode() not in told)
         if is_other or len({*archive.namelist()}) < len(archive.namelist()):
             raise GtbError(f"has a part twice, or {_LINKS} names another model than {name}")
-        model, size = archive.getinfo(name), sum(each.file_size for each in archive.infolist())
+        model, size = archive.getinfo(name), sum(each.file_size for each in archive.infolist())  # parts may overlap
         if model.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise GtbError("is compressed in a way that no 3MF file is")
         least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
-        pairs = (model.file_size, model.compress_size), (size, archive.start_dir)  # parts may overlap
-        if any(each > min(LARGEST, max(least, ratio * packed)) for each, packed in pairs):
+        if size > min(LARGEST, max(least, ratio * archive.start_dir)):
             raise GtbError(f"says that it holds more than {LARGEST >> 30} GB, or {ratio} times its packed size")
         self.depth = self.named = self.foreign = 0  # depths, of which the last is that of an element of an extension
         self.left = (1 << 19) + model.compress_size // 2  # elements: each takes four bytes, or repeats

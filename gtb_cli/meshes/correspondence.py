@@ -305,8 +305,7 @@ def unlike(
     # Other cuts of flat faces make no edges without length, and leave the parity of edges that are there before.
     is_odd = (((here > 0) & (there > 0)) | ~sides.is_proper) & ((here - there) % 2 == 1)
     other = int((is_odd | (is_common & (here != there))).sum())
-    s, have = ("", "has") if other == 1 else ("s", "have")
-    told += [f"{other} common {side}{s} {have} further {cell}s in one of them only"] if other else []
+    told += [f"further {cell}s in one of them only at {other} of the common {side}s"] if other else []
     if a.has_indices and b.has_indices:
         pairs = ((sides_of(each.mesh.cells).first, part) for each, part in zip((a, b), parts, strict=True))
         held, others_held = (np.bincount(part.ravel()[first], minlength=len(here)) for first, part in pairs)
