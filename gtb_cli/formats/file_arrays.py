@@ -46,10 +46,9 @@ def unreserved(name: str, taken: Container[str]) -> str:
 
 
 def mark_of(*contents: str | bytes) -> list[float]:
-    """Three whole numbers of 48 bits that differ where texts, or bytes, do, which stand for them among numbers."""
+    """Four whole numbers of 32 bits that differ where texts, or bytes, do, which stand for them among numbers."""
     parts = [each.encode("utf-8", "surrogatepass") if isinstance(each, str) else each for each in contents]
-    digest = hashlib.sha256(b"".join(parts)).digest()
-    return [float(int.from_bytes(digest[k : k + 6])) for k in (0, 6, 12)]
+    return [*map(float, np.frombuffer(hashlib.sha256(b"".join(parts)).digest()[:16], ">u4"))]
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:

@@ -154,8 +154,8 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         takes_much = longest >= 64 and longest * len(counts) > 2 * len(numbers)
         if takes_much or (longest > 8 and longest * cells.size > 1 << 24):  # marks take less memory
             parts = np.split(_single(exact), np.cumsum(counts)[:-1])
-            exact, longest = np.array([mark_of(part.tobytes()) for part in parts]).reshape(-1, 1), 3
-            counts, suffix = np.full_like(counts, 3), MARKED
+            exact, longest = np.array([mark_of(part.tobytes()) for part in parts]).reshape(-1, 1), 4
+            counts, suffix = np.full_like(counts, 4), MARKED
         found = padded(exact[:, 0], counts, longest, np.nan if exact.dtype.kind == "f" else ABSENT)
         values[label + suffix] = found, cells if label.endswith(" of vertices") else rows
         del rest[label]
@@ -165,11 +165,8 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
             rest[f"{column} of {name}"] = numbers, counts
             doubles |= {f"{column} of {name}"} if elements[name].properties[column].kind == "f8" else set()
     for label, (numbers, counts) in rest.items():
-        exact = _exact(numbers)
-        told = (
-            [_single(exact), exact] if label in doubles else [_single(exact)]
-        )  # the first one also for 32-bit numbers
-        mark = [number for each in told for number in mark_of(each.tobytes(), counts.tobytes())]
+        exact, lengths = _exact(numbers), counts.tobytes()
+        mark = mark_of(_single(exact).tobytes(), lengths) + mark_of(exact.tobytes(), lengths) * (label in doubles)
         values[f"{OTHER}{label}"] = np.array([mark]), np.zeros(cells.shape, dtype=np.int64)
     return values
 

@@ -87,10 +87,11 @@ def shown(word: bytes) -> str:
 def sampled(rows: Sequence[bytes], held: int) -> list[bytes]:
     """Return rows of a block, of which `held` others are known, to infer digits: some from everywhere, and the longest.
 
-    The first blocks give 10,000 in all, and each further one at least a hundred, as it may have other digits.
+    The first blocks give 10,000 in all, and each further one a hundred, as it may have other digits. Where rows are
+    the words of points, they are taken from all axes.
     """
     step = -(-len(rows) // max(10_000 - held, 100)) or 1
-    return [*rows[::step], max(rows, key=len, default=b"")]
+    return [*rows[:: step + (step % 3 == 0)], max(rows, key=len, default=b"")]
 
 
 def half_step(words: Sequence[bytes], sizes: FloatArray) -> FloatArray:

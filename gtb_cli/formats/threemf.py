@@ -321,7 +321,7 @@ class _Reader:
         elif known and len({*part[1]}) > 1:  # the colour runs from corner to corner
             rest += f"{[known[int(member or 0)] for member in part[1]]}"
         shares = [share / 255 for share in colour] or [math.nan] * 4
-        return name, [*shares, *(mark_of(rest) if rest else [math.nan] * 3)] if colour or rest else []
+        return name, [*shares, *(mark_of(rest) if rest else [math.nan] * 4)] if colour or rest else []
 
     def mark(self, key: str) -> list[float]:
         """Return a mark of all that is said of an object."""
