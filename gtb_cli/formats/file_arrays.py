@@ -45,10 +45,10 @@ def unreserved(name: str, taken: Container[str]) -> str:
     return name if is_free else unreserved(f"attribute {name}", taken)
 
 
-def mark_of(*contents: str | bytes) -> float:
-    """A whole number that differs where texts, or bytes, do, which stands for them among numbers."""
+def mark_of(*contents: str | bytes) -> list[float]:
+    """Four whole numbers of 32 bits that differ where texts, or bytes, do, which stand for them among numbers."""
     parts = [each.encode("utf-8", "surrogatepass") if isinstance(each, str) else each for each in contents]
-    return float(int.from_bytes(hashlib.sha256(b"".join(parts)).digest()[:6]))
+    return [*map(float, np.frombuffer(hashlib.sha256(b"".join(parts)).digest()[:16], ">u4"))]
 
 
 def single_half_steps(largest: FloatArray) -> FloatArray:

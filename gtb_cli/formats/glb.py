@@ -217,7 +217,7 @@ def read_glb(data: bytes) -> FileArrays:
             label = known.get(name) or unreserved(name.lower().strip("_"), found)
             found[label] = _values(tree, binary, name, parts, count, is_z_up), corners
         if mark := scene.further():
-            found[f"{OTHER}description"] = np.array([[mark]]), np.zeros(corners.shape, dtype=np.int64)
+            found[f"{OTHER}description"] = np.array([mark]), np.zeros(corners.shape, dtype=np.int64)
         return found
 
     uris = sorted(str(image["uri"]) for image in tree.get("images", ()) if isinstance(image, dict) and "uri" in image)

@@ -105,9 +105,9 @@ class Scene:
         colour = material.get("pbrMetallicRoughness", {}).get(COLOUR, (1, 1, 1, 1))
         if len(colour) != 4:
             raise GtbError(f"{COLOUR}: expected 4 numbers, got {len(colour)}")
-        return [*map(float, colour), self._mark("shadings", number)]
+        return [*map(float, colour), *mark_of(json.dumps(self._mark("shadings", number)))]
 
-    def further(self) -> float | None:
+    def further(self) -> list[float] | None:
         """Return a mark of what is said beside the faces, places and materials of meshes, if there is anything."""
         placing = {"mesh", "matrix", "translation", "rotation", "scale", "children", "name"}
         drawing = {"attributes", "indices", "material", "mode"}

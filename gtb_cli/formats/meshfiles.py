@@ -76,7 +76,7 @@ def values_of(content: FileArrays, mesh: Mesh, shown: str) -> Values:
     ranges = dict(content.ranges)
     names, held = {name for name, *_ in content.groups}, sum(stop - start for _, start, stop in mesh.groups)
     if len(names) > 1 or 0 < held < len(mesh.cells):  # not the name of the whole mesh
-        ranges[GROUPS] = [([mark_of(name)], start, stop) for name, start, stop in content.groups]
+        ranges[GROUPS] = [(mark_of(name), start, stop) for name, start, stop in content.groups]
     for label, parts in ranges.items():
         if width := max((len(row) for row, *_ in parts), default=0):
             part = np.zeros(len(mesh.cells), dtype=np.int64)  # in none

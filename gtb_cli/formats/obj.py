@@ -12,7 +12,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of
 from gtb_cli.formats.polygons import polygons_of, segments, triangles
-from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, padded, shown
+from gtb_cli.formats.text import BLOCK_BYTES, T, half_step, lines_of, number_rows, padded, sampled, shown
 from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
@@ -126,8 +126,8 @@ class _ObjLines:
             ends = np.concatenate([[0], np.cumsum(counts - fewer)])
             through = np.searchsorted(places[keyword], [place for place, *_ in names])
             starts = [start + int(ends[row]) for start, row in zip(starts, through, strict=True)]
-        wanted = max(SAMPLED_VERTICES // 100, SAMPLED_VERTICES - len(self.words) // 3)  # further blocks may have others
-        self.words += [word for place in places[b"v"][:wanted] for word in lines[place].split()[1:4]]
+        rows = sampled([lines[place] for place in places[b"v"]], len(self.words) // 3)
+        self.words += [word for row in rows for word in row.split()[1:4]]
         self.vertices.append(points)
         self.further.append(further)
         self.count += len(points)
@@ -150,13 +150,13 @@ class _ObjLines:
         is_divided = len({name for name, *_ in objects}) > 1 or sum(b - a for _, a, b in objects) < self.cell_count
         is_divided = is_divided and any(keyword == b"g" for keyword, *_ in self.names)
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
-        marks = {label: [([mark_of(name)], a, b) for name, a, b in named] for label, named in ranges.items()}
+        marks = {label: [(mark_of(name), a, b) for name, a, b in named] for label, named in ranges.items()}
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
         lone = [int(each) - 1 for each in re.findall(r"(?<= )[0-9]+", "".join(re.findall("^p( .*)", told, re.M)))]
         told += "".join(f" {x + 0:.7g}" for k in lone if 0 <= k < len(vertices) for x in vertices[k].tolist())
         libraries = tuple(name for keyword, name, _ in self.names if keyword == b"mtllib" and materials)
         for label, text in ((f"{OTHER}points and settings", told), (LIBRARIES, "\n".join(libraries))):
-            marks[label] = [([mark_of(text)], 0, self.cell_count)] if text else []
+            marks[label] = [(mark_of(text), 0, self.cell_count)] if text else []
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
         further = [np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan) for part in self.further]

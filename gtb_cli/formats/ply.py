@@ -16,7 +16,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, unreserved
 from gtb_cli.formats.obj_writing import text_rows
 from gtb_cli.formats.polygons import polygons_of, triangles
-from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, padded, shown
+from gtb_cli.formats.text import half_step, lines_of, number_rows, padded, sampled, shown
 from gtb_cli.meshes.mesh import ABSENT, LIBRARIES, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 
@@ -113,7 +113,7 @@ def read_ply(data: bytes) -> FileArrays:
         return np.maximum(half_step(sample, largest), single_half_steps(largest) if is_single else 0.0)
 
     cells = _cells(elements, tables)
-    ranges = {LIBRARIES: [([mark_of(*pictures)], 0, len(cells))] if pictures else []}
+    ranges = {LIBRARIES: [(mark_of(*pictures), 0, len(cells))] if pictures else []}
     values = partial(_values, elements, tables, cells)
     corners = next((counts for name, (_, counts) in tables.get("face", {}).items() if name in POLYGONS), cells[:0, 0])
     return FileArrays(vertices, cells, half_steps, (), "", values, ranges, pictures, polygons_of(corners))
@@ -155,17 +155,20 @@ def _values(elements: dict[str, Element], tables: dict[str, Columns], cells: Int
         takes_much = longest >= 64 and longest * len(counts) > 2 * len(numbers)
         if takes_much or (longest > 8 and longest * cells.size > 1 << 24):  # marks take less memory
             parts = np.split(_single(exact), np.cumsum(counts)[:-1])
-            exact, longest = np.array([[int(mark_of(part.tobytes()))] for part in parts]), 1
-            counts, suffix = np.ones_like(counts), MARKED
+            exact, longest = np.array([mark_of(part.tobytes()) for part in parts]).reshape(-1, 1), 4
+            counts, suffix = np.full_like(counts, 4), MARKED
         found = padded(exact[:, 0], counts, longest, np.nan if exact.dtype.kind == "f" else ABSENT)
         values[label + suffix] = found, cells if label.endswith(" of vertices") else rows
         del rest[label]
+    doubles = set[str]()
     for name in tables.keys() - {"vertex", table}:
         for column, (numbers, counts) in tables[name].items() if elements[name].rows else ():
             rest[f"{column} of {name}"] = numbers, counts
+            doubles |= {f"{column} of {name}"} if elements[name].properties[column].kind == "f8" else set()
     for label, (numbers, counts) in rest.items():
-        mark = mark_of(_single(_exact(numbers)).tobytes(), counts.tobytes())
-        values[f"{OTHER}{label}"] = np.array([[mark]]), np.zeros(cells.shape, dtype=np.int64)
+        exact, lengths = _exact(numbers), counts.tobytes()
+        mark = mark_of(_single(exact).tobytes(), lengths) + mark_of(exact.tobytes(), lengths) * (label in doubles)
+        values[f"{OTHER}{label}"] = np.array([mark]), np.zeros(cells.shape, dtype=np.int64)
     return values
 
 
@@ -303,8 +306,7 @@ def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Colum
         if not (block := list(islice(rows, min(left, most)))):
             raise GtbError(f"is cut off: it ends within the {element.rows} rows of element {element.name}")
         left -= len(block)
-        wanted = max(SAMPLED_VERTICES // 100, SAMPLED_VERTICES - len(sample) // 3)  # further blocks may have others
-        sample += [word for row in block[:wanted] for word in row.split()[:3]]
+        sample += [word for row in sampled(block, len(sample) // 3) for word in row.split()[:3]]
         try:
             parts.append(_text_block(block, element))
         except GtbError as error:

@@ -14,7 +14,7 @@ from gtb_cli.arrays import FloatArray, IntArray, bounds_of, row_blocks
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, mark_of, single_half_steps
 from gtb_cli.formats.obj_writing import BLOCK_ROWS, text_rows
-from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
+from gtb_cli.formats.text import half_step, numbers, sampled, shown
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import FACETS, OTHER, Values
 
@@ -57,7 +57,7 @@ def read_stl(data: bytes) -> FileArrays:
         values = {FACETS if name == "normal" else name: facets[name].copy() for name in kept}  # without the rest
         content = _content(facets["corners"].reshape(-1, 3), single_half_steps, values)
         look = re.findall(rb"(?s)(COLOR=.{4}|MATERIAL=.{12})", data[:80])  # of facets without a colour, by Magics
-        return replace(content, ranges={f"{OTHER}colour": [([mark_of(*look)], 0, number)] if look else []})
+        return replace(content, ranges={f"{OTHER}colour": [(mark_of(*look), 0, number)] if look else []})
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)
     if len(data) < STL_HEADER_BYTES:
@@ -99,14 +99,14 @@ def _read_text(data: bytes) -> FileArrays:
             count += 1
             if len(words) >= most:
                 corners.append(numbers(words, np.float64))
-                sample, words = sample + words[: 3 * (SAMPLED_VERTICES // 100 if sample else SAMPLED_VERTICES)], []
+                sample, words = sample + sampled(words, len(sample)), []
         if not (found := endsolid.match(data, place)):
             raise _fault(data, place, count + 1)
         place = found.end()
     if rest := re.compile(rb"\S+").search(data, place):
         raise GtbError(f"expected solid, got {shown(rest[0])}")
     corners.append(numbers(words, np.float64))
-    sample += words[: 3 * (SAMPLED_VERTICES // 100 if sample else SAMPLED_VERTICES)]
+    sample += sampled(words, len(sample))
     normal = re.compile(rb"facet\s+normal" + 3 * number, re.IGNORECASE)
     normals = numbers([word for words in normal.findall(data) for word in words], np.float64)
     parts = [(name, a, b) for (name, a), (_, b) in pairwise([*solids, ("", count)]) if name and a < b]

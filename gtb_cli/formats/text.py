@@ -13,7 +13,6 @@ from gtb_cli.errors import GtbError
 T = TypeVar("T", np.float64, np.int64)
 
 BLOCK_BYTES = 1 << 21  # bytes of text parsed together; lines and words are objects, which would fill the memory
-SAMPLED_VERTICES = 10_000  # number of vertices used to infer the digits of a file
 
 
 def lines_of(data: bytes, start: int = 0, size: int = BLOCK_BYTES) -> Iterator[tuple[int, list[bytes]]]:
@@ -83,6 +82,16 @@ def shown(word: bytes) -> str:
     shown_characters = 30  # largest number of characters of a bad word shown in a message
     text = ascii(word[:shown_characters].decode("utf-8", "replace"))
     return f"{text[:-1]}…{text[-1]}" if len(word) > shown_characters else text
+
+
+def sampled(rows: Sequence[bytes], held: int) -> list[bytes]:
+    """Return rows of a block, of which `held` others are known, to infer digits: some from everywhere, and the longest.
+
+    The first blocks give 10,000 in all, and each further one a hundred, as it may have other digits. Where rows are
+    the words of points, they are taken from all axes.
+    """
+    step = -(-len(rows) // max(10_000 - held, 100)) or 1
+    return [*rows[:: step + (step % 3 == 0)], max(rows, key=len, default=b"")]
 
 
 def half_step(words: Sequence[bytes], sizes: FloatArray) -> FloatArray:

@@ -136,13 +136,14 @@ class _Reader:
         is_other = has_links and (told.count(b"/01/3dmodel") != 1 or name.encode() not in told)
         if is_other or len({*archive.namelist()}) < len(archive.namelist()):
             raise GtbError(f"has a part twice, or {_LINKS} names another model than {name}")
-        if archive.getinfo(name).compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        model, size = archive.getinfo(name), sum(each.file_size for each in archive.infolist())  # parts may overlap
+        if model.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise GtbError("is compressed in a way that no 3MF file is")
         least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
-        if archive.getinfo(name).file_size > min(LARGEST, max(least, ratio * archive.getinfo(name).compress_size)):
-            raise GtbError(f"says that its model has more than {LARGEST >> 30} GB, or {ratio} times its packed size")
+        if size > min(LARGEST, max(least, ratio * archive.start_dir)):
+            raise GtbError(f"says that it holds more than {LARGEST >> 30} GB, or {ratio} times its packed size")
         self.depth = self.named = self.foreign = 0  # depths, of which the last is that of an element of an extension
-        self.left = (1 << 19) + archive.getinfo(name).compress_size // 2  # elements: each takes four bytes, or repeats
+        self.left = (1 << 19) + model.compress_size // 2  # elements: each takes four bytes, or repeats
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
         self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}
@@ -152,10 +153,14 @@ class _Reader:
         self.kinds = set[str]()  # of objects that are built; no solids but for ""
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
-        others = [(each.filename, each.CRC) for each in archive.infolist() if each.filename != name]
-        self.parts = {f"/{other}".lower(): crc for other, crc in others}  # by what elements call them
-        about = re.compile(r"3D/(?!.*(\.rels|/)$)|.*\.(config|model)$|Metadata/.*\.(xml|json)$")  # also settings
-        self.others = "".join(f"{other} {crc}\n" for other, crc in sorted(others) if about.match(other))
+        digests = dict[str, str]()
+        for other in sorted({*archive.namelist()} - {name}):
+            with archive.open(other) as part:
+                digests[other] = hashlib.file_digest(part, "sha256").hexdigest()  # type: ignore[arg-type]
+        self.parts = {f"/{other}".lower(): digest for other, digest in digests.items()}  # by what elements call them
+        # Lists of parts, and pictures of what is compared
+        plain = re.compile(r"\[Content_Types\]\.xml$|.*(\.rels|/)$|(?!3D/).*\.(png|jpe?g)$", re.IGNORECASE)
+        self.others = "".join(f"{other} {digest}\n" for other, digest in digests.items() if not plain.match(other))
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
@@ -294,7 +299,7 @@ class _Reader:
                 groups.append((name, groups.pop()[1] if is_same else rows + start, rows + end))
                 ranges[_LOOK].append((row, rows + start, rows + end))
             for label, text in ((_SPECIAL, said), (OBJECTS, mesh.name if len(named) > 1 and any(here) else "")):
-                ranges[label] += [([mark_of(text)], rows, rows + len(found))] if text else []
+                ranges[label] += [(mark_of(text), rows, rows + len(found))] if text else []
             count, rows = count + len(points), rows + len(found)
         extensions = self.extensions.digest() if self.extensions.digest() != hashlib.sha256().digest() else b""
         material = materials.pop() if len(materials) == 1 else ""  # that of a whole mesh
@@ -302,7 +307,7 @@ class _Reader:
         unbuilt = "".join(f"{self.mark(key)}\n" for key, mesh in self.meshes.items() if id(mesh) not in known)
         others = (("further parts", self.others), ("material", material), ("objects that are not built", unbuilt))
         for label, told in (("extensions", extensions), *others):
-            ranges[f"{OTHER}{label}"] = [([mark_of(told)], 0, rows)] if told else []
+            ranges[f"{OTHER}{label}"] = [(mark_of(told), 0, rows)] if told else []
         points, corners = np.concatenate(vertices), np.concatenate(cells)
         space = ", ".join([self.unit, *sorted(self.kinds - {""})])
         return FileArrays(points, corners, single_half_steps, tuple(groups), space, ranges=ranges)
@@ -316,9 +321,9 @@ class _Reader:
         elif known and len({*part[1]}) > 1:  # the colour runs from corner to corner
             rest += f"{[known[int(member or 0)] for member in part[1]]}"
         shares = [share / 255 for share in colour] or [math.nan] * 4
-        return name, [*shares, mark_of(rest) if rest else math.nan] if colour or rest else []
+        return name, [*shares, *(mark_of(rest) if rest else [math.nan] * 4)] if colour or rest else []
 
-    def mark(self, key: str) -> float:
+    def mark(self, key: str) -> list[float]:
         """Return a mark of all that is said of an object."""
         mesh = self.meshes[key]
         looks = [(start, *self.look(part)) for start, part in mesh.parts]

@@ -56,7 +56,8 @@ def _remarks(
         elif name in here and name in there:
             (rows, of), (others, others_of) = here[name], there[name]
             if name.startswith(OTHER):
-                remarks += [f"{name}: not the same"] if (rows[of[0, 0]] != others[others_of[0, 0]]).any() else []
+                pairs = zip(rows[of[0, 0]], others[others_of[0, 0]], strict=False)  # doubles have a further mark
+                remarks += [f"{name}: not the same"] if any(one != other for one, other in pairs) else []
                 continue
             step = 1
             if isinstance(slots, float):

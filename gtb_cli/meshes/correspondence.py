@@ -298,12 +298,19 @@ def unlike(
     only, others_only = faces.there[faces.numbers[0]] == 0, faces.here[faces.numbers[1]] == 0
     if only.any() != others_only.any():
         told.append(f"{int(only.sum())} against {int(others_only.sum())} {cell}s that the other has not")
-    sides = sides_of(np.concatenate([cells, others])).edge
-    here, there = (np.bincount(part.ravel(), minlength=int(sides.max()) + 1) for part in np.split(sides, [len(cells)]))
-    other = int((here != there)[np.unique(sides[: len(cells)][~only])].sum())
-    if other:
-        s, have = ("", "has") if other == 1 else ("s", "have")
-        told.append(f"{other} {side}{s} of common {cell}s {have} further {cell}s in one of them only")
+    sides = sides_of(np.concatenate([cells, others]))
+    parts = np.split(sides.edge, [len(cells)])
+    here, there = (np.bincount(part.ravel(), minlength=len(sides.edges)) for part in parts)
+    is_common = np.isin(np.arange(len(here)), parts[0][~only])
+    # Other cuts of flat faces make no edges without length, and leave the parity of edges that are there before.
+    is_odd = (((here > 0) & (there > 0)) | ~sides.is_proper) & ((here - there) % 2 == 1)
+    other = int((is_odd | (is_common & (here != there))).sum())
+    told += [f"further {cell}s in one of them only at {other} of the common {side}s"] if other else []
+    if a.has_indices and b.has_indices:
+        pairs = ((sides_of(each.mesh.cells).first, part) for each, part in zip((a, b), parts, strict=True))
+        held, others_held = (np.bincount(part.ravel()[first], minlength=len(here)) for first, part in pairs)
+        apart = int(((here == there) & (held != others_held)).sum())
+        told += [f"the {cell}s at {apart} of the common {side}s share vertices in another way"] if apart else []
     thin, others_thin = (_without_extent(each.mesh, close) for each in (a, b))
     turned, rest, others_rest = faces.turned(), ~thin & only, ~others_thin & others_only
     if have_others and not first.is_curve and not thin.all() and not others_thin.all():
