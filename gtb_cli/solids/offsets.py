@@ -1,6 +1,7 @@
 """Offsets of surfaces: parallel to each patch, mitred where patches meet, and trimmed beside inner corners."""
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from gtb_cli.meshes.topology import are_used, sides_of
 # Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share the
 # normal. A solid is 3 % too thin on an edge between patches at this angle.
 SMOOTH_COSINE = math.cos(math.radians(15))
+Sheet: TypeAlias = tuple[IntArray, NearestCells]  # the vertices of a part of an offset, and triangles: none is folded
 MAX_MITRE = 4.0  # largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 29°
 
 
@@ -87,10 +89,8 @@ def cell_groups(mesh: Mesh) -> IntArray:
     return np.repeat(np.arange(len(groups)), [stop - start for _, start, stop in groups])
 
 
-def _sheets(
-    mesh: Mesh, offset: FloatArray, is_mitred: BoolArray, folded: IntArray
-) -> list[tuple[IntArray, NearestCells]]:
-    """Divide an offset at edges with mitres: the vertices of each sheet, and its triangles that are not folded."""
+def _sheets(mesh: Mesh, offset: FloatArray, is_mitred: BoolArray, folded: IntArray) -> list[Sheet]:
+    """Divide an offset at edges with mitres."""
     count, cell = len(offset), np.repeat(np.arange(len(mesh.cells)), 3)
     corners = np.stack([cell + count, mesh.cells.ravel()], axis=1)
     sheet = merged(count + len(mesh.cells), corners[~is_mitred[corners[:, 1]]])[count:]
@@ -101,9 +101,7 @@ def _sheets(
     ]
 
 
-def _drawn(
-    points: FloatArray, chosen: BoolArray, sheets: list[tuple[IntArray, NearestCells]], thickness: float
-) -> FloatArray:
+def _drawn(points: FloatArray, chosen: BoolArray, sheets: list[Sheet], thickness: float) -> FloatArray:
     """(m, 3) points, the chosen ones moved the least way onto all sheets that they are on."""
     steps, shortest = 3, 1e-3 * abs(thickness)  # of Newton's method, with the planes of the nearest triangles
     points = points.copy()
@@ -163,8 +161,7 @@ def evened(moves: FloatArray, links: IntArray, shares: FloatArray, along: FloatA
     weights = csc_array((shares, links.T), shape=(len(moves), len(moves)))[rows]
     held = hold * abs(weights).sum(axis=1) + np.finfo(float).tiny  # where all triangles are lines
     matrix = csc_array(diags_array(weights.sum(axis=1) + held) - weights[:, rows])
-    means = splu(matrix).solve(held[:, None] * moves[rows] + weights[:, fixed] @ moves[fixed])
-    along = along[rows]
+    means, along = splu(matrix).solve(held[:, None] * moves[rows] + weights[:, fixed] @ moves[fixed]), along[rows]
     slid = moves[rows] + dot(means - moves[rows], along)[:, None] * along
     result[rows] = np.where(along.any(axis=1, keepdims=True), slid, means)
     return result

@@ -28,7 +28,6 @@ SPHERE = 4 / 3 * math.pi
 
 CORNERS = [[0, 0], [1, 0], [0, 1], [1, 1]]
 
-
 SURFACES = [path for path in GOOD_SPECS if not is_curve(load(path))]
 
 
