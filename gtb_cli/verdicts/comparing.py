@@ -14,6 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import Fault, GtbError
+from gtb_cli.files import read_file, sha256_of
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import pairs
@@ -135,7 +136,6 @@ def _mesh_of(read: Callable[[], Operand]) -> Mesh | None:
 
 def _are_alike(first: str, second: str) -> bool:
     """Tell whether two files of JSON hold the same but for last digits, which other processors find otherwise."""
-    from gtb_cli.files import read_file
     from gtb_cli.formats.meshfiles import read_mesh
     from gtb_cli.language.document import MAX_BYTES
 
@@ -163,8 +163,6 @@ def _are_alike(first: str, second: str) -> bool:
 
 def _renamed(matched: Mapping[str, tuple[str | None, str | None]]) -> dict[str, str]:
     """By the names of files that only one folder has, those of files with equal bytes that only the other has."""
-    from gtb_cli.files import sha256_of
-
     lone = [(name, path, k) for name, pair in matched.items() for k, path in enumerate(pair) if path and None in pair]
     alike: dict[tuple[str, bytes], tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
     for name, path, k in lone if len({k for *_, k in lone}) == 2 else ():
@@ -192,8 +190,6 @@ def _are_equal_texts(first: str, second: str) -> bool:
     """Tell whether two files with suffixes of specs have equal bytes, which name no other file."""
     if not {suffix_of(first), suffix_of(second)} <= {*SPEC_FORMATS} or not _are_equal(first, second):
         return False
-    from gtb_cli.files import read_file
-
     return not re.search(rb"include|\\", read_file(first, os.path.getsize(first)))
 
 
