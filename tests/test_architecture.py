@@ -188,7 +188,7 @@ def test_a_command_is_imported_alone_and_without_numpy():
     for name in [name for name in modules() if wing_of(name) in ("process", "shell", "verdicts", "commands")]:
         early = imported_at_top(modules()[name])
         assert "numpy" not in packages(early), name
-        assert own(early) <= {"__init__", "errors", "version", "values", "vocabulary"} | OPTIONS | shell, name
+        assert own(early) <= {"__init__", "errors", "files", "version", "values", "vocabulary"} | OPTIONS | shell, name
 
 
 def test_options_are_read_without_numpy():
