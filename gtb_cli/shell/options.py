@@ -229,7 +229,8 @@ tolerance_option = click.option(
     "--tolerance",
     callback=reads(tolerance_of),
     metavar="T",
-    help="Instead of -n: largest distance between mesh and surface, in model units or such as 1% of the size.",
+    help="Instead of -n: largest distance between mesh and surface (not the offset of --thickness), in model units or "
+    "such as 1% of the size.",
 )
 
 # Options that make a solid of a curve or surface
