@@ -23,7 +23,7 @@ def offset_of(mesh: Mesh, thickness: float) -> FloatArray:
 
     Beside a concave edge, where offsets pass the corner and turn faces over, its vertices go to where the offsets of
     its patches meet, and others between their neighbours, on the offset, if fewer faces are turned over for it: rings
-    of faces about those that are, twice as many in each round. Where this does not suffice, vertices of seams move
+    of faces about those that are, half as many again in each round. Where this does not suffice, vertices of seams move
     along these as well.
     """
     moves = _displacements(mesh)
@@ -41,7 +41,7 @@ def offset_of(mesh: Mesh, thickness: float) -> FloatArray:
     is_corner = are_used(boundary(mesh)[0], count) & ~along.any(axis=1)
     for stays in (is_mitred | is_corner, (is_mitred & ~on_seam) | is_corner):
         is_moving, latest = np.zeros(count, dtype=bool), folded
-        for rings in 2 ** np.arange(8):
+        for rings in np.ceil(1.5 ** np.arange(11)).astype(int):  # a rim that they reach holds them back
             before = is_moving.copy()
             is_moving[mesh.cells[latest]] = True
             for _ in range(rings):
