@@ -151,6 +151,15 @@ def test_a_roof_is_as_thick_as_its_sides_up_to_a_bound(angle):
                 np.testing.assert_allclose(move @ normal, thickness, rtol=1e-9)
 
 
+def test_a_spike_of_three_sides_moves_up_to_the_bound():
+    base = [[2 * math.cos(a), 2 * math.sin(a), 0] for a in np.radians([0, 120, 240])]
+    sides = [Patch([[0, 0], [1, 0], [0, 1]], [[0, 0, 4.9], base[k - 1], base[k]]) for k in range(3)]
+    surface = tessellate(Model(tuple(sides)), 2)
+    for thickness in (0.1, -0.1):
+        moved = thicken(surface, thickness).vertices[len(surface.vertices) + surface.vertices[:, 2].argmax()]
+        np.testing.assert_allclose(moved[2] - 4.9, MAX_MITRE * thickness, rtol=1e-9)
+
+
 @pytest.mark.parametrize(("angle", "n"), mostly_long([(20, 64), (60, 16), (60, 64), (100, 32)], 0))
 def test_in_a_concave_edge_faces_narrower_than_the_corner_moves_are_not_turned_over(angle, n):
     """The offset of each side ends D tan(angle / 2) before the edge."""
