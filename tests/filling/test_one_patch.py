@@ -345,7 +345,7 @@ def test_sharp_surfaces_are_made_again_while_no_figure_rises(scores, figure, tak
         assert [one.points for one in search._again(*search.scored(0), lambda _, m=made: next(m))] == kept
 
 
-@pytest.mark.parametrize(("seed", "place"), [(2, [-0.800, 0.109, -0.008]), (5, [0.979, 0.140, -0.317])])
+@pytest.mark.parametrize(("seed", "place"), mostly_long([(2, [-0.800, 0.109, -0.008]), (5, [0.979, 0.140, -0.317])]))
 def test_figures_of_the_certificate_are_as_near_as_it_says(seed, place):
     """Differences of quadratures in two triangles cancel: of variation in the second loop, they are a tenth for .26."""
     filling = fill_loop(random_sides(3, seed))
@@ -447,7 +447,7 @@ def test_bounds_are_met_with_the_least_multipliers(seed):
     assert np.abs(room * found * np.sqrt(np.diag(form))).max() < 1e-9
 
 
-@pytest.mark.parametrize(("score", "more"), [(99.0, 0), (101.0, 3)])
+@pytest.mark.parametrize(("score", "more"), mostly_long([(99.0, 0), (101.0, 3)]))
 def test_plans_end_where_none_of_their_patches_can_win(score, more, monkeypatch):
     """The first plan has a second patch without faults: others may be better."""
     tried, sides = [], [replace(s, across=np.add(s.across, [0, 0, 0.1])) for s in plane_sides(L[[0, 1, 2, 5]], [1] * 4)]
@@ -840,6 +840,7 @@ def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():
     assert swings[0] < 0.6 * swings[1]
 
 
+@long
 def test_the_certificate_is_what_curvature_and_normals_say_at_its_places(tmp_path):
     """At a corner of the rounded cube, between quarters of cylinders with radius 1, whose mean curvature is 1/2."""
     cube = load(SPECS / "rounded-cube.toml")
