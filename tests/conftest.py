@@ -33,8 +33,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the longest tests first: at the end, all workers but one would wait for them."""
-    longest = ("test_guide.py", "test_study.py", "test_cluster.py", "test_cad_files.py")
-    items.sort(key=lambda item: item.path.name not in longest)
+    items.sort(key=lambda item: item.path.stem not in ("test_guide", "test_study", "test_cluster", "test_cad_files"))
 
 
 def pytest_collection_finish() -> None:

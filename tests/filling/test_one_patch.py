@@ -267,7 +267,7 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     edges = np.minimum(lengths, np.roll(lengths, 1))
     assert (told * edges).max() < most
     assert filling.bending.energy < {6: 8, 7: 9, 8: 16}[n]  # 45 and 248 with first plans, and 20 in the first metric
-    fan, far = 1 / (1 + np.exp(np.linspace(-14, 14, 46)))[:, None], np.geomspace(1e-4, 0.3, 30)[:, None, None]
+    fan, far = 1 / (1 + np.exp(np.linspace(-14, 14, 31)))[:, None], np.geomspace(1e-4, 0.3, 16)[:, None, None]
     for corner in range(n):
         ways = patch.knots[[corner - 1 + n * (corner == 0), (corner + 1) % n]] - patch.knots[corner]
         places = patch.knots[corner] + (far * (fan * ways[0] + (1 - fan) * ways[1])).reshape(-1, 2)
