@@ -96,7 +96,8 @@ def written(shape, folder):
             ((2,) * 3, 975.187, ["--elevate", 0, "--continuity", "g2"], "brep", 1e-3),
             ((2,) * 3, 975.587, [], "iges", 1),
             (None, 1776.53, [], "step", 1),
-        ]
+        ],
+        0,
     ),
 )
 def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kind, size, tmp_path):

@@ -94,7 +94,7 @@ def test_a_closed_body_gets_a_second_shell():
 @pytest.mark.parametrize("path", mostly_long(SURFACES, 3), ids=lambda path: path.stem)
 def test_every_surface_becomes_a_solid(path):
     """Its volume is about its area times the thickness, where that is small."""
-    surface = tessellate(load(path), 12)
+    surface = tessellate(load(path), 10)
     size = float(np.ptp(surface.vertices, axis=0).max())
     for thickness in (2e-3 * size, -2e-3 * size, 0.3 * size):
         solid = thicken(surface, thickness)
