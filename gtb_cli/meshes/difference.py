@@ -203,15 +203,16 @@ def difference(
     if found is None or found.distance <= allowed:  # then others, too, may be as far
         found = _decided(a.mesh, b.mesh, allowed)
     same_kind = a.mesh.is_curve == b.mesh.is_curve
-    turned, remarks = 0 if lone is None else lone.turned, tuple[str, ...]()
+    turned, remarks, are_all = 0 if lone is None else lone.turned, tuple[str, ...](), True
     is_held = any(each.values().keys() - {FACETS} for each in (a, b))
     close = min(allowed, max(resolution, 1e-6 * diagonal))
     is_told = "attributes" not in ignore and (found.distance <= allowed or lone is not None)
     values, where = ((), "no place") if "attributes" in ignore or kind == "surface" else unlike_values(a, b, close)
+    crowd = ("sides of faces that only one has are not compared, as too many long ones lie across each other",)
     limit = f"only compared at {where}, as the faces are others"
     limit = "not compared, as surfaces were asked for" if kind == "surface" else limit
     if same_kind and found.distance <= allowed:
-        turned, remarks = unlike(a, b, allowed, close, lone is None)
+        turned, remarks, are_all = unlike(a, b, allowed, close, lone is None)
     return made(
         method="surface",
         distance=found.distance,
@@ -225,6 +226,7 @@ def difference(
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
         values=values,
         uncompared=(f"normals, texture coordinates, attributes and groups are {limit}",) * (is_told and is_held)
+        + crowd * (not are_all)
         + overlaps,
     )
 
