@@ -64,8 +64,14 @@ class Difference:
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
-        what = "same" if self.same else "different"
-        return f"<Difference: {what}, {self.method} {self.distance:.3g} apart, tolerance {self.tolerance:.3g}>"
+        what, (distance, tolerance) = "same" if self.same else "different", self.amounts
+        return f"<Difference: {what}, {self.method} {distance} apart, tolerance {tolerance}>"
+
+    @property
+    def amounts(self) -> tuple[str, str]:
+        """The distance and the tolerance, in three digits, or in as many as tell them apart."""
+        told = [(f"{self.distance:.{digits}g}", f"{self.tolerance:.{digits}g}") for digits in (3, 9, 17)]
+        return next((pair for pair in told if pair[0] != pair[1]), told[0])
 
     @property
     def same(self) -> bool:

@@ -28,7 +28,8 @@ def wall_of_faces(mesh: Mesh) -> tuple[FloatArray, IntArray] | None:
 
     Also return the triangle, (k,), on the other side. Without one, −1 and NaN: behind triangles without area, and where
     faces look inwards, so that there is no way out. None if the mesh is not closed and consistently oriented, has no
-    area, or so many long faces across each other that it would take minutes. It takes about 4 s for 100 000 triangles: near ways out are looked for first, as they bound the search.
+    area, or has too many long faces across each other. It takes about 4 s for 100 000 triangles: near ways out are
+    looked for first, as they bound the search.
     """
     first, places = numbered_places(mesh.vertices)
     cells = places[mesh.faces]
