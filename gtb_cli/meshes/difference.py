@@ -185,7 +185,10 @@ def difference(
         left_out = set() if distance <= allowed else {NORMALS}  # which turn with what is turned
         values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
         words = told_motion(points, others, allowed, spaces is None) if distance > allowed else ()
-        is_mirrored = words[:1] and words[0].startswith("mirrored")
+        turned = matched.turned
+        if words and words[0].startswith("mirrored") and turned != (in_mirror := matched.turned_in_mirror):
+            turns = told_motion(points, others, allowed, spaces is None, may_mirror=False) if not turned else ()
+            words, turned = (turns, turned) if turns else (words, in_mirror)
         return made(
             method="vertices",
             distance=distance,
@@ -196,7 +199,7 @@ def difference(
             vertex=vertex,
             other_vertex=other,
             group=_group(a.mesh, vertex),
-            turned=matched.turned_in_mirror if is_mirrored else matched.turned,
+            turned=turned,
             remarks=matched.remarks,
             words=words,
             values=(*axes, *values),
