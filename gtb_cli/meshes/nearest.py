@@ -95,8 +95,8 @@ class NearestCells:
 
     @cached_property
     def most_points(self) -> int:
-        """How many points, or rays, may be searched for in about a second, if long cells crowd; else all."""
-        usual, pairs = 100, 3_000_000  # of cells at a place, and of points with cells
+        """How many points, or rays, may be searched for in about two seconds, if long cells crowd; else all."""
+        usual, pairs = 100, 5_000_000  # of cells at a place, and of points with cells
         return sys.maxsize if self.crowd <= usual else int(pairs / self.crowd)
 
     @cached_property
