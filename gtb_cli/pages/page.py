@@ -128,7 +128,7 @@ def _absent(content: Content, measures: Measures | None) -> dict[str, str]:
     if measures is None or measures.volume is None:
         return found | dict.fromkeys(("wall", "overhangs"), "of a closed mesh, and this is none")
     if content.scalars.get("wall") is None:
-        found["wall"] = f"of up to {MAX_WALL_FACES:,} triangles".replace(",", " ")
+        found["wall"] = f"of up to {MAX_WALL_FACES // 1000} 000 triangles, if few long ones lie across each other"
     return found
 
 
