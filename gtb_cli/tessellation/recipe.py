@@ -40,7 +40,7 @@ class Recipe:
         Makes a solid of a surface: on the side of its normals, or if negative on the other side. ``"inwards:1.6"`` and
         ``"outwards:1.6"`` name the side, whatever the normals.
     rim : "normal" or "flat"
-        The rims of a solid lie along the normals, or in the planes of the surface's rims, which must be plane.
+        The rims of a solid lie along the normals, or in the planes of the surface's rims that are plane.
     attributes : tuple of str
         Some of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
