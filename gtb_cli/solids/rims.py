@@ -44,7 +44,9 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         centre, normal, nearly = _plane_of(surface, rim, cells)
         away = np.abs((surface[rim] - centre) @ normal)
         if away.max() > nearly:
-            uneven.append(f"leaves its plane by {away.max():.3g} near {point_text(surface[rim][away.argmax()], surface)}")
+            uneven.append(
+                f"leaves its plane by {away.max():.3g} near {point_text(surface[rim][away.argmax()], surface)}"
+            )
             continue
         near = f"near {point_text(surface[rim.argmax()], surface)}"
         height = (offset - centre) @ normal

@@ -12,11 +12,11 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs
 from gtb_cli.solids.rims import with_flat_rims
-from gtb_cli.solids.solidity import crossing_remarks, folded_places, where
+from gtb_cli.solids.solidity import crossing_remarks, where
 from gtb_cli.solids.thickening import thicken
 from gtb_cli.solids.tube import folded_segments, tube
 from gtb_cli.tessellation.remarks import offset_folds, thin_wall
-from gtb_cli.tessellation.requirements import require
+from gtb_cli.tessellation.requirements import places_of_folds, require
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
@@ -85,7 +85,7 @@ class WallMaker:
         wall = thicken(surface, thickness)
         folds = offset_folds(self.spec, surface, wall, thickness)
         mesh, kept = self._rimmed(wall, thickness)
-        return mesh, folded_places(surface), folds, thin_wall(wall, thickness) + kept
+        return mesh, places_of_folds(self.spec, surface), folds, thin_wall(wall, thickness) + kept
 
     def smaller(self, surface: Mesh, thickness: float, held: Held) -> str:
         """Name a coarser mesh or a smaller thickness that is solid, judged as asked, and the other side if it is."""
