@@ -15,7 +15,7 @@ from gtb_cli.values import grouped
 STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not along the normals; flat from 3 times it
 
 
-def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
+def with_flat_rims(solid: Mesh, thickness: float, other: str) -> tuple[Mesh, list[str]]:
     """Move the offset's part of each rim of a solid made by `thicken` into the plane of the surface's part.
 
     Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, it ends in the
@@ -23,6 +23,8 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
     rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers. Where the surface
     lies in the plane the rim changes smoothly to the normals; at corners it is said, and of rims that
     are not plane, such as the peaks of a crown, which stay along the normals.
+
+    `other` is what the thickness is on the other side, for a message.
 
     Raises `DomainError` if no rim is plane, the surface leaves a rim's plane to both sides, the offset goes beyond it
     only where the surface does not lie in it, or the wall reaches another rim.
@@ -57,8 +59,8 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
             kept.append(f"in part {near}")
         if ((share < 1) & (height[rim] > nearly)).any():
             what = f"almost in its rim's plane near {point_text(surface[rim][share.argmin()], surface)}"
-            other = f'beyond which the wall would go: `thickness` {-thickness:g} does not, or take `rim="normal"`'
-            raise DomainError(f"rim: the surface lies {what}, as a patch does at a corner between two edges, {other}")
+            cure = f'beyond which the wall would go: `thickness` {other} does not, or take `rim="normal"`'
+            raise DomainError(f"rim: the surface lies {what}, as a patch does at a corner between two edges, {cure}")
         short = rim & (height < 0)
         offset[rim] += (share * np.minimum(height[rim], 0.0))[:, None] * way
         height[rim] = np.where(height[rim] < 0, (1 - share) * height[rim], height[rim])

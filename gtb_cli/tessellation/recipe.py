@@ -120,7 +120,7 @@ class Recipe:
             from gtb_cli.solids.thickening import signed_thickness
             from gtb_cli.tessellation.solid_making import WallMaker
 
-            maker = WallMaker(spec, self.rim)
+            maker = WallMaker(spec, self.rim, thickness_of(self.thickness)[0])
             size = signed_thickness(surface, self.thickness)
         faults, folds, thin = list[str](), list[str](), list[str]()
         if maker is not None:

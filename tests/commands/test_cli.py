@@ -112,7 +112,9 @@ def test_what_takes_long_is_counted_on_a_terminal(quiet, monkeypatch):
     assert shown.getvalue() == ("" if quiet else counted)
 
 
-@pytest.mark.parametrize(("command", "file"), [("fill", REPOSITORY / "tests/filling/cagd86.gbp"), ("fair", PENTAGON)])
+@pytest.mark.parametrize(
+    ("command", "file"), [("fill", REPOSITORY / "tests/filling/cagd86.gbp"), ("fair", PENTAGON), ("mesh", PENTAGON)]
+)
 def test_a_clock_runs_while_a_surface_is_made(command, file, monkeypatch):
     def stop(console: messages.Console, label: str) -> None:
         raise DomainError(f"{label} is timed")
