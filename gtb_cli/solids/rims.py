@@ -24,7 +24,7 @@ def with_flat_rims(solid: Mesh, thickness: float, other: str) -> tuple[Mesh, lis
     lies in the plane the rim changes smoothly to the normals; at corners it is said, and of rims that
     are not plane, such as the peaks of a crown, which stay along the normals.
 
-    `other` is what the thickness is on the other side, for a message.
+    A message calls the wall on the other side `other`.
 
     Raises `DomainError` if no rim is plane, the surface leaves a rim's plane to both sides, the offset goes beyond it
     only where the surface does not lie in it, or the wall reaches another rim.
@@ -59,7 +59,7 @@ def with_flat_rims(solid: Mesh, thickness: float, other: str) -> tuple[Mesh, lis
             kept.append(f"in part {near}")
         if ((share < 1) & (height[rim] > nearly)).any():
             what = f"almost in its rim's plane near {point_text(surface[rim][share.argmin()], surface)}"
-            cure = f'beyond which the wall would go: `thickness` {other} does not, or take `rim="normal"`'
+            cure = f'beyond which the wall would go: {other} does not, or take `rim="normal"`'
             raise DomainError(f"rim: the surface lies {what}, as a patch does at a corner between two edges, {cure}")
         short = rim & (height < 0)
         offset[rim] += (share * np.minimum(height[rim], 0.0))[:, None] * way

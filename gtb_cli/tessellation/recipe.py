@@ -120,8 +120,9 @@ class Recipe:
             from gtb_cli.solids.thickening import signed_thickness
             from gtb_cli.tessellation.solid_making import WallMaker
 
-            maker = WallMaker(spec, self.rim, thickness_of(self.thickness)[0])
-            size = signed_thickness(surface, self.thickness)
+            size, side = signed_thickness(surface, self.thickness), thickness_of(self.thickness)[0]
+            words = (f"{SIDES[0]}:", f"{SIDES[1]}:") if side else ("-", "")
+            maker = WallMaker(spec, self.rim, words[::-1] if side and (side == SIDES[1]) != (size > 0) else words)
         faults, folds, thin = list[str](), list[str](), list[str]()
         if maker is not None:
             try:

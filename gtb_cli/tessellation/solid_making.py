@@ -21,7 +21,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import RESOLUTION, SIDES, Parametrization, Rim, Side
+from gtb_cli.vocabulary import RESOLUTION, Parametrization, Rim
 
 Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 # A tube or a wall; faults of the surface, which no other thickness mends; folds; and where the wall is thin
@@ -62,7 +62,7 @@ class TubeMaker:
                 return not folds and not crossings_of(mesh, *held(mesh))
             return False
 
-        return _smaller("a radius of", "radii", radius, is_solid, len(curve.cells))
+        return _smaller(radius, is_solid, len(curve.cells), "a radius of {:g}".format)
 
 
 @frozen
@@ -71,7 +71,7 @@ class WallMaker:
 
     spec: Patch | Model
     rim: Rim
-    side: Side | None  # as it was asked for, if by name
+    signs: tuple[str, str]  # what is written before a thickness against the normals and along them
 
     def solid(self, surface: Mesh, thickness: float) -> Solid:
         """Make the wall of a thickness."""
@@ -85,7 +85,7 @@ class WallMaker:
             raise DomainError(f"thickness: {names} are one curve, where at most two may meet: {why}")
         wall = thicken(surface, thickness)
         places = offset_folds(self.spec, surface, wall, thickness)
-        folds = [f"with a thickness of {self._asked(thickness)} the offset folds: {places}"] * bool(places)
+        folds = [f"with {self._words(thickness)} the offset folds: {places}"] * bool(places)
         mesh, kept = self._rimmed(wall, thickness)
         return mesh, places_of_folds(self.spec, surface), folds, thin_wall(wall, thickness) + kept
 
@@ -115,20 +115,15 @@ class WallMaker:
                 other = tessellate(self.spec, n, tolerance, normals=True, max_faces=most)
                 if len(other.cells) != cells and is_solid(thickness, other):
                     return f"it hangs on the fineness: with {way} it was tried and is solid"
-        found = _smaller("`thickness`", "thicknesses", thickness, is_solid, cells, self._asked)
+        found = _smaller(thickness, is_solid, cells, self._words)
         is_other = cells < MANY_CELLS and is_solid(-thickness)
-        return found + f"; on the other side `thickness` {self._other(thickness)} is solid" * is_other
+        return found + f"; on the other side {self._words(-thickness)} is solid" * is_other
 
-    def _asked(self, thickness: float) -> str:
-        """Write a thickness on the side that is asked for, in the words in which it is."""
-        return f"{self.side}:{abs(thickness):g}" if self.side else f"{thickness:g}"
-
-    def _other(self, thickness: float) -> str:
-        """Write a thickness on the side that is not asked for."""
-        return f"{SIDES[self.side == SIDES[0]]}:{abs(thickness):g}" if self.side else f"{-thickness:g}"
+    def _words(self, thickness: float) -> str:
+        return f"`thickness` {self.signs[thickness > 0]}{abs(thickness):g}"
 
     def _rimmed(self, wall: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
-        return (wall, []) if self.rim == "normal" else with_flat_rims(wall, thickness, self._other(thickness))
+        return (wall, []) if self.rim == "normal" else with_flat_rims(wall, thickness, self._words(-thickness))
 
 
 def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
@@ -139,14 +134,7 @@ def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
     return crossings
 
 
-def _smaller(
-    name: str,
-    names: str,
-    value: float,
-    is_solid: Callable[[float], bool],
-    cells: int,
-    text: Callable[[float], str] = "{:g}".format,
-) -> str:
+def _smaller(value: float, is_solid: Callable[[float], bool], cells: int, words: Callable[[float], str]) -> str:
     """Name the largest of a few smaller values that make a solid, or say that none does."""
     # The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
     tries = 8 if cells < FEW_CELLS else 4 if cells < MANY_CELLS else 1
@@ -156,7 +144,7 @@ def _smaller(
         low, high = (middle, high) if is_solid(middle) else (low, middle)
         tried += 1
     if low:
-        return f"{name} {text(low)} was tried and is solid"
+        return f"{words(low)} was tried and is solid"
     if tried == 1:
-        return f"{name} {text(high)} was tried and is not solid"
-    return f"{tried} {names} down to {text(high)} were tried, and none is solid"
+        return f"{words(high)} was tried and is not solid"
+    return f"{tried} down to {words(high)} were tried, and none is solid"
