@@ -181,7 +181,7 @@ filling_option = gathered(
         multiple=True,
         metavar="HOLE[=KIND]",
         callback=reads(lambda texts: tuple(map(_fill, texts))),
-        help='Fill the hole of a model as gtb fill does: with this edge, "wall edge 3", or near this point, "0,0,999"; '
+        help='Fill the hole of a model with this edge, "wall edge 3", or near this point, "0,0,999", as gtb fill does; '
         'with "=g0" a lid. May be repeated.',
     ),
     *_reading_options,
