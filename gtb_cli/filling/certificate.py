@@ -12,7 +12,7 @@ from gtb_cli.fairing.energy import samples
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.folds import highest, most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
-from gtb_cli.filling.hole_corners import at_corners, concave_corners
+from gtb_cli.filling.hole_corners import at_corners, corners
 from gtb_cli.filling.osculation import Rim, patch_bend
 from gtb_cli.filling.sides import HoleSide, edge_normals, edge_of, points_and_tangents, stations
 from gtb_cli.models.model import Model
@@ -88,6 +88,7 @@ class Filling:
     """
 
     refused: ClassVar[float] = 2000.0  # sharpness of a patch that is as good as folded
+    hopeless: ClassVar[int] = 12  # folds of a patch that no other degree or fullness mends if it has as many sides
 
     patch: Patch
     sides: tuple[HoleSide, ...]
@@ -138,8 +139,8 @@ class Filling:
         for part in self.parts or (self,):
             ends = np.array([side.ends[0] for side in part.sides])
             edges = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
-            is_one = [each.angle <= PLANE_DEGREES for each in part.corners]  # else what differs is told
-            near = np.nan_to_num(np.array(part.corner_curvatures)) * is_one
+            # Where a corner has no plane, what differs is told
+            near = np.nan_to_num(part.corner_curvatures) * [each.angle <= PLANE_DEGREES for each in part.corners]
             if (most := (curved := near * np.minimum(edges, np.roll(edges, 1))).max()) > BOUND:
                 where = f"corner {curved.argmax()}, {self.at(ends[curved.argmax()])}"
                 said.append(f"the patch's curvature times the shorter edge is up to {most:.2g} at {where}")
@@ -162,7 +163,8 @@ class Filling:
     @property
     def fault(self) -> str | None:
         """The sentence that says why the patch does not fill the hole, and what to try; None if it is one."""
-        corners, planes = concave_corners(self.sides), any(side.across is not None for side in self.sides)
+        concave = [f"{each.between} at {self.at(each.place)}" for each in corners(self.sides) if each.concave]
+        planes = any(side.across is not None for side in self.sides)
         others = "other ribbons, or " * planes + "curves that cut the hole into smaller ones"
         if self.angle > 45:  # where fields follow the planes at all, it is below a degree
             far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
@@ -175,16 +177,17 @@ class Filling:
             what, way_out = f"{far} along {side.name}", f'{other}, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
-            way_out = f"{'try a fullness of 0.8 or 0.5,' if planes else 'raise degrees more, or try'} {others}"
-        elif self.sharpness > self.refused or (corners and (self.sharp_turns or self.sharpness > SPIKE)):
+            mending = "try a fullness of 0.8 or 0.5," if planes else "raise degrees more, or try"
+            way_out = f"{'try' if min(self.folds, len(self.sides)) >= self.hopeless else mending} {others}"
+        elif self.sharpness > self.refused or (concave and (self.sharp_turns or self.sharpness > SPIKE)):
             what = f"turns sharply: its curvature is up to {self.sharpness:.2g} times that of a sphere of its area"
             way_out = f"raise degrees more, or try {others}"
         else:
             return None
         if self.tried:
             way_out = f"{', '.join(self.tried)} were tried, too: try {others}"
-        if corners and (not planes or len(corners) < len(self.sides) - 2):  # else the ribbons point out of the hole
-            places = "; ".join(corners)
+        if concave and (not planes or len(concave) < len(self.sides) - 2):  # else the ribbons point out of the hole
+            places = "; ".join(concave)
             way_out = f"cut the hole with curves from its concave corners (gtb fill tries at most six): {places}"
         return f"the patch {what}: {way_out}"
 

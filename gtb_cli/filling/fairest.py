@@ -1,7 +1,7 @@
 """The fairest surface over a net: the best by a score that sees corners, or one led to a surface that is known."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -26,7 +26,7 @@ from gtb_cli.theory.corners import CornerLayer, corner_layer
 from gtb_cli.theory.patch import Patch
 
 VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary nothing is seen, or has a weight
-MOST_CURVED = 150.0  # largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores
+MOST_CURVED = 135.0  # largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores
 MOST_BENT = 400.0  # largest weight of bending beside its variation, in units of 1 / area
 BROKEN = 1e9  # of those, that no pull mends: rows of pulls would have no digits left
 
@@ -174,24 +174,24 @@ class FairSearch:
 
     def _excess(self, points: FloatArray) -> tuple[FloatArray, float]:
         """Return (r,) curvatures near corners, of 1 / the shorter edge, and the factor of scores for the largest."""
-        curved = np.nan_to_num([near.curvatures.max() * near.edge for near in self._layers(points)])
-        return curved, max(1.0, float(curved.max()) / MOST_CURVED) ** 4
+        layers = self._layers(points, range(len(self._domain.vertices)))
+        curved = np.nan_to_num([near.curvatures.max() * near.edge for near in layers])
+        return curved, max(1.0, float(curved.max()) / MOST_CURVED) ** 8
 
-    def _layers(self, points: FloatArray, among: BoolArray | None = None) -> list[CornerLayer]:
-        """Return places near all corners, or with tables near some."""
-        fan = np.stack(np.meshgrid(np.linspace(-3, 3, 21), -math.log(10) * np.arange(1, 7)))  # wider ones mend less
-        corners = range(len(self._domain.vertices)) if among is None else np.flatnonzero(among).tolist()
-        tables = among is not None
+    def _layers(self, points: FloatArray, corners: Iterable[int], tables: bool = False) -> list[CornerLayer]:
+        """Return places near corners."""
+        rates = 6 * np.sinh(np.linspace(-2, 2, 25)) / np.sinh(2)  # it peaks beside edges, too, and from .03 to .1 away
+        fan = np.stack(np.meshgrid(rates, -math.log(10) * np.array([1, 1.25, 1.5, 2, 3, 4, 5, 6])))
         return [corner_layer(self._domain, self._places.log_weights, points, each, fan, tables) for each in corners]
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> Sequence[FloatArray]:
-        """Return rows, ways and zeros that pull curvature near corners to 0: the more there is, the more, by |κ|³."""
+        """Return rows, ways and zeros that pull curvature near corners to 0: the more there is, the more, by κ⁴."""
         quiet = MOST_CURVED / 1.5  # squares have the energy's value; half of the places
         value, parts = _value(energy, points), [also(points)] if also else []
-        for near in self._layers(points, beyond):
+        for near in self._layers(points, np.flatnonzero(beyond).tolist(), tables=True):
             each = np.flatnonzero(near.curvatures * near.edge <= BROKEN)[::2]
             curved = near.curvatures[each] * near.edge / quiet
-            stiffness = np.sqrt(value * np.maximum(curved, 1e-3) / len(curved)) * near.edge / quiet
+            stiffness = np.sqrt(value / len(curved)) * np.maximum(curved, 1e-3) * near.edge / quiet
             rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))
             parts.append((rows, np.repeat(near.normals[each], 3, axis=0), np.zeros(len(rows))))
         return [np.concatenate(part) for part in zip(*parts, strict=True)]

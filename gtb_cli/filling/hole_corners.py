@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, point_text, unit
+from gtb_cli.arrays import FloatArray, unit
 from gtb_cli.filling.sides import HoleSide, points_and_tangents, stations
 from gtb_cli.values import frozen
 
@@ -58,12 +58,6 @@ def corners(sides: Sequence[HoleSide]) -> list[Corner]:
         angle = math.degrees(math.atan2(sine, float(ahead @ back))) % 360
         found.append(Corner(f"{before.name} and {side.name}", side.ends[0], normal, in_plane, angle))
     return found
-
-
-def concave_corners(sides: Sequence[HoleSide]) -> list[str]:
-    """Name the corners of a closed loop, in order, at which the hole takes up more than half a turn."""
-    places = np.array([side.ends[0] for side in sides])
-    return [f"{each.between} at {point_text(each.place, places)}" for each in corners(sides) if each.concave]
 
 
 def across_at(side: HoleSide, t: FloatArray) -> FloatArray:

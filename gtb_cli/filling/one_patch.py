@@ -192,7 +192,8 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
 def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -> _Attempt:
     """Carry out two plans and, if their patches have faults, others whose rough patches have fewer.
 
-    Rough patches are made with a quarter of the samples, and mostly have faults where fine ones have some.
+    Rough patches are made with a quarter of the samples, and mostly have faults where fine ones have some. None is
+    made after two that are hopeless.
     """
     rank, rough = itemgetter(slice(2)), 16
     best, left = attempt(*plans[0]), []
@@ -205,7 +206,9 @@ def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -
     for number, plan in enumerate(plans[1:]):
         if not best.faults and not best.after_others:
             break
-        found = attempt(*plan, 2, rough) if number and best.faults else None
+        found = attempt(*plan, 2, rough) if best.folds >= Filling.hopeless or (number and best.faults) else None
+        if found and min(best.folds, found.folds, len(best.raises)) >= Filling.hopeless:
+            break
         if found and (found.faults or found.after_others):
             left.append((rank(found), plan))
         else:  # later patches of a plan are none better than one without faults
@@ -269,5 +272,4 @@ def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) 
         return
     depths = np.minimum(energy_samples(region, resolution, NEARER)[2] / VISIBLE, 1)
     search = FairSearch(region, places, depths, least, edges, fullness == 1)
-    for score, points, *_ in search.fairest():
-        yield patch(points), score
+    yield from ((patch(points), score) for score, points, *_ in search.fairest())

@@ -157,6 +157,7 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
     good, path, said = replace(gtb_cli.fill(triangle(), raises=0), raises=(0, 0, 0)), tmp_path / "loop.toml", []
     words, model = ["fullness 0.8", "fullness 0.5", "degrees raised by 1"], gtb_cli.load(SPECS / "box-corner.toml")
     gtb_cli.save(triangle(), path)
+    assert "places: try curves that" in replace(good, folds=12, sides=good.sides * 4).fault
     beside_planes = cure or with_ribbons()
 
     def stand_in(*_: object, **options: object) -> object:

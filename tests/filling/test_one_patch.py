@@ -23,7 +23,7 @@ from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.corner_equations import CornerForms
 from gtb_cli.filling.fairest import FairSearch, Scored
 from gtb_cli.filling.fill import fill
-from gtb_cli.filling.hole_corners import concave_corners
+from gtb_cli.filling.hole_corners import corners
 from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.loops import loop_from_text, read_loop
 from gtb_cli.filling.one_patch import fill_loop
@@ -89,12 +89,6 @@ def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
     assert any("its tangent planes turn by 1" in remark for remark in filling.remarks) == bool(filling.sharp_turns)
 
 
-@pytest.mark.parametrize(("n", "seed"), mostly_long([(3, 0), (3, 1), (3, 2), (4, 0), (4, 2), (5, 0)]))
-def test_random_loops_are_filled(n, seed):
-    filling = fill_loop(random_sides(n, seed))
-    assert_fills(filling, random_sides(n, seed))
-
-
 @pytest.mark.parametrize(("height", "folded"), [(0.0, True), (0.02, False)])
 def test_a_fold_is_told_from_a_sharp_turn(height, folded):
     """The image of ((x − 0.05)², y, h x) is folded along a line if h = 0; else it only turns there."""
@@ -135,8 +129,8 @@ L = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0], [1, 2, 0], [0, 2, 0]
 
 
 def test_a_ribbon_that_points_out_of_the_hole_makes_no_corner_concave():
-    assert concave_corners(plane_sides(L, [1] * 6)) == ["s2 and s3 at (1, 1, 0)"]
-    assert concave_corners(plane_sides(L[[0, 1, 2, 5]], [1, 1, -1, 1])) == []
+    for loop, concave in ((plane_sides(L, [1] * 6), ["s2 and s3"]), (plane_sides(L[[0, 1, 2, 5]], [1, 1, -1, 1]), [])):
+        assert [corner.between for corner in corners(loop) if corner.concave] == concave
 
 
 @pytest.mark.parametrize(
@@ -186,15 +180,16 @@ def test_rational_sides_without_ribbons_stay_as_they_are():
 @pytest.mark.parametrize(
     ("n", "seed", "degrees", "kind"),
     [
+        *mostly_long([(n, seed, (1, 6), {}) for n, seed in ((3, 0), (3, 1), (3, 2), (4, 0), (4, 2), (5, 0))]),
         *mostly_long([(12, 0, (1, 3), {"noise": 0.01})], quick=0),
         *mostly_long([(n, 1, (2, 4), {"rational": True}) for n in (3, 4, 6)], quick=1),
         *mostly_long([(4, 2, (degree, degree), {}) for degree in (1, 10)], quick=0),
     ],
 )
 def test_loops_of_all_kinds_are_filled(n, seed, degrees, kind):
-    """Many sides with quiet planes, rational sides, high and low degrees."""
+    """Different degrees, many sides with quiet planes, rational sides, high and low degrees."""
     sides = random_sides(n, seed, degrees, **kind)
-    assert_fills(fill_loop(sides, raises=ONCE if n < 12 else None), sides)
+    assert_fills(fill_loop(sides, raises=None if degrees[0] == 1 else ONCE), sides)
 
 
 def test_at_corners_the_normal_is_that_of_the_sides():
@@ -257,7 +252,7 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert max(each.curvature + 20 * each.folds for each in found) < 20
 
 
-@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 5, 130), (7, 2, 145), (8, 7, 145)], 0))
+@pytest.mark.parametrize(("n", "seed", "most"), mostly_long([(6, 3, 145), (6, 5, 130), (7, 2, 125), (8, 7, 145)], 0))
 def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     """Rows that run along their edges have a layer of 24,000 beside limits of 100 in the first."""
     filling = fill_loop(random_sides(n, seed))
@@ -282,18 +277,28 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     [
         ([100], [5], 0),
         ([1e12, 1], [5, 1], 0),
-        ([300, 100, 100], [1, 10, 100], 1),
+        ([270, 100, 100], [1, 250, 2500], 1),
         ([300, 300, 100, 100, 50, 0], [1, 2, 3, 2, 9, 0], 3),
-        ([300, 140, 140, 140, 120, 110, 100, 0], [9, 8, 7, 6, 5, 4, 3, 0], 6),
+        ([300, 130, 130, 130, 120, 110, 90, 0], [9, 8, 7, 6, 5, 4, 3, 0], 6),
     ],
 )
 def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
-    """Twice the curvature that counts as none costs 16 times the score; the first step may make it worse."""
+    """Twice the curvature that counts as none costs 256 times the score; the first step may make it worse."""
     search, made = object.__new__(FairSearch), iter(range(1, 9))
     search._domain, search._least = SimpleNamespace(vertices=[0]), lambda *_, **__: next(made)
-    search._layers = lambda points: [SimpleNamespace(edge=1.0, curvatures=np.array([curved[points]]))]
+    search._layers = lambda points, _: [SimpleNamespace(edge=1.0, curvatures=np.array([curved[points]]))]
     search.scored = lambda points: [Scored(scores[points], points, None, None)]
     assert search._calmed(1.0, *search.scored(0))[0].points == taken
+
+
+@pytest.mark.parametrize(("bump", "share"), [((1, 0), 0.45), ((2, 1), 0.95), ((3, 1), 0.95), ((4, 0), 0.95)])
+def test_near_corners_curvature_is_seen_where_it_peaks(bump, share):
+    """What is missed is not pulled down: a fan with places a tenth and a hundredth away sees a third of some peaks."""
+    places = np.stack(np.divmod(np.arange(625), 25), axis=1)
+    points = np.column_stack([places / 24, (places == bump).all(axis=1)])
+    search, patch = object.__new__(FairSearch), Patch(places, points, coefficients="binomial")
+    search._domain, search._places = patch.domain, SimpleNamespace(log_weights=patch.log_products)
+    assert search._excess(points)[0][0] > share * certificate.curvature_near(patch, 0)
 
 
 @pytest.mark.parametrize("count", [4, 12])  # fewer than the coordinates of free points, or more
@@ -312,11 +317,11 @@ def test_pulls_move_free_points_as_energies_do(count):
     np.testing.assert_allclose(force, held * (held @ force) / (held @ held), atol=1e-9)
     assert np.array_equal(np.delete(moved, free, axis=0), np.delete(points, free, axis=0))
     search = object.__new__(FairSearch)
-    search._layers = lambda *_: []  # where no corner is curved, only what is pulled beside it counts
+    search._layers = lambda *_, **__: []  # where no corner is curved, only what is pulled beside it counts
     assert search._pull([], np.eye(6), lambda _: (rows, ways, wanted), points)[2] == pytest.approx(wanted)
-    near = CornerLayer(1.0, np.ones(3), np.array([1e12, np.nan, 100]), points[:3], rng.normal(size=(3, 3, 6)))
-    search._layers = lambda *_: [near]  # neither what is broken nor an energy that is rounding spoils the rows
-    pulled = search._pull([True], np.eye(6), None, points)[0] / math.sqrt((points**2).sum()) * 100
+    near = CornerLayer(1.0, np.ones(3), np.array([1e12, np.nan, 180]), points[:3], rng.normal(size=(3, 3, 6)))
+    search._layers = lambda *_, **__: [near]  # neither what is broken nor an energy that is rounding spoils the rows
+    pulled = search._pull([True], np.eye(6), None, points)[0] / math.sqrt((points**2).sum()) * 45
     np.testing.assert_allclose(pulled, near.table[2], rtol=1e-12)
     assert not search._pull([True], -np.eye(6), None, points)[0].any()
 
@@ -496,7 +501,10 @@ def test_of_patches_without_faults_the_one_with_the_best_score_is_taken():
     for count, taken in ((2, 0), (3, 2)):
         plans = [(plan, False) for plan in range(count)]
         assert one_patch._best(lambda plan, *_: attempts[plan], plans).raises == (taken,)
-    plans = [(2, False), (5, False), (1, False), (2, True), (3, False), (4, True)]
+    plans, tried = [(2, False), (5, False), (1, False), (2, True), (3, False), (4, True)], []
+    hopeless = one_patch._Attempt(12000, 9.0, False, 12, 0, (1,) * 12, None)
+    assert one_patch._best(lambda *plan: tried.append(plan) or hopeless, plans) is hopeless
+    assert tried == [plans[0], (*plans[1], 2, 16)]  # where both fold all over, no more
     scored = (29, [9], 0), (29, [9, 8], 1), (29, [7, 8], 0), (31, [9, 8, 7, 6, 5], 4), (2001, [9, 8, 7, 6, 5], 3)
     for last, scores, taken in scored:
         sharp = [31] * (len(scores) - 1) + [last]
@@ -563,12 +571,6 @@ def test_options_of_energy_and_fullness():
     assert full.bending.energy > fair.bending.energy
 
 
-def polygon(*corners):
-    """Straight sides between corners in the xy plane."""
-    ends = [np.array([*corner, 0.0, 1.0]) for corner in corners]
-    return [HoleSide(f"side {k}", np.array([ends[k], ends[(k + 1) % len(ends)]])) for k in range(len(ends))]
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_no_ring_passes_a_point_twice(seed):
     """Of a disc of triangles about a point, two are missing, so that the holes touch there."""
@@ -588,7 +590,7 @@ def test_no_ring_passes_a_point_twice(seed):
         (random_sides(4, 0)[:3], "is not closed, side 2 ends"),
         ([*random_sides(4, 0)[:2], random_sides(4, 1)[2], random_sides(4, 0)[3]], "is not closed"),
         ([*random_sides(4, 0), *random_sides(3, 1)], "is closed without side 0, side 1, side 2: islands and guides"),
-        (polygon([0, 0], [2, 0], [1, 2], [0, 0], [-2, 0], [-1, -2]), r"passes \(0, 0, 0\) twice, before side 0 and"),
+        (plane_sides(L[[0, 1, 2, 0, 5, 4]], [1] * 6), r"passes \(0, 0, 0\) twice, before s0 and"),
         (random_sides(26, 0, (1, 1)), "has 26 sides, at most 24"),
         (
             [HoleSide("side 0", THREE[0].curve, np.zeros((96, 3))), *THREE[1:]],
@@ -770,17 +772,12 @@ def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
     found, _ = read_loop(loop.read_bytes(), str(loop), weld=0.25)
     assert {side.weld for side in found} == {0.25}
     corners = [[1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]
-    direct = loop_from_curves(list(itertools.pairwise(corners)))
-    for made, (curve, across) in zip(found, direct, strict=True):
+    for made, curve in zip(found, itertools.pairwise(corners), strict=True):  # into the square and up by 0.4 of that
         np.testing.assert_allclose(made.curve[:, :3], curve, atol=1e-15)
-        np.testing.assert_allclose(made.across / made.across[:, 2:], across, atol=1e-12)
+        across = np.append(-np.mean(curve, axis=0)[:2] / 0.4, 1)
+        np.testing.assert_allclose(made.across / made.across[:, 2:], np.tile(across, (96, 1)), atol=1e-12)
     (tmp_path / "side.toml").write_text(side.replace("0.2]]", "'q']]"), encoding="utf-8")
     assert "side.toml:7: patches[0].ribbon[1][2]: expression 'q'" in gtb("fill", loop, status=2).err
-
-
-def loop_from_curves(rows):
-    """Curves between corners, and directions across, into the square and up by 0.4 of that."""
-    return [(row, np.broadcast_to(np.append(-np.mean(row, axis=0)[:2] / 0.4, 1), (96, 3))) for row in rows]
 
 
 # --- holes of models
