@@ -1,4 +1,4 @@
-"""The errors of this package: one root, and a leaf for each case that callers can handle."""
+"""Errors: one root, a leaf for each case; `Fault` joins file, line, key and message (given: `language.document`)."""
 
 from collections.abc import Hashable, Iterable
 from typing import NamedTuple, Self

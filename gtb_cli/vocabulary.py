@@ -137,7 +137,8 @@ CAD_FORMATS = ("step", "iges", "brep")  # surface formats for CAD programs
 CAD_SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep"}
 CELL_FORMATS = ("vtu",)  # formats of curved cells, for ParaView; also the suffixes of their files
 # Units of length in metres, the default first, and the formats of files that have one
-UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
+DEFAULT_UNIT = "mm"
+UNITS = {DEFAULT_UNIT: 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 UNIT_FORMATS = ("step", "iges", "3mf", "glb")
 SpecFormat: TypeAlias = Literal["toml", "json"]
 SPEC_FORMATS: tuple[SpecFormat, ...] = get_args(SpecFormat)  # also the suffixes of their files

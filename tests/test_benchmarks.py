@@ -11,7 +11,7 @@ import pytest
 
 from gtb_cli.fairing.metric import blocks
 from gtb_cli.fairing.variation import bendings
-from gtb_cli.filling.loops import loop_from_text
+from gtb_cli.filling.hole_files import loop_from_text
 from gtb_cli.filling.sides import side_normals, stations
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.patch import Patch

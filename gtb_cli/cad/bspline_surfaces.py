@@ -1,4 +1,4 @@
-"""Patches as rational B-spline surfaces for CAD: exact Bézier rectangles if possible, otherwise fitted pieces."""
+"""Patches as rational B-spline surfaces: Bézier rectangles, or fitted pieces; sewn and written: `cad_writing`."""
 
 from itertools import chain
 from typing import Any, NamedTuple

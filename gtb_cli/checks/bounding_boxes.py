@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
-from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.knots.even_triangulation import triangulation
 from gtb_cli.theory.patch import Patch
 
 

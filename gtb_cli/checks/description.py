@@ -9,8 +9,8 @@ import numpy as np
 from gtb_cli.arrays import bounds_of
 from gtb_cli.checks.bounding_boxes import bounds
 from gtb_cli.knots.domain import has_integer_corners
+from gtb_cli.knots.even_triangulation import cell_count, triangulation
 from gtb_cli.knots.lattice import lattice_of, repeated
-from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.rational_basis import RationalBasis
 

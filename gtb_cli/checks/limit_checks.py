@@ -8,7 +8,7 @@ from gtb_cli.arrays import EPS
 from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, choice
 from gtb_cli.checks.report import Finding, not_applicable, within_rounding
 from gtb_cli.knots.decomposition import lifting_of_knot, regular_decomposition
-from gtb_cli.knots.triangulation import cell_count, triangulation
+from gtb_cli.knots.even_triangulation import cell_count, triangulation
 from gtb_cli.limits.degeneration import cells_of, degenerate
 from gtb_cli.moment.torus import exponents
 from gtb_cli.theory.basis import torus_coordinates

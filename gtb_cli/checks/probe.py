@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.knots.even_triangulation import cell_count, triangulation
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.lattice import repeated
-from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.limits.knot_limit import merge_knots
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch

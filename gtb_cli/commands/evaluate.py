@@ -148,7 +148,7 @@ def _plain(values: FloatArray) -> list[Any]:
 def _rows(arrays: list[FloatArray]) -> bytes:
     import numpy as np
 
-    from gtb_cli.formats.obj_writing import text_rows
+    from gtb_cli.formats.numbers_written import text_rows
 
     values = np.concatenate([array.reshape(len(array), -1) for array in arrays], axis=1)
     return b"".join(text_rows(" ".join(["%r"] * values.shape[1]) + "\n", values))

@@ -103,8 +103,8 @@ def fill(
     """
     from gtb_cli.filling.certificate import DISAGREEING
     from gtb_cli.filling.fill import filled, filled_in_some_way, holes_of
+    from gtb_cli.filling.hole_files import read_loop
     from gtb_cli.filling.holes import ring_texts
-    from gtb_cli.filling.loops import read_loop
     from gtb_cli.filling.part_holes import Part
     from gtb_cli.language.writer import check_target, dump
     from gtb_cli.models.model import Model

@@ -27,7 +27,7 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
     Formats: .trp (toric patches), .bv (BezierView), .bpt, .bzr (Bézier nets); with gtb-cli[cad] STEP, IGES and BREP,
     whose untrimmed faces are exact. Boundaries of holes (.gbp, .lop) are filled as gtb fill does.
     """
-    from gtb_cli.filling.loops import SUFFIXES, loop_from_text
+    from gtb_cli.filling.hole_files import SUFFIXES, loop_from_text
     from gtb_cli.filling.one_patch import fill_loop
     from gtb_cli.importers.readers import import_data
     from gtb_cli.language.writer import dump

@@ -112,10 +112,10 @@ def _found(
 
 
 def _printing(mesh: Mesh, up: Up | None, in_full: bool) -> dict[str, Any]:
-    from gtb_cli.solids.printing import printing
+    from gtb_cli.solids.printability import printability
     from gtb_cli.solids.wall_depth import MAX_WALL_FACES
 
-    return {} if up is None else printing(mesh, up, MAX_WALL_FACES if in_full else MAX_WALL_FACES // 4)
+    return {} if up is None else printability(mesh, up, MAX_WALL_FACES if in_full else MAX_WALL_FACES // 4)
 
 
 def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:

@@ -35,7 +35,7 @@ from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfac
 from gtb_cli.shell.watching import watched
 from gtb_cli.shell.workers import Workers, workers_option
 from gtb_cli.values import grouped
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, DEFAULT_UNIT, FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
@@ -86,7 +86,7 @@ class GroupedOptions(click.Command):
 @click.option(
     "--unit",
     type=click.Choice([*UNITS]),
-    help=f"Unit of length of STEP, IGES and 3MF files, {next(iter(UNITS))} without this option; GLB files, which are "
+    help=f"Unit of length of STEP, IGES and 3MF files, {DEFAULT_UNIT} without this option; GLB files, which are "
     "in metres, are scaled from it.",
 )
 @reading_streams
@@ -258,14 +258,14 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             facts["versions"] = versions()  # here, which may be another machine than that of the manifest
         is_open = options.recipe.leaves_open(spec)
         stored = None if is_open else held(mesh, kind, options.ascii)[0]
-        unit = options.unit or (next(iter(UNITS)) if kind == "3mf" else None)
+        unit = options.unit or (DEFAULT_UNIT if kind == "3mf" else None)
         size = summary(mesh, stored, remarks, unit) + (f", within the tolerance {kept[assurance]}" if assurance else "")
         size += options.recipe.direction(spec, mesh)
         if kind in ("stl", "3mf") and options.recipe.thickness is not None:
             from gtb_cli.meshes.measures import in_unit
-            from gtb_cli.solids.printing import printing
+            from gtb_cli.solids.printability import printability
 
-            found = printing(mesh, "z", 0)
+            found = printability(mesh, "z", 0)
             area, square = in_unit(found["bed_area"], 2, unit)
             small = found["bed_area"] < 0.01 * found["size"][0] * found["size"][1]  # as at rounded feet
             size += f", only area {area:.3g}{square} on the bed" * small

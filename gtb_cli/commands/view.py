@@ -29,7 +29,7 @@ from gtb_cli.shell.options import (
 )
 from gtb_cli.shell.streams import about, is_device, single, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import FORMATS, RESOLUTION, SEQUENCE_RECORD, UNITS, suffix_of
+from gtb_cli.vocabulary import DEFAULT_UNIT, FORMATS, RESOLUTION, SEQUENCE_RECORD, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.pages.page_scene import Content
@@ -102,7 +102,7 @@ def view(
     recipe, unit = asked["recipe"], asked["unit"]
     is_printed = recipe is not None and (recipe.thickness or recipe.radius) is not None
     if is_printed or all(suffix_of(path) == "stl" for path in paths):
-        unit = unit or next(iter(UNITS))
+        unit = unit or DEFAULT_UNIT
 
     def see(numbers: Numbers, quick: bool = False) -> Content:
         return replace(content_of_paths(paths, recipe, reading._replace(let=numbers), limit, quick), unit=unit)

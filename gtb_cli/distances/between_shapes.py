@@ -9,7 +9,7 @@ from gtb_cli.arrays import EPS
 from gtb_cli.distances.search import FarthestSearch
 from gtb_cli.distances.strata import surface_of
 from gtb_cli.errors import ToleranceError
-from gtb_cli.knots.triangulation import cell_count
+from gtb_cli.knots.even_triangulation import cell_count
 from gtb_cli.meshes.hausdorff import Distance, Farthest
 from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import Complex, joined_complex

@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from gtb_cli.arrays import EPS, FloatArray, cross, dot
 from gtb_cli.fairing.energy import Samples, samples
 from gtb_cli.fairing.metric import blocks, frame
-from gtb_cli.knots.triangulation import central_triangulation
+from gtb_cli.knots.even_triangulation import central_triangulation
 from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.solids.solidity import folded_pairs
 from gtb_cli.theory.patch import Patch

@@ -17,13 +17,13 @@ from gtb_cli.files import read_file
 from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.cutting import fill_parts
 from gtb_cli.filling.hole_corners import corners
+from gtb_cli.filling.hole_files import read_loop
 from gtb_cli.filling.holes import Ring, hole_edges, model_rings, one_ring, ring_sides
-from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.one_patch import closed, fill_loop, met_with
 from gtb_cli.filling.part_holes import Part
 from gtb_cli.filling.sides import HoleSide, edge_of, points_and_tangents, stations
 from gtb_cli.filling.strips import curve_sides
-from gtb_cli.knots.triangulation import central_triangulation
+from gtb_cli.knots.even_triangulation import central_triangulation
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import EdgeRef, edge_name, patch_name

@@ -1,4 +1,4 @@
-"""Meshes to files of each format: what it leaves out, where 32 bits move vertices; axes: `vocabulary.FORMATS`."""
+"""Meshes to files: the writer of each format, what it leaves out, where 32 bits move vertices; axes: `vocabulary`."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -13,9 +13,9 @@ from gtb_cli.arrays import FloatArray, row_blocks
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file, write_all
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, first_beyond, single_half_steps
-from gtb_cli.formats.obj_writing import BLOCK_ROWS, decimals, number_lines, obj_blocks
+from gtb_cli.formats.numbers_written import BLOCK_ROWS, decimals, number_lines, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.vocabulary import FORMATS, UNIT_FORMATS, UNITS, UP, Up, plain_name, suffix_of
+from gtb_cli.vocabulary import DEFAULT_UNIT, FORMATS, UNIT_FORMATS, UNITS, UP, Up, plain_name, suffix_of
 
 _SINGLE_LIMIT = (2.0 - 2.0**-23) * 2.0**127  # the largest finite 32-bit number
 _DOUBLE_LIMIT = 2.0**1022  # differences, such as a box's extents, are finite as well
@@ -133,7 +133,7 @@ def encode_mesh(
     if kind == "3mf":
         from gtb_cli.formats.threemf import threemf_blocks
 
-        return threemf_blocks(mesh.vertices, mesh.cells, groups, name, unit or next(iter(UNITS)))
+        return threemf_blocks(mesh.vertices, mesh.cells, groups, name, unit or DEFAULT_UNIT)
     from gtb_cli.formats.glb import glb_blocks
 
     return glb_blocks(mesh, groups, coordinates, up or FORMATS[kind].up, unit, name)

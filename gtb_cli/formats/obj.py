@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of
+from gtb_cli.formats.numbers_read import BLOCK_BYTES, T, half_step, lines_of, number_rows, padded, sampled, shown
 from gtb_cli.formats.polygons import polygons_of, segments, triangles
-from gtb_cli.formats.text import BLOCK_BYTES, T, half_step, lines_of, number_rows, padded, sampled, shown
 from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, mark_of, single_half_steps, unreserved
-from gtb_cli.formats.obj_writing import text_rows
+from gtb_cli.formats.numbers_read import half_step, lines_of, number_rows, padded, sampled, shown
+from gtb_cli.formats.numbers_written import text_rows
 from gtb_cli.formats.polygons import polygons_of, triangles
-from gtb_cli.formats.text import half_step, lines_of, number_rows, padded, sampled, shown
 from gtb_cli.meshes.mesh import ABSENT, LIBRARIES, MARKED, NORMALS, OTHER, TEXTURE, Mesh, Values
 from gtb_cli.vocabulary import plain_name
 

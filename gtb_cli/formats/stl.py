@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, row_blocks
 from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_point, mark_of, single_half_steps
-from gtb_cli.formats.obj_writing import BLOCK_ROWS, text_rows
-from gtb_cli.formats.text import half_step, numbers, sampled, shown
+from gtb_cli.formats.numbers_read import half_step, numbers, sampled, shown
+from gtb_cli.formats.numbers_written import BLOCK_ROWS, text_rows
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import FACETS, OTHER, Values
 

@@ -21,7 +21,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, FileArrays, Ranges, mark_of, single_half_steps
-from gtb_cli.formats.obj_writing import text_rows
+from gtb_cli.formats.numbers_written import text_rows
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import MATERIALS, OBJECTS, OTHER
 from gtb_cli.meshes.topology import are_proper, sides_of

@@ -1,4 +1,4 @@
-"""Regular decompositions of Δ by the upper hull of the lifted knots, and the control nets they induce."""
+"""Regular decompositions of Δ by upper hulls of lifted knots (`upper_faces`), and the control nets they induce."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""Spec files: TOML or JSON → `Patch` and `Model`, with every error of a file at once."""
+"""Spec files, TOML or JSON (which: `document`) → `Patch` and `Model`, with every error of a file at once."""
 
 import os
 import warnings

@@ -1,4 +1,4 @@
-"""The keys that a spec may have, and the reader of a patch, which turns plain data to a `Patch` and notes faults."""
+"""The keys of a spec, and the reader of a patch, which notes faults; what is left out becomes 1 in `theory.basis`."""
 
 import re
 from typing import Any, get_args

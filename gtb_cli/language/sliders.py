@@ -1,4 +1,4 @@
-"""Sliders: the numbers of a spec's ``let`` that one may turn, with what its comments say of them."""
+"""Sliders: numbers of ``let`` to turn, with their comments (turned: `pages/watch.js`; answer: `view_server`)."""
 
 import math
 import re

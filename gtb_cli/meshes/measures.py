@@ -1,4 +1,4 @@
-"""Measures of a mesh: area, volume, length, boundary, and topology."""
+"""Measures of a mesh: area, volume, length, boundary, and topology; of patches: `distances.areas_and_volumes`."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The look of a picture, the figure on which it is drawn, and the bytes of figures and of animations."""
+"""The look of a picture, its figure, and bytes of figures and animations; shading: `scene`, colours: `palette`."""
 
 from __future__ import annotations
 

@@ -9,8 +9,8 @@ from gtb_cli.arrays import FloatArray, IntArray, shifted
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain, domain
+from gtb_cli.knots.even_triangulation import triangulation
 from gtb_cli.knots.hull import border_of, knot_tolerance
-from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.limits.degeneration import cells_of
 from gtb_cli.limits.knot_limit import KnotLimit, move_knots
 from gtb_cli.meshes.mesh import Mesh

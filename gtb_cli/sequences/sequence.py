@@ -1,4 +1,4 @@
-"""Families of patches as meshes with one list of faces: degenerations, knot limits, and their distances from the end.
+"""Families of patches as meshes with one list of faces: degenerations, knot limits; files: `sequence_folder`.
 
 Vertices are placed by the linear parametrisation, in which a family converges point by point; toric parameters would
 run together. The triangulation is that of the limit: for a degeneration it follows the regular decomposition.
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.convergence import convergence_rate
 from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
-from gtb_cli.knots.triangulation import cell_count
+from gtb_cli.knots.even_triangulation import cell_count
 from gtb_cli.language.spec_paths import of_patch
 from gtb_cli.limits.degeneration import lifting_of
 from gtb_cli.limits.knot_limit import knot_limit

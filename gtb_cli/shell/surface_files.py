@@ -7,7 +7,7 @@ import click
 from gtb_cli.shell.folders import are_several
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import Streams, is_folder, write_blocks
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, UNIT_FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, DEFAULT_UNIT, UNIT_FORMATS, suffix_of
 
 
 def surface_format(format: str | None, output: str) -> str | None:
@@ -38,7 +38,7 @@ def write_surfaces(
         if kind in CELL_FORMATS:
             data, size, warnings = encode_cells(spec, recipe)
         else:
-            unit, tolerance = options.unit or next(iter(UNITS)), recipe.tolerance_for(spec)
+            unit, tolerance = options.unit or DEFAULT_UNIT, recipe.tolerance_for(spec)
             data, size, warnings, _ = encode_surfaces(spec, kind, unit, tolerance, closed=bool(recipe.require))
             warnings += unused(recipe, "resolution")
     write_blocks(streams.output, [data])

@@ -9,8 +9,8 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, distinct, index_type, merged, shifted, taken
 from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.even_triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.models.joints import Joints
 from gtb_cli.theory.edges import EdgeRef

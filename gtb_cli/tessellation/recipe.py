@@ -227,7 +227,7 @@ class Recipe:
 
     def faces(self, spec: Patch | Model) -> int:
         """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
-        from gtb_cli.knots.triangulation import cell_count
+        from gtb_cli.knots.even_triangulation import cell_count
 
         cells = sum(cell_count(patch.domain, self.resolution) for patch in spec.patches)
         if self.radius is not None:

@@ -15,9 +15,9 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
 from gtb_cli.tessellation.chords import ChordProofs
 from gtb_cli.tessellation.complexes import Complex
+from gtb_cli.tessellation.edge_splitting import Subdivision
 from gtb_cli.tessellation.refinement_samples import MIN_SAMPLES, SIDE_STEPS, PeakParameters, Sampling, inner_points
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.subdivision import Subdivision
 
 FINE_LATTICE_STEPS = 12  # steps of the lattice on which triangles are sampled over which the surface is not quadratic
 

@@ -14,8 +14,8 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import NearestCells, cell_distances
 from gtb_cli.moment.torus import block_length
+from gtb_cli.tessellation.edge_splitting import Cells, Edges, Subdivision
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.subdivision import Cells, Edges, Subdivision
 
 SIDE_STEPS = 4  # steps at which edges are sampled at least; all other numbers of steps are multiples of it
 MIN_SAMPLES = 20_000  # points at which a coarse mesh is sampled, at least, by a finer lattice on each triangle

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, dot, point_text
-from gtb_cli.knots.triangulation import cell_count, triangulation
+from gtb_cli.knots.even_triangulation import cell_count, triangulation
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.solids.solidity import where

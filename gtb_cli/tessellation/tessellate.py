@@ -7,7 +7,7 @@ from functools import partial
 from typing import TypeAlias
 
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.knots.triangulation import cell_count
+from gtb_cli.knots.even_triangulation import cell_count
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model, joints_of

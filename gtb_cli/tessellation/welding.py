@@ -1,4 +1,4 @@
-"""Vertices that a weld moves, to means of curves and corners; where `models.same_edges` joins nothing, gaps stay."""
+"""What a weld moves: vertices, to means of curves and corners; which edges it joins: `models.same_edges`."""
 
 from functools import cached_property
 

@@ -1,4 +1,4 @@
-"""Unit normals of a surface, and unit tangents of a curve, with their limits on the boundary.
+"""Unit normals of a surface, tangents of a curve, with limits on the boundary; where none is told so: `corners`.
 
 With respect to the torus coordinates, ``∂P/∂s = Σ_i T_i (b_i − P)(a_i − μ)ᵀ``: covariances of the control points with
 any two coordinates of the knots. If a few knots hold nearly all of T, these are differences of nearly equal numbers,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.knots.even_triangulation import triangulation
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, compared, has_avx512, paired, segments, sized
 from tests.benchmarks.peers import by_scipy, by_splinepy, by_splipy

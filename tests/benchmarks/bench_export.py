@@ -12,7 +12,7 @@ from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
 
 from gtb_cli.formats.export import encode_mesh
-from gtb_cli.formats.obj_writing import decimals
+from gtb_cli.formats.numbers_written import decimals
 from gtb_cli.meshes.mesh import Mesh
 from tests.benchmarks import Row, paired, segments
 from tests.tiny_meshes import surface

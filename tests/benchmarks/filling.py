@@ -19,12 +19,12 @@ from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.fairest import NEARER, VISIBLE
 from gtb_cli.filling.hole_corners import at_corners
-from gtb_cli.filling.loops import read_loop
+from gtb_cli.filling.hole_files import read_loop
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bernstein, side_normals, stations
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.knots.domain import domain
-from gtb_cli.knots.triangulation import central_triangulation
+from gtb_cli.knots.even_triangulation import central_triangulation
 from gtb_cli.solids.solidity import folded_pairs
 from gtb_cli.tessellation.tessellate import tessellate
 from tests.benchmarks.gb import GeneralizedBezier, polygon

@@ -11,8 +11,8 @@ import gtb_cli
 from gtb_cli.errors import DomainError, GtbError, RequirementError, SpecError
 from gtb_cli.filling import fill as room
 from gtb_cli.filling.certificate import Filling
+from gtb_cli.filling.hole_files import read_loop
 from gtb_cli.filling.holes import hole_edges
-from gtb_cli.filling.loops import read_loop
 from gtb_cli.filling.sides import loop
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.recipe import Recipe

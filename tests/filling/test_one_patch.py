@@ -24,8 +24,8 @@ from gtb_cli.filling.corner_equations import CornerForms
 from gtb_cli.filling.fairest import FairSearch, Scored
 from gtb_cli.filling.fill import fill
 from gtb_cli.filling.hole_corners import corners
+from gtb_cli.filling.hole_files import loop_from_text, read_loop
 from gtb_cli.filling.holes import model_rings
-from gtb_cli.filling.loops import loop_from_text, read_loop
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.rows import Rows, _Form, _multipliers
 from gtb_cli.filling.sides import HoleSide, bezier_form, edge_of, points_and_tangents, raised, side_normals, stations

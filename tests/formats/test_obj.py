@@ -12,7 +12,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import SimpleMaterial
 
 from gtb_cli.formats.export import encode_mesh
-from gtb_cli.formats.obj_writing import BLOCK_ROWS, decimals, obj_blocks
+from gtb_cli.formats.numbers_written import BLOCK_ROWS, decimals, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
 from tests.specs import memory_below
 from tests.tiny_meshes import encoded, lines, model, surface

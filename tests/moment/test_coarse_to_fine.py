@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.knots.domain import domain
-from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.knots.even_triangulation import triangulation
 from gtb_cli.moment.coarse_to_fine import MIN_COARSE_STEPS, STRIDE, vertex_lattices
 
 POLYGONS = {

@@ -7,7 +7,7 @@ import pytest
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.domain import domain
-from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.knots.even_triangulation import triangulation
 from gtb_cli.moment import moment_map
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.solve import LogSum

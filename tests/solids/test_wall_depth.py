@@ -5,7 +5,7 @@ import pytest
 
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
-from gtb_cli.solids.printing import printing
+from gtb_cli.solids.printability import printability
 from gtb_cli.solids.wall_depth import wall_of_faces, wall_of_vertices
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
@@ -37,7 +37,7 @@ def test_an_open_surface_has_no_walls():
 
 
 def test_only_what_is_flat_on_the_bed_stands():
-    found = printing(tessellate(Model((*box(), *box((3, 0, 2), (4, 1, 3)))), 1), "z", 100)
+    found = printability(tessellate(Model((*box(), *box((3, 0, 2), (4, 1, 3)))), 1), "z", 100)
     assert (found["bed_area"], found["overhang_area"]) == (pytest.approx(1), pytest.approx(1))
 
 

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.knots.even_triangulation import triangulation
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.joints import Joint
 from gtb_cli.models.model import Model

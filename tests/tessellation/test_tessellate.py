@@ -12,8 +12,8 @@ from gtb_cli.models.model import Model
 from gtb_cli.models.same_edges import find_joints
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.tessellation.complexes import joined_complex
+from gtb_cli.tessellation.edge_splitting import Subdivision
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import softmax
 
-from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.knots.even_triangulation import triangulation
 from gtb_cli.language.loading import load_patch
 from gtb_cli.theory.patch import Patch
 from tests.exact import CONTEXT, Number, basis, numbers

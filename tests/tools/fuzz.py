@@ -21,7 +21,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gtb_cli.errors import SpecError
-from gtb_cli.filling.loops import SUFFIXES, loop_from_text
+from gtb_cli.filling.hole_files import SUFFIXES, loop_from_text
 from gtb_cli.importers.readers import import_data
 from gtb_cli.language.writer import dump
 from gtb_cli.vocabulary import SEQUENCE_RECORD, suffix_of

@@ -16,9 +16,9 @@ from PIL import Image
 import gtb_cli
 from gtb_cli.errors import DomainError
 from gtb_cli.filling.fill import filled
-from gtb_cli.filling.loops import read_loop
+from gtb_cli.filling.hole_files import read_loop
 from gtb_cli.knots.domain import domain
-from gtb_cli.knots.triangulation import central_triangulation
+from gtb_cli.knots.even_triangulation import central_triangulation
 from gtb_cli.meshes.shading import filled_normals
 from gtb_cli.models.model import Model
 from gtb_cli.plots.raster import rasterised

@@ -1,4 +1,4 @@
-"""Numbers in text, read fast in blocks; errors name each bad number with its line."""
+"""Numbers in text, read fast in blocks, with their rounding; errors name each bad number. 32 bits: `file_arrays`."""
 
 import warnings
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""The domain cut into equal parts: parameters and cells in an order that depends only on the domain and the number."""
+"""The domain cut evenly, for `-n`: parameters and cells in an order that depends on the domain and the number only."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""OBJ files written, and lines of numbers, fast: tables turn numbers into characters, four at a time, in numpy.
+"""Lines of numbers written fast, in OBJ and all text: tables turn them into characters, four at a time, in numpy.
 
 Every number of a block of rows becomes a run of 32-bit words. Each word holds up to four characters and is padded with
 NUL bytes, deleted at the end. The result equals Python's `%.8f`, or another number of decimals, byte for byte.

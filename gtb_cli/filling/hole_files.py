@@ -1,4 +1,4 @@
-"""Holes from files: loops of curves in specs with ribbons, `.gbp` and `.lop`; models; CAD parts."""
+"""Holes from files: loops of curves with ribbons, `.gbp`, `.lop`, models, CAD parts; rings of open edges: `holes`."""
 
 from dataclasses import replace
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.knots.domain import domain
-from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
+from gtb_cli.knots.even_triangulation import cell_count, central_triangulation, triangulation
 from tests.patches import SHIFT, regular
 
 EPS = float(np.finfo(np.float64).eps)

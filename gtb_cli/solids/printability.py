@@ -1,4 +1,4 @@
-"""What a printer asks of a closed mesh: how large it is, how it stands, what overhangs, how thin its walls are."""
+"""What a printer asks of a closed mesh: size, stand, overhangs, walls. Closed or not: `tessellation.requirements`."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from gtb_cli.solids.wall_depth import wall_of_faces
 from gtb_cli.vocabulary import UP, Up
 
 
-def printing(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
+def printability(mesh: Mesh, up: Up, max_wall_faces: int) -> dict[str, Any]:
     """Measure a closed mesh of which this axis points up, as plain data in model units.
 
     Overhangs look down by more than 45 degrees from upright, but for what is flat within 0.2% of the height above the
