@@ -15,7 +15,7 @@ for _title, *_lines in map(str.splitlines, _SECTIONS):
         __doc__ += f"    {_module.removeprefix('gtb_cli.')}: {', '.join(_names)}\n"
         _HOMES |= dict.fromkeys(_names, _module)
 __all__ = ["__version__", *_HOMES]
-_HOMES["frame"] = "gtb_cli.pages.notebook"  # what a notebook shows, which nobody calls
+_HOMES["notebook_html"] = "gtb_cli.pages.notebook"  # what a notebook shows, which nobody calls
 
 
 def __getattr__(name):

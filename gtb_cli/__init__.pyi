@@ -1,6 +1,6 @@
 """The public names, by sections: the package reads here in which modules they are, and type checkers their types."""
 
-from gtb_cli.pages.notebook import frame as frame  # which nobody calls
+from gtb_cli.pages.notebook import notebook_html as notebook_html  # which nobody calls
 from gtb_cli.version import __version__ as __version__
 
 # Specs and files

@@ -14,6 +14,6 @@ def plot(thing: Any, ax: Axes | None = None, what: str | None = None, **options:
     return sys.modules[__package__].plot(thing, ax, what, **options)  # type: ignore[no-any-return]
 
 
-def frame(thing: Any) -> str:
-    """Return HTML of a frame for notebooks in which it can be turned."""
-    return sys.modules[__package__].frame(thing)  # type: ignore[no-any-return]
+def notebook_html(thing: Any) -> str:
+    """Return HTML for notebooks, a frame in which it can be turned."""
+    return sys.modules[__package__].notebook_html(thing)  # type: ignore[no-any-return]

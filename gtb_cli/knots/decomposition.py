@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, planar_cross, read_only
-from gtb_cli.display import frame
+from gtb_cli.display import notebook_html
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import border_of, knot_tolerance
 from gtb_cli.knots.upper_faces import lifted_knots, upper_faces
@@ -44,7 +44,7 @@ class RegularDecomposition:
     gradients: FloatArray
     offsets: FloatArray
     polygons: tuple[tuple[int, ...], ...]
-    _repr_html_ = frame
+    _repr_html_ = notebook_html
 
     def __repr__(self) -> str:
         return f"<RegularDecomposition: {len(self.knots)} knots, {len(self.cells)} cells, {len(self.absent)} absent>"

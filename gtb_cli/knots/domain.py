@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positive, read_only, two_product
-from gtb_cli.display import frame
+from gtb_cli.display import notebook_html
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Face, Faces
 from gtb_cli.knots.hull import convex_hull, knot_tolerance
@@ -50,7 +50,7 @@ class Domain:
     heights: FloatArray
     edge_normals: EdgeNormals
     edge_scale: float | FloatArray
-    _repr_html_ = frame
+    _repr_html_ = notebook_html
 
     def __repr__(self) -> str:
         what = "interval" if self.dimension == 1 else f"{len(self.vertices)}-sided polygon"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, as_indices, bounds_of, index_type
-from gtb_cli.display import frame, plot
+from gtb_cli.display import notebook_html, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.shading import Normals
 from gtb_cli.meshes.topology import are_used, runs_of, sides_of
@@ -258,7 +258,7 @@ class Mesh:
         return self.vertices if used.all() else self.vertices[used]
 
     plot = plot
-    _repr_html_ = frame
+    _repr_html_ = notebook_html
 
     def to_trimesh(self) -> trimesh.Trimesh | trimesh.path.Path3D:
         """Return the same vertices and faces, in the same order, as a trimesh object (a `Path3D` for a curve)."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from gtb_cli.display import frame, plot
+from gtb_cli.display import notebook_html, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.models.joints import Joints, unjoined
 from gtb_cli.theory.patch import Patch
@@ -99,7 +99,7 @@ class Model:
         return seams_of(self.patches, self.joints) if self.dimension == 2 else ()
 
     plot = plot
-    _repr_html_ = frame
+    _repr_html_ = notebook_html
 
 
 def joints_of(shape: Patch | Model) -> Joints:

@@ -16,7 +16,7 @@ from gtb_cli.theory.patch import Patch
 SIDE, MARGIN = 220, 16  # of a picture in pixels
 
 
-def frame(thing: Patch | Model | Mesh | RegularDecomposition | Domain) -> str:
+def notebook_html(thing: Patch | Model | Mesh | RegularDecomposition | Domain) -> str:
     """Return HTML for a notebook."""
     if isinstance(thing, Domain):
         clouds = thing.vertices, thing.knots

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, read_only
-from gtb_cli.display import frame, plot
+from gtb_cli.display import notebook_html, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.basis import CoefficientRule, Location, both_weights, coefficients_of, gt_bernstein
@@ -312,4 +312,4 @@ class Patch:
         return self.part(members, knots=knots, edge_normals="auto", name=f"{self.name or 'patch'}-edge{edge}")
 
     plot = plot
-    _repr_html_ = frame
+    _repr_html_ = notebook_html
