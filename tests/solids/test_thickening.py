@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from scipy.spatial.transform import Rotation
 
 from gtb_cli.arrays import cross, unit
 from gtb_cli.errors import DomainError
@@ -164,19 +165,29 @@ def test_in_a_concave_edge_faces_narrower_than_the_corner_moves_are_not_turned_o
     np.testing.assert_allclose(heights.min(axis=0), thickness, rtol=1e-9)
 
 
-def test_beside_an_inner_corner_of_curved_sides_the_wall_is_as_thick_as_elsewhere():
-    """A quarter of a wall with a waist, above its floor: in tangent planes it is 0.90 to 1.36 of the thickness."""
+def waist() -> Model:
+    """A quarter of a wall with a waist, above its floor."""
     profiles, arc = ([(20, 20), (8, 14), (9, 6), (20, 0)], [(20, 0), (10, -3), (1, -4)]), np.array([0, 0.55, 1, 1])
     sides = [[[r * arc[3 - k], r * arc[k], z] for r, z in profile for k in range(4)] for profile in profiles]
     knots = [[[i, k] for i in range(len(profile)) for k in range(4)] for profile in profiles]
-    model = Model(tuple(Patch(*side, coefficients="binomial") for side in zip(knots, sides, strict=True)))
-    dense, surface = tessellate(model, 96), tessellate(model, 24)
+    return Model(tuple(Patch(*side, coefficients="binomial") for side in zip(knots, sides, strict=True)))
+
+
+def tip() -> Model:
+    """Three curved panels about a corner."""
+    ways = [Rotation.from_euler("z", 120 * k, degrees=True).as_matrix() for k in range(3)]
+    panel = np.array([[0, 0, 20], [13, 0, 12], ways[1] @ [13, 0, 12], [20, 0, 0], [8, 14, 0], ways[1] @ [20, 0, 0]])
+    knots = [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]
+    return Model(tuple(Patch(knots, panel @ way.T, coefficients="binomial") for way in ways))
+
+
+@pytest.mark.parametrize(("model", "fineness", "most"), [(waist(), 24, 1.0015), (tip(), 6, 1.03)])
+def test_beside_an_inner_corner_of_curved_sides_the_wall_is_as_thick_as_elsewhere(model, fineness, most):
+    dense, surface = tessellate(model, 96), tessellate(model, fineness)
     solid = thicken(surface, -4.0)
     assert len(folded_faces(solid)) == 0
-    offset = solid.vertices[len(surface.vertices) :]
-    places = np.concatenate([offset, offset[surface.cells].mean(axis=1)])
-    walls = NearestCells(dense.vertices[dense.cells]).nearest(places)[0] / 4
-    assert 0.99 < walls.min() < walls.max() < 1.002
+    walls = NearestCells(dense.vertices[dense.cells]).nearest(solid.vertices[len(surface.vertices) :])[0] / 4
+    assert 0.9995 < walls.min() < walls.max() < most
 
 
 def test_patches_with_normals_nearly_in_a_plane_do_not_tear_a_vertex_away():
