@@ -178,7 +178,7 @@ class _FarthestPoint:
                 break
             distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
             farthest = chosen[distances[chosen].argmax()]
-            if distances[farthest] > self.found:
+            if distances[farthest] > max(self.found, DISTANCE_ROUNDING):
                 self.found, self.place = float(distances[farthest]), points[farthest]
             begin, length = begin + length, length * 4
         return distances, cells
