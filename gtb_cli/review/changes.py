@@ -182,10 +182,7 @@ def _framed(change: Change) -> Change:
     extents = [float(np.ptp(common.inside(each), axis=0).max()) for each in points]
     if len(points) == 1 or min(extents) > dot:
         return replace(change, frames=(common, common))
-    (least, small), (most, large) = sorted(zip(extents, ("old", "new"), strict=True))
-    reason = f"{large} is {most / least:.4g} times as large as {small}" if least else f"{small} is a dot beside {large}"
-    if dot * most < least or not most:
-        reason = "old and new are far apart"
+    reason = "old and new have other sizes or places: each is drawn at its own scale"
     return replace(change, frames=(Frame.around(points[0]), Frame.around(points[1])), scale=reason)
 
 

@@ -176,19 +176,15 @@ def test_faces_that_are_turned_over_are_marked_and_nothing_else_is_coloured(orde
 
 def test_a_mesh_that_would_be_a_dot_is_drawn_at_its_own_scale():
     old = mesh_of("pentagon", 4)
-    for new, reason in (
-        (Mesh(1000 * old.vertices, old.cells), "new is 1000 times as large as old"),
-        (Mesh(old.vertices / 50, old.cells), "old is 50 times as large as new"),
-        (Mesh(old.vertices + 1e4, old.cells), "old and new are far apart"),
-        (Mesh(0 * old.vertices + 1, old.cells), "new is a dot beside old"),
-    ):
+    for vertices in (1000 * old.vertices, old.vertices / 50, old.vertices + 1e4, 0 * old.vertices + 1):
+        new = Mesh(vertices, old.cells)
         made = change("x", "different", old, new, diff(old, new, kind="vertices"))
-        assert made.reasons[-1] == reason
+        assert made.reasons[-1].endswith("each is drawn at its own scale")
         for side, frame in zip((made.old, made.new), made.frames, strict=True):
-            assert np.abs(frame.inside(side.mesh.vertices)).max() >= 0.5 or reason.startswith("new is a dot")
+            assert np.abs(frame.inside(side.mesh.vertices)).max() >= 0.5 or not np.ptp(vertices)
         assert '"alone":true' in page(review(("a", "b"), iter([made])))
     dots = [Mesh(0 * old.vertices + place, old.cells) for place in (0, 1)]
-    assert change("x", "different", *dots, diff(*dots)).reasons[-1] == "old and new are far apart"
+    assert change("x", "different", *dots, diff(*dots)).reasons[-1].startswith("old and new have other")
     made = change("x", "extra", old, Mesh(5 * old.vertices, old.cells))
     assert made.reasons == ()
     assert made.frames[0] is made.frames[1]
