@@ -48,9 +48,8 @@ def page(review: Review) -> str:
 
 
 def _data(change: Change) -> dict[str, Any]:
-    uncoloured = "no distances" if change.found is None else "nowhere farther apart than the tolerance"
-    if change.found is not None and not change.found.same_kind:
-        uncoloured = "no distances of a curve from a surface"
+    is_measured = change.found is not None and change.found.same_kind
+    uncoloured = "nowhere farther apart than the tolerance" if is_measured else "no distances"
     data: dict[str, Any] = {
         "name": printable(change.verdict.name),
         "verdict": change.verdict.word,
