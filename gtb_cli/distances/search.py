@@ -140,7 +140,6 @@ class FarthestSearch:
 
     def peaks(self, candidates: Candidates) -> LocalMaxima:
         """Return the local maxima of the distance, a few of the largest of each way."""
-        same_height = 1e-9  # relative difference of distances of one place in two strata
         heights = np.zeros((len(self.source), len(self.points)))
         heights[candidates.way, candidates.point] = candidates.distance
         low = self.largest(candidates.way % self.count, candidates.distance)[np.arange(len(heights)) % self.count]
@@ -149,11 +148,8 @@ class FarthestSearch:
             np.maximum.at(row, self.beside, own[self.others])
         chosen = candidates.distance >= np.maximum(high[candidates[:2]], CLOSE_SHARE * low[candidates.way])
         high_ones = rows_of(candidates, chosen)
-        way, point, distance = rows_of(high_ones, _highest(high_ones.way, high_ones.distance, len(chosen)))[:3]
-        again = (np.diff(way, prepend=-1) == 0) & (-np.diff(distance, prepend=np.inf) <= same_height * low[way])
-        way, point, distance = way[~again], point[~again], distance[~again]
-        rows = _highest(way, distance, 8)
-        return LocalMaxima(way[rows], *rows_of(self.places, point[rows]), distance[rows])
+        way, point, distance = rows_of(high_ones, _highest(high_ones.way, high_ones.distance, 8))[:3]
+        return LocalMaxima(way, *rows_of(self.places, point), distance)
 
     def climbed(self, peaks: LocalMaxima) -> LocalMaxima:
         """Move local maxima over their own surface as long as distances grow."""
