@@ -5,6 +5,7 @@ from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
+from operator import itemgetter
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -60,10 +61,17 @@ class Difference:
     is_curve: bool = False  # whether both are curves
     kind: Comparison = "auto"  # as what they were to be compared
     uncompared: tuple[str, ...] = ()  # sentences on such values that were not compared, or not everywhere
+    stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
-        what = "same" if self.same else "different"
-        return f"<Difference: {what}, {self.method} {self.distance:.3g} apart, tolerance {self.tolerance:.3g}>"
+        what, (distance, tolerance) = "same" if self.same else "different", self.amounts
+        return f"<Difference: {what}, {self.method} {distance} apart, tolerance {tolerance}>"
+
+    @property
+    def amounts(self) -> tuple[str, str]:
+        """The distance and the tolerance, in three digits, or in as many as tell them apart."""
+        told = [(f"{self.distance:.{digits}g}", f"{self.tolerance:.{digits}g}") for digits in (3, 9, 17)]
+        return next((pair for pair in told if pair[0] != pair[1]), told[0])
 
     @property
     def same(self) -> bool:
@@ -113,6 +121,9 @@ class Difference:
             result.append(f"tolerance {self.tolerance:.3g} instead of {self.asked:.3g}: {finest} at this size")
         if self.same and self.asked is None and self.tolerance > 1e-6 * self.diagonal:
             result.append(f"tolerance {self.tolerance:.3g}, as {finest}: smaller differences are not seen")
+        if self.stray is not None:
+            size = f"the size is {self.stray:.3g} instead of {self.diagonal:.3g}, which makes the tolerance"
+            result.append(f"without a few vertices far from all others, {size} {self.tolerance:.3g}")
         if self.is_loose:
             where = "" if self.method == "patches" else "between samples "
             what = f"nothing farther apart than {self.distance:.3g} was found, but it is not proved"
@@ -139,7 +150,7 @@ def difference(
     """
     for each in (a, b):
         vertices_to_measure(each.mesh, "nothing can be compared")
-    diagonal = min(_diagonal(each.mesh.used) for each in (a, b))
+    diagonal, smaller = min(((_diagonal(each.mesh.used), each.mesh) for each in (a, b)), key=itemgetter(0))
     resolution = math.hypot(*(a.half_steps + b.half_steps).tolist())
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
     matched = None if kind == "surface" else matching(a, b, allowed)
@@ -158,6 +169,7 @@ def difference(
         kind=kind,
         ignored=tuple(sorted(ignore)),
         spaces=spaces,
+        stray=None if isinstance(tolerance, float | int) and tolerance >= resolution else _stray(smaller, diagonal),
     )
     if matched is not None:
         place = int(matched.distances.argmax())
@@ -173,7 +185,10 @@ def difference(
         left_out = set() if distance <= allowed else {NORMALS}  # which turn with what is turned
         values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
         words = told_motion(points, others, allowed, spaces is None) if distance > allowed else ()
-        is_mirrored = words[:1] and words[0].startswith("mirrored")
+        turned = matched.turned
+        if words and words[0].startswith("mirrored") and turned != (in_mirror := matched.turned_in_mirror):
+            turns = told_motion(points, others, allowed, spaces is None, may_mirror=False) if not turned else ()
+            words, turned = (turns, turned) if turns else (words, in_mirror)
         return made(
             method="vertices",
             distance=distance,
@@ -184,7 +199,7 @@ def difference(
             vertex=vertex,
             other_vertex=other,
             group=_group(a.mesh, vertex),
-            turned=matched.turned_in_mirror if is_mirrored else matched.turned,
+            turned=turned,
             remarks=matched.remarks,
             words=words,
             values=(*axes, *values),
@@ -258,6 +273,20 @@ def allowed_for(tolerance: float | str | None, diagonal: float, resolution: floa
     if not 0 <= asked < math.inf:
         raise DomainError(f"tolerance: expected a number from 0, or a percentage such as '1%', got {tolerance!r}")
     return asked, max(asked, resolution)
+
+
+def _stray(mesh: Mesh, diagonal: float) -> float | None:
+    """The diagonal without the vertices farthest from the median, a hundredth of all but at least four, if it is small.
+
+    Four are the corners of a stray tetrahedron, or those of a far triangle and one more.
+    """
+    points = mesh.used
+    kept = len(points) - max(4, len(points) // 100)
+    if kept < 4:
+        return None
+    away = np.abs(points / 2 - np.median(points, axis=0) / 2).max(axis=1)
+    rest = _diagonal(points[np.argpartition(away, kept - 1)[:kept]])
+    return rest if rest < diagonal / 100 else None
 
 
 def _diagonal(points: FloatArray) -> float:

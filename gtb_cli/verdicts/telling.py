@@ -38,7 +38,7 @@ def difference_text(found: Difference) -> str:
     """Return what follows the names of two meshes: how far they are apart, and what else differs, in a table."""
     what = ("curves" if found.is_curve else "surfaces") if found.same_kind else "a curve and a surface,"
     cells = "segments" if found.is_curve else "faces"
-    distance, tolerance = f"{found.distance:.3g}", f"tolerance {found.tolerance:.3g}\n"
+    distance, tolerance = found.amounts[0], f"tolerance {found.amounts[1]}\n"
     words = "".join(f"{word}; " for word in found.words)
     # GitHub takes a name such as ::stop-commands::x for a command, also behind blanks
     faults = "".join("  " + re.sub("^ *:(?=:)", r"\\x3a", fault) + "\n" for fault in found.faults)

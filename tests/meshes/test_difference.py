@@ -99,6 +99,13 @@ def test_a_value_that_stands_for_none_hides_no_difference_of_others():
     assert not difference(one, other).same
 
 
+@pytest.mark.parametrize(("far", "is_told"), [(20.0, False), (1000.0, True)])
+def test_a_few_vertices_that_make_a_mesh_a_hundred_times_as_large_are_told(far, is_told):
+    vertices = np.concatenate([surface(4).vertices, surface(4).vertices[[0, 1, 5]] + far])
+    mesh = known_exactly(Mesh(vertices, np.concatenate([surface(4).cells, [[25, 26, 27]]])))
+    assert (difference(mesh, mesh).stray is not None) == is_told
+
+
 def test_beyond_the_tolerance_another_order_or_other_faces_are_another_surface():
     for mesh, other in (
         (surface(9), moved(shuffled(surface(9))[0], 1e-3)),
