@@ -132,7 +132,7 @@ def fill(
         options = {name: asked[name] for name in ("inner", "fullness", "raises", "g2_tolerance")}
         fill_hole = filled_in_some_way if options["fullness"] is options["raises"] is None else filled
         options |= {"fullness": options["fullness"] or 1.0, "continuity": {} if bends else continuity}
-        with streams.console.busy("fill"):
+        with streams.console.clock("fill"):
             filling = fill_hole(found, hole, name, **options)
     seams = None
     if kind is not None and not filling.fault:

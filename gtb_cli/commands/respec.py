@@ -167,7 +167,7 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
 
     with streams.spec_of(spec) as loaded:
         model = loaded if isinstance(loaded, Model) else None
-        with streams.console.busy("fair"):
+        with streams.console.clock("fair"):
             found = made_fair(model, energy, keep) if model else (made_fair(single(loaded), energy, keep),)
         whole = model.replace(patches=tuple(part.patch for part in found)) if model else found[0].patch
         text = dump(whole, streams.output)

@@ -127,13 +127,27 @@ class Console:
             self._show("")
 
     @contextmanager
-    def busy(self, label: str) -> Iterator[None]:
-        """Show on a terminal what is being made, until it is there."""
-        if self._visible():
-            self._show(f"{label} …")
+    def clock(self, label: str, after: float = 2.0) -> Iterator[None]:
+        """Show on a terminal, after some seconds, how many of them something takes."""
+        import threading
+
+        done, start = threading.Event(), time.monotonic()
+
+        def tick() -> None:
+            pause = after
+            while not done.wait(pause):
+                self._show(f"{label}: {time.monotonic() - start:.0f} s")
+                pause = 1.0
+
+        thread = threading.Thread(target=tick, daemon=True)
+        if not self._visible():
+            done.set()
+        thread.start()
         try:
             yield
         finally:
+            done.set()
+            thread.join()
             self._show("")
 
     def _visible(self) -> bool:

@@ -97,27 +97,28 @@ def test_what_takes_long_is_counted_on_a_terminal(quiet, monkeypatch):
         isatty = staticmethod(lambda: True)
         fileno = staticmethod(lambda: 2)
 
-    shown, clock = Terminal(), iter([0.0, 1.0, 3.0, 4.0])
+    shown, clock = Terminal(), iter([0.0, 1.0, 3.0, 4.0, 5.0, 8.0])
     monkeypatch.setattr(messages.sys, "stderr", shown)
     monkeypatch.setattr(messages.time, "monotonic", lambda: next(clock))
     monkeypatch.setattr(messages.os, "get_terminal_size", lambda descriptor: os.terminal_size((12, 24)))
     with messages.Console(quiet).counter(3) as begin:
         for label in ("a.toml", "b.toml", "c.toml"):
             begin(label)
-    with messages.Console(quiet).busy("fill"):
-        pass
+    with messages.Console(quiet).clock("fill", 0.0):
+        while not quiet and "fill" not in shown.getvalue():
+            pass
     counted = "\r\r[2/3] b.tom\r" + " " * 11 + "\r[3/3] c.tom\r" + " " * 11 + "\r"
-    counted += "\r\rfill …\r" + " " * 6 + "\r"
+    counted += "\r\rfill: 3 s\r" + " " * 9 + "\r"
     assert shown.getvalue() == ("" if quiet else counted)
 
 
 @pytest.mark.parametrize(("command", "file"), [("fill", REPOSITORY / "tests/filling/cagd86.gbp"), ("fair", PENTAGON)])
-def test_it_is_said_that_a_surface_is_being_made(command, file, monkeypatch):
+def test_a_clock_runs_while_a_surface_is_made(command, file, monkeypatch):
     def stop(console: messages.Console, label: str) -> None:
-        raise DomainError(f"{label} is being made")
+        raise DomainError(f"{label} is timed")
 
-    monkeypatch.setattr(messages.Console, "busy", stop)
-    assert f"{command} is being made" in gtb(command, file, status=2).err
+    monkeypatch.setattr(messages.Console, "clock", stop)
+    assert f"{command} is timed" in gtb(command, file, status=2).err
 
 
 # --- versions
