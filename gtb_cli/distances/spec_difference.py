@@ -51,6 +51,10 @@ def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Co
     dimensions = {each.dimension for each in once}
     is_same = found.distance <= allowed and len(dimensions) == 1
     turned, values, left_out = _sides_and_names(models, once, meshes, paired, allowed) if is_same else (0, (), ())
+    spans = [mesh.vertices[mesh.cells[i:k]].reshape(-1, 3) for mesh in meshes for _, i, k in mesh.groups]
+    least = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in spans)
+    share = 1e-3 if tolerance is None else 1.0 if isinstance(tolerance, str) else np.inf
+    wide = f"tolerance {allowed:.3g}, as all patches together are {diagonal:.3g} long, and one only {least:.3g}"
     repeated, doubts = _repeated(a, b, paired, Frame.around(*bounds), allowed) if is_same else ((), ())
     return Difference(
         method="patches",
@@ -68,7 +72,7 @@ def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Co
         remarks=(*repeated, *_open_edges(once if repeated else models, allowed)) if is_same else (),
         ignored=tuple(sorted(aspects)),
         values=() if "attributes" in aspects else values,
-        uncompared=left_out + doubts,
+        uncompared=left_out + doubts + (wide,) * (is_same and 0 < share * least < allowed),
         is_searched=not found.is_proved,
     )
 
