@@ -132,8 +132,7 @@ def diff(
 def _told(verdicts: Iterable[Verdict], kept: list[Verdict], console: Console) -> Iterator[Verdict]:
     """Yield verdicts, print what is to be said of each, and keep all without their meshes."""
     for verdict in verdicts:
-        for say, messages in ((console.warn, verdict.warnings), (console.note, verdict.notes)):
-            for message in messages:
-                say(f"{', '.join(verdict.paths)}: {message}")
+        for message in verdict.warnings:
+            console.warn(f"{', '.join(verdict.paths)}: {message}")
         kept.append(replace(verdict, meshes=(None, None)))
         yield verdict

@@ -29,7 +29,6 @@ class Candidates(NamedTuple):
     point: IntArray  # (m,) numbers of points among those of all surfaces
     distance: FloatArray  # (m,) upper bound of the distance from the other surface
     nearest: IntArray  # (m,) the nearest one of the other surface's points
-    like: IntArray  # (m,) the one at the most similar place in its domain: the surfaces may be nearly the same one
 
 
 class LocalMaxima(NamedTuple):
@@ -53,7 +52,6 @@ class FarthestSearch:
         self.frame, self.count = Frame.around(*(surface.points for surface in surfaces)), count
         self.surfaces = surfaces = [surface.seen_from(self.frame) for surface in surfaces]
         self.trees = [cKDTree(surface.points) for surface in surfaces]
-        self.relatives = [cKDTree(surface.relative) for surface in surfaces]
         self.source, self.target = np.array(ways).T
         self.first = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
         columns = np.cumsum([0, *(surface.strata.log_weights.shape[1] for surface in surfaces)])
@@ -91,21 +89,19 @@ class FarthestSearch:
         for way, (one, other) in enumerate(zip(self.source.tolist(), self.target.tolist(), strict=True)):
             here, first = self.surfaces[one], self.first[other]
             apart, nearest = map(np.asarray, self.trees[other].query(here.points))
-            like = first + np.asarray(self.relatives[other].query(here.relative)[1])
             points = self.first[one] + np.arange(len(apart))
-            rows.append(Candidates(np.full(len(points), way), points, apart, first + nearest, like))
+            rows.append(Candidates(np.full(len(points), way), points, apart, first + nearest))
         return joined(rows)
 
     def bounded(self, candidates: Candidates) -> Candidates:
-        """Lower the bounds of candidates that may be farthest, by the distances found from two starts."""
+        """Lower the bounds of candidates that may be farthest, by the distances found from their nearest points."""
         bounds = candidates.distance.copy()
 
         def lower(rows: IntArray) -> None:
-            for start in (candidates.nearest, candidates.like):
-                rows = rows[bounds[rows] > ROUNDING]
-                points, (stratum, s) = self.points[candidates.point[rows]], rows_of(self.places, start[rows])
-                found, _ = projected(self.strata, points, stratum, s, RELATIVE_ERROR, np.zeros(len(rows)))
-                bounds[rows] = np.minimum(bounds[rows], found)
+            rows = rows[bounds[rows] > ROUNDING]
+            points, (stratum, s) = self.points[candidates.point[rows]], rows_of(self.places, candidates.nearest[rows])
+            found, _ = projected(self.strata, points, stratum, s, RELATIVE_ERROR, np.zeros(len(rows)))
+            bounds[rows] = np.minimum(bounds[rows], found)
 
         likely = _highest(candidates.way, bounds, 8)  # rule out most others
         lower(likely)
@@ -145,7 +141,6 @@ class FarthestSearch:
 
     def peaks(self, candidates: Candidates) -> LocalMaxima:
         """Return the local maxima of the distance, a few of the largest of each way."""
-        same_height = 1e-9  # relative difference of distances of one place in two strata
         heights = np.zeros((len(self.source), len(self.points)))
         heights[candidates.way, candidates.point] = candidates.distance
         low = self.largest(candidates.way % self.count, candidates.distance)[np.arange(len(heights)) % self.count]
@@ -154,11 +149,8 @@ class FarthestSearch:
             np.maximum.at(row, self.beside, own[self.others])
         chosen = candidates.distance >= np.maximum(high[candidates[:2]], CLOSE_SHARE * low[candidates.way])
         high_ones = rows_of(candidates, chosen)
-        way, point, distance = rows_of(high_ones, _highest(high_ones.way, high_ones.distance, len(chosen)))[:3]
-        again = (np.diff(way, prepend=-1) == 0) & (-np.diff(distance, prepend=np.inf) <= same_height * low[way])
-        way, point, distance = way[~again], point[~again], distance[~again]
-        rows = _highest(way, distance, 8)
-        return LocalMaxima(way[rows], *rows_of(self.places, point[rows]), distance[rows])
+        way, point, distance = rows_of(high_ones, _highest(high_ones.way, high_ones.distance, 8))[:3]
+        return LocalMaxima(way, *rows_of(self.places, point), distance)
 
     def climbed(self, peaks: LocalMaxima) -> LocalMaxima:
         """Move local maxima over their own surface as long as distances grow."""

@@ -143,9 +143,7 @@ def _repeated(
         n, name = max(numbers)
         return (f"{n} {'patch lies' if n == 1 else 'patches lie'} on others in the {name}",), ()
     amounts = [f"{float(frame.length(each[0], a.dimension)):.9g}" for each in (one, other)]
-    if amounts[0] == amounts[1]:
-        return (f"in the same place, but other patches, with the same {what}, are there more often",), ()
-    return (f"in the same place, but patches that are cut otherwise have {' against '.join(amounts)} in {what}",), ()
+    return (f"in the same place, but other patches are there more often: {' against '.join(amounts)} in {what}",), ()
 
 
 def _one_sided(model: Model, rows: Sequence[int]) -> list[bool]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of, groups
+from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.moment.torus import scaled_exponentials
@@ -81,7 +81,6 @@ class Surface:
     strata: Strata
     places: StratumPlaces  # of the points
     points: FloatArray  # (v, 3)
-    relative: FloatArray  # (v, 3) where in the domains, in units of all domains' extent, and 0.01 × the patch's number
     cells: IntArray  # (k, c) points that are near each other
 
     def seen_from(self, frame: Frame) -> Surface:
@@ -99,11 +98,8 @@ def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
     face[: len(mosaic.face)] = mosaic.face
     patch = np.concatenate([mosaic.patch, mosaic.cell_patch, own])
     strata, places = _located(patches, patch, parameters, face)
-    low, high = bounds_of(parameters)
-    scaled = (parameters - low) / (high - low).max()
-    relative = np.column_stack([scaled, np.zeros((len(patch), 2 - scaled.shape[1])), 0.01 * patch])
     middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
-    return Surface(strata, places, strata.points(places), relative, np.column_stack([mosaic.cells, middles]))
+    return Surface(strata, places, strata.points(places), np.column_stack([mosaic.cells, middles]))
 
 
 def _located(

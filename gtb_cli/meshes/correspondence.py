@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of, cross, dot, index_type, paired, taken
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, index_type, paired, taken
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.measures import measure
@@ -89,7 +89,7 @@ def _numberings(a: Mesh, b: Mesh, tolerance: float, are_short: bool) -> Iterator
             (_, cells), (_, others) = (_places(mesh, np.float32) for mesh in (a, b))
         if are_short and np.array_equal(cells, others):
             yield cells, others, False
-    cells, others, _, are_all = by_nearness(a, b, tolerance, own)
+    cells, others, are_all = by_nearness(a, b, tolerance, own)
     if are_all:
         yield cells, others, False
 
@@ -108,8 +108,8 @@ def _places(mesh: Mesh, kind: type = np.float64) -> tuple[IntArray, IntArray]:
 
 def by_nearness(
     a: Mesh, b: Mesh, tolerance: float, own: Sequence[tuple[IntArray, IntArray]] = ()
-) -> tuple[IntArray, IntArray, FloatArray, bool]:
-    """Cells in numbers of places of `a`, and further ones for places of `b`; all places; whether there are no further.
+) -> tuple[IntArray, IntArray, bool]:
+    """Cells in numbers of places of `a`, and further ones for places of `b`; whether there are no further.
 
     These are those that are near none within the tolerance, or beside which another place is nearer to the same one.
     """
@@ -124,8 +124,7 @@ def by_nearness(
     order = order[(np.diff(place[order], prepend=-1) != 0) & (place[order] < len(first))]
     numbers = np.arange(len(first), len(first) + len(place), dtype=index_type(len(first) + len(place)))
     numbers[order] = place[order]
-    places = np.concatenate([a.vertices[first], b.vertices[second]])
-    return cells, taken(numbers, others), places, len(order) == len(first) == len(second)
+    return cells, taken(numbers, others), len(order) == len(first) == len(second)
 
 
 @dataclass(frozen=True)
@@ -232,16 +231,15 @@ class Lone:
     turned: int  # how many of the others look to the other side
     doubled: int  # how many others are there twice in it, and once in the other one
     repeated: int  # how many more there are of the rest
-    near: tuple[IntArray, IntArray]  # cells of both meshes by which alone the absent ones are told how far they are
 
 
 def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
     """Find the faces in which two meshes differ if all faces of one are faces of the other, within the tolerance."""
     if a.is_curve != b.is_curve or len(a.cells) == len(b.cells):
         return None
-    cells, others, points = a.cells, b.cells, a.vertices
+    cells, others = a.cells, b.cells
     if a.vertices.shape != b.vertices.shape or np.abs(a.vertices - b.vertices).max() > tolerance:
-        cells, others, points, _ = by_nearness(a, b, tolerance)
+        cells, others, _ = by_nearness(a, b, tolerance)
     faces = _faces(cells, others)
     if (faces.there < faces.here).any() and (faces.here < faces.there).any():
         return None
@@ -251,15 +249,7 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
     extra = np.abs(faces.here - faces.there)
     doubled = int(((np.minimum(faces.here, faces.there) == 1) & (extra == 1)).sum())
     repeated = int(extra.sum()) - len(absent) - doubled
-    more, rest = (cells, others) if is_first else (others, cells)
-    near = np.arange(len(cells)), np.arange(len(others))
-    if len(absent) and are_used(rest, len(points))[more[absent]].all():  # no point is farther than a side is long
-        corners = points[more[absent]]
-        (low, high), reach = bounds_of(corners.reshape(-1, 3)), 2 * np.ptp(corners, axis=1).max()
-        beyond = np.packbits(np.concatenate([points < low - reach, points > high + reach], axis=1), axis=1)[:, 0]
-        one, other = (np.flatnonzero(reduce(np.bitwise_and, beyond[each.T]) == 0) for each in (cells, others))
-        near = one, other
-    return Lone(is_first, absent, faces.turned(), doubled, repeated, near)
+    return Lone(is_first, absent, faces.turned(), doubled, repeated)
 
 
 def unlike(

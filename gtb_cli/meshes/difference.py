@@ -205,12 +205,7 @@ def difference(
             values=(*axes, *values),
             uncompared=overlaps,
         )
-    lone, found = lone_faces(a.mesh, b.mesh, allowed), None
-    if lone is not None and len(lone.absent):
-        parts = [Mesh(each.vertices, each.cells[near]) for each, near in zip((a.mesh, b.mesh), lone.near, strict=True)]
-        found = _decided(parts[0], parts[1], allowed)
-    if found is None or found.distance <= allowed:  # then others, too, may be as far
-        found = _decided(a.mesh, b.mesh, allowed)
+    lone, found = lone_faces(a.mesh, b.mesh, allowed), _decided(a.mesh, b.mesh, allowed)
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks, are_all = 0 if lone is None else lone.turned, tuple[str, ...](), True
     is_held = any(each.values().keys() - {FACETS} for each in (a, b))

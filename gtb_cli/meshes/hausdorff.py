@@ -156,11 +156,8 @@ class _FarthestPoint:
 
     def bounded_well(self, pieces: CellParts) -> CellParts:
         """Like `bounded`, with the cells nearest to the middles."""
-        for find in (self.tree.nearby, self.tree.search):
-            if len(pieces.bounds):  # else a search, which arranges all cells, is not needed
-                samples, likely = find(middles(pieces.corners), pieces.samples, pieces.likely)
-                pieces = self.needed(pieces.bounded(self.tree, likely, samples))
-        return pieces
+        samples, likely = self.tree.search(middles(pieces.corners), pieces.samples, pieces.likely)
+        return self.needed(pieces.bounded(self.tree, likely, samples))
 
     def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:
         """Distances of (m, 3) points, exact if they may be the largest, else upper bounds; and the nearest cells."""
@@ -179,14 +176,10 @@ class _FarthestPoint:
             chosen = self._open(order[begin : begin + length], distances)
             if not len(chosen):
                 break
-            # The nearest cell is mostly one of a few nearby, which are tried faster than a search is made.
-            distances[chosen], cells[chosen] = self.tree.nearby(points[chosen], distances[chosen], cells[chosen])
-            chosen = self._open(chosen, distances)
-            if len(chosen):
-                distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
-                farthest = chosen[distances[chosen].argmax()]
-                if distances[farthest] > self.found:
-                    self.found, self.place = float(distances[farthest]), points[farthest]
+            distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
+            farthest = chosen[distances[chosen].argmax()]
+            if distances[farthest] > max(self.found, DISTANCE_ROUNDING):
+                self.found, self.place = float(distances[farthest]), points[farthest]
             begin, length = begin + length, length * 4
         return distances, cells
 

@@ -30,18 +30,6 @@ class NearestCells:
         cells = np.asarray(self._centres.query(points)[1], dtype=np.int64)
         return self.distances(points, cells), cells
 
-    def nearby(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
-        """The nearest of each point's own cell and the few cells with the nearest centres."""
-        bounds, cells = bounds.copy(), cells.copy()
-        number = min(8, len(self.corners))  # of candidates, tried before a search
-        for rows in row_blocks(len(points), PAIR_BATCH):
-            candidates = np.asarray(self._centres.query(points[rows], k=[*range(1, number + 1)])[1])
-            each = self.distances(np.repeat(points[rows], number, axis=0), candidates.ravel()).reshape(-1, number)
-            best, distance = each.argmin(axis=1), each.min(axis=1)
-            better = np.flatnonzero(distance < bounds[rows])
-            bounds[rows][better], cells[rows][better] = distance[better], candidates[better, best[better]]
-        return bounds, cells
-
     def distances(self, points: FloatArray, cells: IntArray) -> FloatArray:
         """(m,) distance of each point from its own cell."""
         return cell_distances(points, *np.moveaxis(self.corners[cells], 1, 0))

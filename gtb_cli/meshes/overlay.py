@@ -57,12 +57,6 @@ class CellParts(NamedTuple):
         over_middle = _heights(self.corners, middles(self.corners), tree.corners[self.likely])
         is_cut = _pass_between(over_middle, depth)
         heights[is_cut] = over_middle[is_cut]
-        rest = np.flatnonzero(~is_cut)
-        worst = self.corners[rest, self.worst[rest]]
-        _, cells = tree.nearby(worst, *tree.start(worst))
-        over_worst = _heights(self.corners[rest], worst, tree.corners[cells])
-        is_cut = _pass_between(over_worst, depth[rest])
-        heights[rest[is_cut]] = over_worst[is_cut]
         return self._divided(heights)
 
     def _divided(self, heights: FloatArray) -> CellParts:

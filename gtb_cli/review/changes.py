@@ -18,7 +18,6 @@ from gtb_cli.review.shown_meshes import distances, simplified
 from gtb_cli.verdicts.verdict import WORDS, Verdict, Word
 
 MAX_SHOWN_FACES = 20_000  # of one mesh: finer ones look the same in a third of a window
-MAX_ALL_FACES = 2_000_000  # of all meshes of a page, with which a browser still opens it
 
 
 class Row(NamedTuple):
@@ -118,38 +117,31 @@ class Review:
         return {word: words[word] for word in WORDS if words[word] or word == "same"}
 
 
-def change(verdict: Verdict) -> Change:
-    """Return what is shown of a file that is not the same: meshes of at most `MAX_SHOWN_FACES`, and what colours them.
+def change(verdict: Verdict, most: int = MAX_SHOWN_FACES) -> Change:
+    """Return what is shown of a file that is not the same: meshes of at most so many faces, and what colours them.
 
     These are the distances of two curves, or surfaces, or the turned faces of those within the tolerance.
     """
     (old, new), found = verdict.meshes, verdict.found
     if found is None or not found.same_kind or not (found.distance > found.tolerance or found.turned):
-        sides = _side(old), _side(new)
+        sides = _side(old, most), _side(new, most)
     elif found.distance > found.tolerance and found.forward.distance > found.backward.distance:
-        sides = _side(old, new, found), _side(new)
+        sides = _side(old, most, new, found), _side(new, most)
     else:
-        sides = _side(old), _side(new, old, found)
+        sides = _side(old, most), _side(new, most, old, found)
     return _framed(Change(replace(verdict, meshes=(None, None)), *sides))
 
 
 def review(names: tuple[str, str], changes: Iterator[Change | None]) -> Review:
-    """Gather changes, None for a file that is the same; all of them together have at most `MAX_ALL_FACES` shown."""
-    same, kept, most = 0, list[Change](), MAX_SHOWN_FACES
-    for each in changes:
-        if each is None:
-            same += 1
-            continue
-        kept.append(_at_most(each, most) if most < MAX_SHOWN_FACES else each)  # cells that were divided stay so
-        while most > 1 and sum(len(mesh.cells) for one in kept for mesh in one.meshes) > MAX_ALL_FACES:
-            most //= 2
-            kept = [_at_most(one, most) for one in kept]
+    """Gather changes, None for a file that is the same."""
+    each = list(changes)
+    kept = [one for one in each if one is not None]
     words = [WORDS[-1], *WORDS]  # what is unreadable first
-    kept.sort(key=lambda each: (words.index(each.verdict.word), -each.amount, each.verdict.name))
-    return Review(names, tuple(kept), same)
+    kept.sort(key=lambda one: (words.index(one.verdict.word), -one.amount, one.verdict.name))
+    return Review(names, tuple(kept), len(each) - len(kept))
 
 
-def _side(mesh: Mesh | None, other: Mesh | None = None, found: Difference | None = None) -> Side | None:
+def _side(mesh: Mesh | None, most: int, other: Mesh | None = None, found: Difference | None = None) -> Side | None:
     """Return what is shown of a mesh, coloured by its distances from another if there is one."""
     if mesh is None:
         return None
@@ -157,7 +149,7 @@ def _side(mesh: Mesh | None, other: Mesh | None = None, found: Difference | None
         measures = measure(mesh)
     except DomainError:  # no cells, or vertices that are not finite: nothing to measure, nor to look at
         return Side(None, None, len(mesh.cells))
-    shown, kept = simplified(mesh, MAX_SHOWN_FACES)
+    shown, kept = simplified(mesh, most)
     if other is None or found is None:
         return Side(measures, shown, len(mesh.cells))
     if found.distance <= found.tolerance:
@@ -182,25 +174,8 @@ def _framed(change: Change) -> Change:
     extents = [float(np.ptp(common.inside(each), axis=0).max()) for each in points]
     if len(points) == 1 or min(extents) > dot:
         return replace(change, frames=(common, common))
-    (least, small), (most, large) = sorted(zip(extents, ("old", "new"), strict=True))
-    reason = f"{large} is {most / least:.4g} times as large as {small}" if least else f"{small} is a dot beside {large}"
-    if dot * most < least or not most:
-        reason = "old and new are far apart"
+    reason = "old and new have other sizes or places: each is drawn at its own scale"
     return replace(change, frames=(Frame.around(points[0]), Frame.around(points[1])), scale=reason)
-
-
-def _at_most(change: Change, most: int) -> Change:
-    """Return a change whose meshes have at most so many faces."""
-
-    def coarser(side: Side | None) -> Side | None:
-        if side is None or side.mesh is None or len(side.mesh.cells) <= most:
-            return side
-        mesh, kept = simplified(side.mesh, most)
-        apart = None if side.distances is None else side.distances[kept]
-        corners = None if side.turned is None else side.turned[kept]
-        return Side(side.measures, mesh, side.faces, apart, corners)
-
-    return replace(change, old=coarser(change.old), new=coarser(change.new))
 
 
 def _row(label: str, old: object, new: object) -> Row:

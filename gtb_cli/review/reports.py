@@ -1,7 +1,7 @@
 """Reports on what changed: Markdown, or a page, old and new side by side under one camera, coloured by distance."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,20 @@ from gtb_cli.verdicts.comparing import Comparing
 from gtb_cli.verdicts.verdict import Verdict
 from gtb_cli.vocabulary import printable, suffix_of
 
+MAX_ALL_FACES = 2_000_000  # of all meshes of a page, with which a browser still opens it
+
 
 def reviewed(names: tuple[str, str], verdicts: Iterable[Verdict], comparing: Comparing) -> Review:
-    """Return the review of what was compared."""
-    return review(names, (None if each.same else change(comparing.shown(each)) for each in verdicts))
+    """Return the review of what was compared; where many large meshes differ, the last are shown with fewer faces."""
+
+    def changes() -> Iterator[Change | None]:
+        left, fewest = MAX_ALL_FACES, 100
+        for each in verdicts:
+            made = None if each.same else change(comparing.shown(each), max(fewest, min(MAX_SHOWN_FACES, left // 50)))
+            left -= sum(len(mesh.cells) for mesh in made.meshes) if made else 0
+            yield made
+
+    return review(names, changes())
 
 
 def write_reports(found: Review, paths: Sequence[str]) -> None:
@@ -33,14 +43,13 @@ def page(review: Review) -> str:
     """Return the text of a page that works offline; no name or message can become a part of its script."""
     names = [printable(name) for name in review.names]
     changes = [_data(change) for change in review.changes]
-    data = {"names": names, "counts": review.counts, "most": MAX_SHOWN_FACES, "changes": changes}
+    data = {"names": names, "counts": review.counts, "changes": changes}
     return page_with(data, f"{' and '.join(names)}: {len(review.changes)} changed", "gtb_cli.review")
 
 
 def _data(change: Change) -> dict[str, Any]:
-    uncoloured = "no distances" if change.found is None else "nowhere farther apart than the tolerance"
-    if change.found is not None and not change.found.same_kind:
-        uncoloured = "no distances of a curve from a surface"
+    is_measured = change.found is not None and change.found.same_kind
+    uncoloured = "nowhere farther apart than the tolerance" if is_measured else "no distances"
     data: dict[str, Any] = {
         "name": printable(change.verdict.name),
         "verdict": change.verdict.word,

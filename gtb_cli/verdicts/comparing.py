@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gtb_cli.errors import Fault, GtbError
+from gtb_cli.errors import GtbError
 from gtb_cli.files import read_file, sha256_of
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.faults import faults_about
@@ -52,16 +52,13 @@ class Comparing:
         formats = [each.known.format.upper() for each in (a, b) if each.spec is None]
         if suffix_of(first) == suffix_of(second) != "" and len({*formats}) > 1:  # other programs go by the name
             found = replace(found, values=(*found.values, f"format: {' against '.join(formats)}"))
-        notes = []
+        warnings = found.limits
         (one, spec), (file, mesh) = sorted(zip((a, b), shown, strict=True), key=lambda side: side[0].spec is None)
         if found.method == "surface" != self.kind and found.same_kind and one.spec and self.recipe.tolerance is None:
             made = made_with(one.spec, len(file.known.mesh.cells))
             if made not in (None, self.recipe.resolution):
-                notes = [f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices"]
-            elif not found.same:
-                command = f"gtb mesh {spec} OPTIONS -f ply --ascii | gtb diff {mesh} -"
-                notes = [f"what other options, as --fill and --weld, make of {spec} is compared by {command}"]
-        verdict = replace(verdict, found=found, warnings=found.limits, notes=tuple(notes))
+                warnings += (f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares vertices",)
+        verdict = replace(verdict, found=found, warnings=warnings)
         if found.same:
             return verdict
         return replace(verdict, word="different", meshes=(_mesh_of(lambda: a), _mesh_of(lambda: b)))
@@ -91,11 +88,8 @@ class Comparing:
         """Return the verdict on two files, also that they cannot be compared."""
         try:
             return replace(compare(), name=name)
-        except (GtbError, OSError) as error:
+        except (GtbError, OSError, ImportError) as error:  # the last, of scipy, which finds how far surfaces are apart
             return Verdict(name, paths, "unreadable", errors=tuple(faults_about(error)))
-        except ImportError as error:  # of scipy, which finds how far surfaces are apart
-            reason = f"{paths[0]} and {paths[1]}: surfaces cannot be compared: {faults_about(error)[0].message}"
-            return Verdict(name, paths, "unreadable", errors=(Fault(reason),))
 
     def _pair(self, first: str, second: str, has_meshes: bool) -> Verdict:
         for path in (first, second):

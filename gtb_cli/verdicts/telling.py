@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import TYPE_CHECKING, Any
 
@@ -79,14 +78,9 @@ def _farthest(found: Difference) -> str:
 
 
 def _row(label: str, values: list[float | int | None]) -> str:
-    """Return a line of a table; if its two numbers differ, it has a star and enough digits to show that."""
+    """Return a line of a table; if its two numbers differ in nine digits, it has a star."""
     first, second = ("–" if value is None else f"{value:.9g}" for value in values)
-    is_rounding = None not in values and math.isclose(values[0] or 0, values[1] or 0, rel_tol=1e-12)
-    if is_rounding or values[0] == values[1]:
-        return f"  {label:24}{first:>16}{second:>16}\n"
-    first, second = (f"{value:.17g}" for value in values) if first == second else (first, second)
-    width = 16 if max(len(first), len(second)) < 16 else 24
-    return f"  {label:24}{first:>{width}}{second:>{width}}  *\n"
+    return f"  {label:24}{first:>16}{second:>16}{'  *' * (first != second)}\n"
 
 
 def _at(point: Point, style: str = ".9g") -> str:

@@ -28,7 +28,6 @@ class Verdict:
     word: Word
     found: Difference | None = None
     warnings: tuple[str, ...] = ()  # where the answer does not quite fit the question
-    notes: tuple[str, ...] = ()  # what else could be asked
     is_rounded: bool = False  # whether bytes differ in last digits of numbers alone
     errors: tuple[Fault, ...] = ()  # why a file is unreadable
     renamed: str = ""  # the name of a file in the other folder with equal bytes, if this one is missing there
@@ -43,7 +42,7 @@ class Verdict:
     def reasons(self) -> tuple[str, ...]:
         """Why the files are not the same, beside their distance, in sentences."""
         told = (*self.found.words, *self.found.faults) if self.found else ()
-        reasons = (*map(str, self.errors), *told, *self.warnings, *self.notes)
+        reasons = (*map(str, self.errors), *told, *self.warnings)
         reasons += (f"is called {self.renamed} in the other folder",) * bool(self.renamed)
         reasons += ("other bytes",) * (self.word == "different" and self.found is None)
         return reasons + (OTHER_KIND,) * (self.found is not None and not self.found.same_kind)
@@ -71,7 +70,7 @@ class Verdict:
         if self.found is None:
             report: dict[str, Any] = {"same": self.same, "distance": 0.0 if self.same else None, "method": "bytes"}
         else:
-            report = difference_record(self.found) | {"warnings": [*self.warnings, *self.notes]}
+            report = difference_record(self.found) | {"warnings": [*self.warnings]}
             for file, measures in zip(files, self.found.measures, strict=False):
                 file |= measures.record()
         return report | dict(zip("ab", files, strict=True))

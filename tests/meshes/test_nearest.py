@@ -5,7 +5,6 @@ import pytest
 from trimesh.triangles import closest_point
 
 from gtb_cli.meshes.nearest import BLOCK_POINTS, NearestCells, cell_distances
-from tests.tiny_meshes import surface
 
 ROUNDING = 1e-12  # error for coordinates of size 1 to 10
 
@@ -56,15 +55,3 @@ def test_the_nearest_of_all_cells(kind, count):
     found, nearest = cells.search(points, start, first)
     assert np.allclose(found, every.min(axis=1), rtol=1e-12)
     assert np.array_equal(found, every[np.arange(60), nearest])
-
-
-def test_nearby_is_never_farther_than_before_nor_nearer_than_the_nearest():
-    mesh = surface(30)
-    cells = NearestCells(mesh.vertices[mesh.cells])
-    points = np.random.default_rng(5).uniform(0, 1, (400, 3))
-    start, first = cells.start(points)
-    exact, _ = cells.search(points, start, first)
-    found, those = cells.nearby(points, start, first)
-    assert ((exact <= found) & (found <= start)).all()
-    assert (found < start).any()
-    assert np.array_equal(found, cells.distances(points, those))
