@@ -21,9 +21,9 @@ _WORDS = re.compile(
     r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|(?P<name>[A-Za-z][A-Za-z0-9_]*)|[-+*/() \t]|(?P<other>.|\n)"
 )
 # Signs of other programs, and of web pages
-_HINTS = {"^": "powers are written **", "°": "degrees are written *deg", "\xa0": "type a plain blank"}
+_HINTS = {"^": "powers are written **", "°": "degrees are written *deg, but not in `degrees`"}
 _HINTS |= dict.fromkeys("×·", "a product is written *") | dict.fromkeys("−–", "a minus sign is -")
-_HINTS |= dict.fromkeys("[]{}", "brackets are ( )") | {"÷": "a quotient is written /"}
+_HINTS |= dict.fromkeys("[]{}", "brackets are ( )") | {"÷": "a quotient is written /", "\xa0": "type a plain blank"}
 _WORD_HINTS = dict.fromkeys(("mm", "cm", "m", "inch", "in"), "lengths are numbers without a unit")
 _WORD_HINTS |= {COUNTER: "which is the number of a copy, in moves of copies with `repeat` alone", "pow": _HINTS["^"]}
 _WORD_HINTS |= {f"{name}d": f"angles are radians: {name}(x*deg) takes degrees" for name in ("sin", "cos", "tan")}

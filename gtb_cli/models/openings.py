@@ -173,7 +173,12 @@ def seam_remarks(model: Model) -> list[str]:
     if shrunk:
         size, ref = max(shrunk)
         lines.append(f"{len(shrunk)} edges were welded into points, up to {size:.3g} long ({edge_name(patches, ref)})")
-    return lines + missing_copies(joints, patches) + unjoined_seams(model)
+    return lines + gaps_of(model)
+
+
+def gaps_of(model: Model) -> list[str]:
+    """Name the rings of copies that lack one, and the seams that nearly close."""
+    return missing_copies(model.joints, model.patches) + unjoined_seams(model)
 
 
 def unjoined_seams(model: Model, are_touching: bool = False) -> list[str]:

@@ -27,7 +27,8 @@ def _faults(patch: Patch) -> Iterator[str]:
     for members in at_corners:
         if np.abs(points[members] - points[members[:1]]).max() > near:
             names = " and ".join(map(str, members.tolist()))
-            yield f"knots {names} are one corner, and the surface passes between their control points"
+            between = "the surface passes between their control points"
+            yield f"knots {names} are one corner, {AS_IF} one had another place: {between}"
     indices = np.array([members[0] for members in at_corners])
     corners = points[indices]
     gaps = np.abs(np.roll(corners, -1, axis=0) - corners).max(axis=1)

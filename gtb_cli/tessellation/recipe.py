@@ -96,7 +96,7 @@ class Recipe:
         Raises `DomainError` where the recipe does not suit the spec, as a tube of a surface, `ToleranceError` where too
         many faces would be needed, and `RequirementError`, with edges or places, where what is required is not so.
         """
-        from gtb_cli.models.model import with_weld
+        from gtb_cli.models.model import Model, with_weld
         from gtb_cli.solids.solidity import AS_IF
 
         self.check_size(spec)
@@ -128,7 +128,11 @@ class Recipe:
             try:
                 mesh, faults, folds, thin = maker.solid(mesh, size)
             except DomainError as error:
-                raise DomainError(*(remark for remark in remarks if AS_IF in remark), *error.args) from None
+                from gtb_cli.models.openings import gaps_of
+
+                causes = [remark for remark in remarks if AS_IF in remark]
+                causes += gaps_of(spec) if isinstance(spec, Model) else []
+                raise DomainError(*causes, *error.args) from None
         held = held or (lambda mesh: (mesh, ""))
         is_solid = not mesh.is_curve and (self.thickness is not None or "solid" in self.require)
         must_close = is_solid or ("watertight" in self.require and not mesh.is_curve)

@@ -69,11 +69,12 @@ def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
     import numpy as np
 
     from gtb_cli.arrays import point_text
+    from gtb_cli.solids.wall_depth import MAX_WALL_FACES
 
     size = [f"{length:.4g}" for length in found["size"]]
     sides = " × ".join(length for axis, length in zip("xyz", size, strict=True) if axis != found["up"])
     share = f"area {found['overhang_area']:.4g}, {100 * found['overhang_share']:.3g}% of the surface"
-    many = "there are many faces, of which --long measures more, or too many long ones across each other"
+    many = f"more than {MAX_WALL_FACES} faces, a quarter without --long, or too many long ones across each other"
     wall, usual = f"not measured: {many}", found["usual_wall"]
     if usual is not None:
         wall = f"none, as no two sides are within 45 degrees of parallel; behind 90% of the surface {usual:.4g} or more"
