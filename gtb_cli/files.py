@@ -27,7 +27,7 @@ def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
             # Opening /dev/stdout by name would restart at the beginning of a redirected file.
             descriptor = _descriptor(shown)
             with open(os.open(shown, os.O_WRONLY) if descriptor is None else os.dup(descriptor), "wb") as file:
-                _write(file, blocks)
+                write_all(file, blocks)
             return
     except BrokenPipeError:
         raise
@@ -255,7 +255,7 @@ def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:
     with open(os.open(temporary, flags, 0o666 if old is None else 0o600), "wb") as file:
         if old is not None:
             _make_like(file.fileno(), temporary, old)
-        _write(file, blocks)
+        write_all(file, blocks)
         os.fsync(file.fileno())
 
 
@@ -275,7 +275,8 @@ def _make_like(descriptor: int, path: str, old: os.stat_result) -> None:
     os.chmod(descriptor if os.chmod in os.supports_fd else path, mode)
 
 
-def _write(file: IO[bytes], blocks: Iterable[bytes]) -> None:
+def write_all(file: IO[bytes], blocks: Iterable[bytes]) -> None:
+    """Write blocks to an open file, and flush it."""
     for block in blocks:
         file.write(block)
     file.flush()

@@ -31,6 +31,11 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.load_profile("quick" if config.option.markexpr == "not long" else "gtb")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run the longest tests first: at the end, all workers but one would wait for them."""
+    items.sort(key=lambda item: item.path.stem not in ("test_guide", "test_study", "test_cluster", "test_cad_files"))
+
+
 def pytest_collection_finish() -> None:
     gc.freeze()  # what was collected stays: searches for cycles, five of them at the end, pass it by
 

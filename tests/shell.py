@@ -9,6 +9,8 @@ import re
 import shlex
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -88,6 +90,15 @@ def run_process(words: list[str], folder: Path | None = None, stdin: bytes = b""
         words, input=stdin, cwd=folder, env=environment(**variables), capture_output=True, timeout=TIMEOUT, check=False
     )
     return Result(done.returncode, done.stdout, done.stderr.decode("utf-8"), shlex.join(words))
+
+
+def until(condition: Callable[[], object]) -> object:
+    """Wait until something is so, and return what the condition says then: at once, or late on a busy machine."""
+    end = time.monotonic() + TIMEOUT
+    while not (found := condition()):
+        assert time.monotonic() < end, "timed out"
+        time.sleep(0.005)
+    return found
 
 
 def process(*arguments: object, stdin: bytes = b"", folder: Path | None = None, **variables: str) -> Result:

@@ -85,6 +85,7 @@ def test_where_ci_is_set_a_missing_golden_file_is_never_written(folder):
     assert files(folder) == set()
 
 
+@long
 def test_golden_files_that_no_test_asked_for_are_named_after_full_runs_that_passed(folder):
     test = """
 def test_lamp(mesh_regression):

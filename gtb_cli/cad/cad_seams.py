@@ -39,7 +39,7 @@ class Seams(NamedTuple):
     curvature: CurvatureGap | None = None
 
 
-def seams_of(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams:
+def measured_seams(shape: Any, fresh: Iterable[Any], *, curved: bool = False) -> Seams:
     """Measure the edges of new faces that two faces of a shape share; curvatures if they are `curved`."""
     origin, bends = box_of(shape, rough=True).mean(axis=0), list[tuple[FloatArray, FloatArray, FloatArray]]()
     near, *new_faces = moved(origin, shape, *fresh)

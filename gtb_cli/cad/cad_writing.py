@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.cad.cad_seams import Seams, seams_of
+from gtb_cli.cad.cad_seams import Seams, measured_seams
 from gtb_cli.cad.exact_surfaces import SplineSurface
 from gtb_cli.errors import ExportError
 from gtb_cli.files import begin
@@ -70,7 +70,7 @@ def encode_cad(
     if len(read) != len(written) or not kernel("BRepCheck").BRepCheck_Analyzer(found).IsValid():
         raise ExportError(f"{what}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?")
     new = dict(zip(map(hash, written), read, strict=True))
-    seams = None if part is None else seams_of(found, [new[hash(face)] for face, _ in faces], curved=curved)
+    seams = None if part is None else measured_seams(found, [new[hash(face)] for face, _ in faces], curved=curved)
     return re.sub(*times[kind], data) if kind in times else data, shells, solids, seams
 
 

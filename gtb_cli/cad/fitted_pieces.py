@@ -10,10 +10,10 @@ from gtb_cli.cad.spline_pieces import (
     FittedPieces,
     Halves,
     Splines,
-    edge_normals,
     fit_inside,
     grid,
     largest_angle,
+    normals_along,
     normals_at,
 )
 from gtb_cli.theory.patch import Patch
@@ -52,7 +52,7 @@ def fitted_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: 
     given = [np.where(kept[..., None], last, np.nan) for kept, last in zip(followed, planes[1::2], strict=True)]
     for k, net in enumerate(nets):
         fit_inside(net, (splines, splines), (fitted[k] - origin) / size, [normals[k] for normals in given], 3.0, one)
-    normals = [[edge_normals(net, axis, last, splines) for axis, last in EDGES] for net in nets]
+    normals = [[normals_along(net, axis, last, splines) for axis, last in EDGES] for net in nets]
     trios = zip(normals, first, second, strict=True)
     angle = max(largest_angle(*pair) for own, *wanted in trios for pair in zip(own, wanted, strict=False))
     bend = max(largest_angle(own[3], after[2]) for own, after in zip(normals, normals[1:] + normals[:1], strict=True))

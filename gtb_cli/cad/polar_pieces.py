@@ -20,9 +20,9 @@ from gtb_cli.cad.spline_pieces import (
     Piece,
     SplinePair,
     Splines,
-    edge_normals,
     grid,
     largest_angle,
+    normals_along,
     normals_at,
 )
 from gtb_cli.errors import DomainError
@@ -146,12 +146,12 @@ def polar_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: B
         scaled = [None if form is None else form * size for form in forms]
         missed = curve_pieces(nets, (half, whole), [(planes[k % 2][k // 2], form) for k, form in enumerate(scaled)])
     angle = bend = 0.0
-    faced = [[edge_normals(net, *EDGES[3], whole)] for net in nets[:r]]
-    faced += [[edge_normals(net, *side, half) for side in EDGES] for net in nets[r:]]
+    faced = [[normals_along(net, *EDGES[3], whole)] for net in nets[:r]]
+    faced += [[normals_along(net, *side, half) for side in EDGES] for net in nets[r:]]
     count = len(half.along)
     for k, net in enumerate(nets[:r]):
-        found = [edge_normals(net, *EDGES[side], half) for side in (0, 2)]
-        found.append(edge_normals(np.stack([net[1], 2 * net[1] - net[0]]), *EDGES[1], whole))  # 180° off if it folds
+        found = [normals_along(net, *EDGES[side], half) for side in (0, 2)]
+        found.append(normals_along(np.stack([net[1], 2 * net[1] - net[0]]), *EDGES[1], whole))  # 180° off if it folds
         angle = max(angle, *map(largest_angle, found, (planes[2][k], planes[3][k], tips[k, 0])))
         (rim,), before, here, after = faced[k], faced[r + (k - 1) % r], faced[r + k], faced[r + (k + 1) % r]
         bend = max(bend, largest_angle(rim[:count], here[1]), largest_angle(rim[: count - 2 : -1], before[0]))

@@ -235,7 +235,7 @@ def fit_inside(
     net[1:-1, 1:-1, :3] = free + np.einsum("ik,jl,klx->ijx", *roots, moved, optimize=True)
 
 
-def edge_normals(net: FloatArray, axis: int, last: int, splines: Splines) -> FloatArray:
+def normals_along(net: FloatArray, axis: int, last: int, splines: Splines) -> FloatArray:
     """Return (n, 3) unit normals of a piece along an edge where it is measured; NaN where it has none."""
     rounding = 1e-9  # of the longest derivatives' product: below it, as on an edge without length, there is no normal
     here, following = net.swapaxes(0, axis)[[last, (1, -2)[last]]]

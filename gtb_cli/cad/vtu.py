@@ -15,9 +15,9 @@ from gtb_cli.models.model import Model
 from gtb_cli.theory.edges import patch_name
 from gtb_cli.theory.patch import Patch
 
+# VTK's numbers for its types of cells, the latter of Bézier's
 QUADRATIC_EDGE, QUADRATIC_TRIANGLE = 21, 22
 CURVE, TRIANGLE, QUADRILATERAL = 75, 76, 77
-"""VTK's numbers for its types of Bézier cells."""
 
 
 class Cell(NamedTuple):

@@ -7,7 +7,6 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.knots.hull import KNOT_ULPS
 from gtb_cli.knots.lattice import repeated
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.limits.knot_limit import merge_knots
@@ -67,14 +66,6 @@ class Probe:
         domain = self.patch.domain
         width = float((domain.heights.max(axis=0) / domain.normal_lengths).min())
         return EPS * VALUE_ROUNDINGS * max(domain.size, float(np.abs(domain.knots).max())) / width
-
-    @property
-    def has_blurred_edges(self) -> bool:
-        """True if a knot counts as on an edge of Δ, or at an end of a curve, but is farther from it than rounding."""
-        domain = self.patch.domain
-        offsets = np.einsum("ijk,jk->ij", domain.knots[:, None] - domain.vertices, domain.normals)
-        rounding = KNOT_ULPS * EPS * float(np.abs(domain.knots).max())
-        return bool((domain.incidence & (offsets > rounding * domain.normal_lengths)).any())
 
     def sharpened(self) -> "Probe":
         """Return a probe of the patch whose knots are on all edges, or ends, on which they count as being."""

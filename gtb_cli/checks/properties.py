@@ -89,8 +89,7 @@ def _measured(measure: Callable[[Probe], Finding], probe: Probe) -> Finding:
     """Measure a property; it is not decided where rounding decides, also of knots that count as on an edge."""
     try:
         found = measure(probe)
-        is_blurred = found.status == "fails" and probe.has_blurred_edges
-        if is_blurred and measure(probe.sharpened()).status != "fails":
+        if found.status == "fails" and measure(probe.sharpened()).status != "fails":
             return not_decided(f"knots that are off an edge, within the tolerance, count as on it: {found.reason}")
     except ToleranceError as error:
         return not_decided(f"could not be measured: {error}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -134,7 +134,8 @@ def mesh(
         book = Manifest(manifest, replace(options, format=kind).settings | read, place, resume=resume)
 
     planner = partial(_planned, place=place, options=options, kind=kind, streams=streams, book=book)
-    planned = [attempted(path, planner) for path in paths]
+    with console.clock("mesh") if len(paths) == 1 else nullcontext():  # fills are made now
+        planned = [attempted(path, planner) for path in paths]
     errors = [error for error in planned if isinstance(error, GtbError)]  # of specs: none stops the others
     plan = [task for task in planned if isinstance(task, Task)]
     if folder is not None:
@@ -146,7 +147,8 @@ def mesh(
     made = partial(_made, options=options, kind=kind)
     found = workers.results(partial(made, whole=True), work, partial(made, whole=False), console.warn)
     written: list[tuple[str, Made]] = []
-    with closing(found), _files(output, folder, book, resume) as write, console.counter(len(work)) as begin:
+    shown = console.clock("mesh") if len(work) == 1 else console.counter(len(work))
+    with closing(found), _files(output, folder, book, resume) as write, shown as begin:
         for task in plan:
             if task.kept is None:
                 begin(task.path)

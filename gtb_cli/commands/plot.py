@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
 from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.gathering import Option
 from gtb_cli.shell.limit_options import limit_options
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import (
@@ -33,10 +34,11 @@ if TYPE_CHECKING:
 
 FIGURE_FORMATS = ("png", "svg", "pdf")  # the default first
 ANIMATION_FORMAT = "gif"
+Limits: TypeAlias = Sequence[tuple[float, float]]
 
 
-def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., object]:
-    """Return the callback that reads as many numbers as there are limits, each within its own."""
+def numbers_within(name: str, default: str, metavar: str, limits: Limits, expected: str, help: str) -> Option:
+    """Add an option of as many numbers as there are limits, each within its own."""
 
     def read(text: str) -> tuple[float, ...]:
         numbers = numbers_of(text)
@@ -44,7 +46,7 @@ def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., obj
             raise ValueError(f"{text!r}: expected {expected}")
         return numbers
 
-    return reads(read)
+    return click.option(name, callback=reads(read), default=default, show_default=True, metavar=metavar, help=help)
 
 
 def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...]]:
@@ -71,30 +73,25 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
     type=click.Choice((*FIGURE_FORMATS, ANIMATION_FORMAT)),
     help="Format, whatever FIG is called; png on standard output.",
 )
-@click.option(
-    "--size",
-    callback=several_of("width,height in inches, such as 6,4.5", *SIZE_LIMITS),
-    default="6,4.5",
-    show_default=True,
-    metavar="W,H",
-    help="Width and height in inches.",
+@numbers_within(
+    "--size", "6,4.5", "W,H", SIZE_LIMITS, "width,height in inches, such as 6,4.5", "Width and height in inches."
 )
 @click.option("--dpi", type=WholeNumber(20, 1200), default=150, show_default=True, metavar="N", help="Pixels per inch.")
-@click.option(
+@numbers_within(
     "--camera",
-    callback=several_of("azimuth,elevation in degrees, such as -60,30", *CAMERA_LIMITS),
-    default="-60,30",
-    show_default=True,
-    metavar="AZ,EL",
-    help="Where the eye is: degrees around the z axis, and above the xy plane.",
+    "-60,30",
+    "AZ,EL",
+    CAMERA_LIMITS,
+    "azimuth,elevation in degrees, such as -60,30",
+    "Where the eye is: degrees around the z axis, and above the xy plane.",
 )
-@click.option(
+@numbers_within(
     "--stretch",
-    callback=several_of("three positive factors, such as 1,1,0.2", *STRETCH_LIMITS),
-    default="1,1,1",
-    show_default=True,
-    metavar="X,Y,Z",
-    help="Factors along the axes, for shapes that are too long or too flat to be seen.",
+    "1,1,1",
+    "X,Y,Z",
+    STRETCH_LIMITS,
+    "three positive factors, such as 1,1,0.2",
+    "Factors along the axes, for shapes that are too long or too flat to be seen.",
 )
 @click.option("--labels/--no-labels", default=None, help="Number points, knots and edges; by default if they are few.")
 @click.option("--net/--no-net", default=None, help="Draw control points and net; by default for a single patch.")

@@ -20,10 +20,13 @@ class Pair(NamedTuple):
     is_mirrored: bool  # whether normals look to the other side
 
 
-def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> tuple[list[Pair], list[list[int]]]:
+def partners(
+    a: Sequence[Patch], b: Sequence[Patch], tolerance: float
+) -> tuple[list[Pair], list[list[int]], list[dict[int, int]]]:
     """Pair patches of two lists that are proved to have the same points, within a distance.
 
-    As many as can be are paired, by equal names if that can be. Also return those of each list that are in no other.
+    As many as can be are paired, by equal names if that can be. Also return those of each list that are in no other,
+    and, by those that are there again within rounding or a millionth of their size, the first ones.
     Patches P and Q with Q(M s + β) = P(s), as after a change of degree, of axes, of weights by κ e^{<σ, a>} or of knots
     by an affine map, are recognised by their `difference`, so that no place is missed, however narrow; the terms that
     they begin with at a corner give M and β. Others that are one surface, such as parts of one that is cut, are not,
@@ -55,7 +58,15 @@ def partners(a: Sequence[Patch], b: Sequence[Patch], tolerance: float) -> tuple[
     rows, columns, values = zip(*costs, strict=True)
     partner = csgraph.min_weight_full_bipartite_matching(csr_array((values, (rows, columns))))[1]
     pairs = [pair for pair in sorted(found) if pair.second == partner[pair.first]]
-    return pairs, [sorted({*range(len(each))} - {pair[way] for pair in found}) for way, each in enumerate((a, b))]
+    lone = [sorted({*range(len(each))} - {pair[way] for pair in found}) for way, each in enumerate((a, b))]
+    copies = [dict[int, int](), dict[int, int]()]
+    firsts: dict[tuple[int, int, bool], int] = {}
+    for p, q, apart, is_mirrored in sorted(found):
+        size = float(np.ptp(a[p].control_points, axis=0).max())
+        for way, own, other in ((0, p, q), (1, q, p)) if apart <= rounding + 1e-6 * size else ():
+            if (one := firsts.setdefault((way, other, is_mirrored), own)) < own:
+                copies[way][own] = one
+    return pairs, lone, copies
 
 
 def _same(a: Patch, b: Patch, tolerance: float, rounding: float) -> tuple[float, bool] | None:

@@ -102,6 +102,7 @@ class FarthestSearch:
 
         def lower(rows: IntArray) -> None:
             for start in (candidates.nearest, candidates.like):
+                rows = rows[bounds[rows] > ROUNDING]
                 points, (stratum, s) = self.points[candidates.point[rows]], rows_of(self.places, start[rows])
                 found, _ = projected(self.strata, points, stratum, s, RELATIVE_ERROR, np.zeros(len(rows)))
                 bounds[rows] = np.minimum(bounds[rows], found)

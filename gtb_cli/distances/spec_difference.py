@@ -31,13 +31,18 @@ def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Co
     searches for the farthest points. `aspects` are ignored.
     """
     models = [Model(spec.patches, weld=getattr(spec, "weld", None)) for spec in (a, b)]
-    once = [_once(model) for model in models]
-    meshes = [Recipe(8).mesh(each)[0] for each in once]
+    once, meshes = _once(models)
     bounds = [mesh.bounds for mesh in meshes]
     resolution = float(np.linalg.norm(np.sum([rounding(np.abs(each).max(axis=0)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
-    pairs, lone = paired = partners(a.patches, b.patches, allowed)
+    pairs, lone, copies = partners(a.patches, b.patches, allowed)
+    paired = pairs, lone
+    if any(copies):  # they would be joined to what they repeat
+        for k, (each, of) in enumerate(zip((a.patches, b.patches), copies, strict=True)):
+            exact = [each[of.get(row, row)].replace(name=patch.name) for row, patch in enumerate(each)]
+            models[k] = models[k].replace(patches=exact)
+        once, meshes = _once(models)
     most, place = max(((pair.distance, pair.first) for pair in pairs), default=(0.0, 0))
     at = Farthest(most, tuple(a.patches[place].evaluate(a.patches[place].domain.vertices)[0].tolist()))
     found = Distance(at, at, most, is_proved=True)
@@ -45,7 +50,7 @@ def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Co
         found = shape_distance(a, b)
     dimensions = {each.dimension for each in once}
     is_same = found.distance <= allowed and len(dimensions) == 1
-    turned, values, left_out = _sides_and_names(a, b, once, meshes, paired, allowed) if is_same else (0, (), ())
+    turned, values, left_out = _sides_and_names(models, once, meshes, paired, allowed) if is_same else (0, (), ())
     spans = [mesh.vertices[mesh.cells[i:k]].reshape(-1, 3) for mesh in meshes for _, i, k in mesh.groups]
     least = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in spans)
     share = 1e-3 if tolerance is None else 1.0 if isinstance(tolerance, str) else np.inf
@@ -73,12 +78,12 @@ def spec_difference(a: Spec, b: Spec, tolerance: float | str | None, aspects: Co
 
 
 def _sides_and_names(
-    a: Spec, b: Spec, once: Sequence[Model], meshes: Sequence[Mesh], paired: Paired, allowed: float
+    models: Sequence[Model], once: Sequence[Model], meshes: Sequence[Mesh], paired: Paired, allowed: float
 ) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
     """Compare two specs of one surface: how many patches are turned over, remarks on names, and what is left out."""
-    found, lone = paired
+    (a, b), (found, lone) = models, paired
     numbers = [{patch: k for k, patch in enumerate(model.patches)} for model in once]
-    rows = [[of[patch.replace(name=None)] for patch in each.patches] for of, each in zip(numbers, (a, b), strict=True)]
+    rows = [[of[patch.replace(name=None)] for patch in each.patches] for of, each in zip(numbers, models, strict=True)]
     here, there = (mesh.origin.turned[row] for mesh, row in zip(meshes, rows, strict=True) if mesh.origin is not None)
     pairs, left_out = [(p, q, here[p] ^ there[q] ^ mirrored) for p, q, _, mirrored in found], tuple[str, ...]()
     is_cut = False
@@ -149,9 +154,10 @@ def _one_sided(model: Model, rows: Sequence[int]) -> list[bool]:
     return list(np.isin(part, part[[joint.first[0] for joint in model.joints.one_sided]])[rows].tolist())
 
 
-def _once(model: Model) -> Model:
-    """The patches without names, and without those that are there again."""
-    return model.replace(patches=dict.fromkeys(patch.replace(name=None) for patch in model.patches))
+def _once(models: Sequence[Model]) -> tuple[list[Model], list[Mesh]]:
+    """Return the patches without names, and without those that are there again; and meshes of them."""
+    once = [each.replace(patches=dict.fromkeys(patch.replace(name=None) for patch in each.patches)) for each in models]
+    return once, [Recipe(8).mesh(each)[0] for each in once]
 
 
 def _open_edges(models: Sequence[Model], allowed: float) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, row_blocks
 from gtb_cli.errors import ExportError
-from gtb_cli.files import replace_file
+from gtb_cli.files import replace_file, write_all
 from gtb_cli.formats.file_arrays import SINGLE_FLOAT, first_beyond, single_half_steps
 from gtb_cli.formats.obj_writing import BLOCK_ROWS, decimals, number_lines, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
@@ -70,9 +70,7 @@ def write_mesh(
     name = getattr(path_or_file, "name", None)
     blocks = encoded(format or _format_of(name if isinstance(name, str) else "a file without a name"))
     try:
-        for block in blocks:
-            path_or_file.write(block)
-        path_or_file.flush()
+        write_all(path_or_file, blocks)
     except BrokenPipeError:
         raise
     except OSError as error:

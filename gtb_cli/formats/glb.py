@@ -49,10 +49,7 @@ def _triangles(parts: Sequence[Mesh], said: dict[str, str], root: str) -> bytes:
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
-    frame = "world"
-    while frame in (part.name for part in parts):
-        frame += "_"
-    scene = Scene(base_frame=frame)
+    scene = Scene(base_frame="the world")  # a plain name, as that of a part, has no blank
     # A patch is open, and viewers leave out its back with the default material.
     material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
     for part in parts:

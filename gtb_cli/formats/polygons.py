@@ -56,10 +56,14 @@ def unfolded(content: FileArrays) -> tuple[FileArrays, int]:
             corners = 3 * first[:, None] + np.array([0, 1, *range(2, 3 * count - 6, 3)])  # places in the cells
             points = frame.inside(content.vertices[cells[corners]])
             folded, means = _folded(points)
-            if count == 4:  # then those around the second corner are all that is left to try
-                turned = folded & ~_folded(np.roll(points, -1, axis=1))[0]
-                places[3 * first[turned, None] + np.arange(6)] = corners[turned][:, [1, 2, 3, 1, 3, 0]]
-                left += int((folded & ~turned).sum())
+            for corner in range(1, 2 if count == 4 else min(count, 9)):  # of four, others make the same triangles
+                fan, rest = np.roll(np.arange(count), -corner), np.flatnonzero(folded)
+                turned = rest[~_folded(points[rest][:, fan])[0]]
+                around = np.stack([np.full(count - 2, corner), fan[1:-1], fan[2:]], axis=1).ravel()
+                places[3 * first[turned, None] + np.arange(len(around))] = corners[turned][:, around]
+                folded[turned] = False
+            if count == 4:
+                left += int(folded.sum())
                 continue
             for k in np.flatnonzero(folded).tolist():
                 axis = int(np.abs(means[k]).argmax())

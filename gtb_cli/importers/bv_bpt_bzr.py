@@ -10,7 +10,7 @@ import math
 
 from gtb_cli.arrays import positive
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.importers.classical_nets import MAX_DEGREE, polygon, rectangle, triangle
+from gtb_cli.importers.classical_nets import MAX_NET_DEGREE, polygon, rectangle, triangle
 from gtb_cli.importers.words import Words
 from gtb_cli.language.keys_and_values import valid_name
 from gtb_cli.language.patch_reader import MAX_PATCHES
@@ -93,7 +93,7 @@ def _segment(words: Words, kind: int, line: int) -> list[Patch]:
 
 
 def _degree(words: Words) -> int:
-    return words.whole("a degree", 1, MAX_DEGREE)
+    return words.whole("a degree", 1, MAX_NET_DEGREE)
 
 
 def _polyhedron(words: Words) -> list[Patch]:

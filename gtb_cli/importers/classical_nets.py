@@ -6,7 +6,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.theory.patch import Patch
 
 # Highest degree of a net: a rectangle of this degree in both directions has as many knots as a spec may have
-MAX_DEGREE = 60
+MAX_NET_DEGREE = 60
 
 
 def curve(points: FloatArray, weights: FloatArray) -> Patch:

@@ -264,13 +264,13 @@ def lone_faces(a: Mesh, b: Mesh, tolerance: float) -> Lone | None:
 
 def unlike(
     a: KnownMesh, b: KnownMesh, tolerance: float, close: float, have_others: bool = True
-) -> tuple[int, tuple[str, ...]]:
+) -> tuple[int, tuple[str, ...], bool]:
     """Tell in what two surfaces, or curves, in the same place differ; common faces have corners that are `close`.
 
     If both have others, these, too, look to a side.
 
-    Returns the number of faces of one that look to the other side than those of the other there, and remarks on other
-    parts, holes, and faces that are missing, there twice or without area.
+    Returns the number of faces of one that look to the other side than those of the other there, remarks on other
+    parts, holes, and faces that are missing, there twice or without area, and whether all faces are counted.
     """
     first, second = measure(a.mesh), measure(b.mesh)
     rows, some = [("parts", first.components, second.components)], list[tuple[str, int, int]]()
@@ -312,12 +312,13 @@ def unlike(
         apart = int(((here == there) & (held != others_held)).sum())
         told += [f"the {cell}s at {apart} of the common {side}s share vertices in another way"] if apart else []
     thin, others_thin = (_without_extent(each.mesh, close) for each in (a, b))
-    turned, rest, others_rest = faces.turned(), ~thin & only, ~others_thin & others_only
+    turned, rest, others_rest, are_all = faces.turned(), ~thin & only, ~others_thin & others_only, True
     if have_others and not first.is_curve and not thin.all() and not others_thin.all():
         ways = (a.mesh, rest, b.mesh, ~others_thin), (b.mesh, others_rest, a.mesh, ~thin)
-        chosen = ((Mesh(one.vertices, one.cells[k]), Mesh(two.vertices, two.cells[m])) for one, k, two, m in ways)
-        turned += max(int(nearest_cells(one, other, tolerance)[1].sum()) for one, other in chosen)
-    return turned, (f"in the same place, but {', '.join(told)}",) if told else ()
+        chosen = [(Mesh(one.vertices, one.cells[k]), Mesh(two.vertices, two.cells[m])) for one, k, two, m in ways]
+        are_all = all(len(one.cells) <= NearestCells(two.vertices[two.cells]).most_points for one, two in chosen)
+        turned += max(int(nearest_cells(*pair, tolerance)[1].sum()) for pair in chosen) if are_all else 0
+    return turned, (f"in the same place, but {', '.join(told)}",) if told else (), are_all
 
 
 def _without_extent(mesh: Mesh, close: float = 0.0) -> BoolArray:

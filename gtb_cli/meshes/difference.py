@@ -64,8 +64,14 @@ class Difference:
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
-        what = "same" if self.same else "different"
-        return f"<Difference: {what}, {self.method} {self.distance:.3g} apart, tolerance {self.tolerance:.3g}>"
+        what, (distance, tolerance) = "same" if self.same else "different", self.amounts
+        return f"<Difference: {what}, {self.method} {distance} apart, tolerance {tolerance}>"
+
+    @property
+    def amounts(self) -> tuple[str, str]:
+        """The distance and the tolerance, in three digits, or in as many as tell them apart."""
+        told = [(f"{self.distance:.{digits}g}", f"{self.tolerance:.{digits}g}") for digits in (3, 9, 17)]
+        return next((pair for pair in told if pair[0] != pair[1]), told[0])
 
     @property
     def same(self) -> bool:
@@ -179,7 +185,10 @@ def difference(
         left_out = set() if distance <= allowed else {NORMALS}  # which turn with what is turned
         values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
         words = told_motion(points, others, allowed, spaces is None) if distance > allowed else ()
-        is_mirrored = words[:1] and words[0].startswith("mirrored")
+        turned = matched.turned
+        if words and words[0].startswith("mirrored") and turned != (in_mirror := matched.turned_in_mirror):
+            turns = told_motion(points, others, allowed, spaces is None, may_mirror=False) if not turned else ()
+            words, turned = (turns, turned) if turns else (words, in_mirror)
         return made(
             method="vertices",
             distance=distance,
@@ -190,7 +199,7 @@ def difference(
             vertex=vertex,
             other_vertex=other,
             group=_group(a.mesh, vertex),
-            turned=matched.turned_in_mirror if is_mirrored else matched.turned,
+            turned=turned,
             remarks=matched.remarks,
             words=words,
             values=(*axes, *values),
@@ -203,15 +212,16 @@ def difference(
     if found is None or found.distance <= allowed:  # then others, too, may be as far
         found = _decided(a.mesh, b.mesh, allowed)
     same_kind = a.mesh.is_curve == b.mesh.is_curve
-    turned, remarks = 0 if lone is None else lone.turned, tuple[str, ...]()
+    turned, remarks, are_all = 0 if lone is None else lone.turned, tuple[str, ...](), True
     is_held = any(each.values().keys() - {FACETS} for each in (a, b))
     close = min(allowed, max(resolution, 1e-6 * diagonal))
     is_told = "attributes" not in ignore and (found.distance <= allowed or lone is not None)
     values, where = ((), "no place") if "attributes" in ignore or kind == "surface" else unlike_values(a, b, close)
+    crowd = ("sides of faces that only one has are not compared, as too many long ones lie across each other",)
     limit = f"only compared at {where}, as the faces are others"
     limit = "not compared, as surfaces were asked for" if kind == "surface" else limit
     if same_kind and found.distance <= allowed:
-        turned, remarks = unlike(a, b, allowed, close, lone is None)
+        turned, remarks, are_all = unlike(a, b, allowed, close, lone is None)
     return made(
         method="surface",
         distance=found.distance,
@@ -225,6 +235,7 @@ def difference(
         words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
         values=values,
         uncompared=(f"normals, texture coordinates, attributes and groups are {limit}",) * (is_told and is_held)
+        + crowd * (not are_all)
         + overlaps,
     )
 

@@ -103,11 +103,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     effort = min(MAX_CUTS, 20_000 + 50 * max(len(cells), len(other)))
     effort = max(effort - len(cells) // cells_per_cut, round(effort * least_share))
     # Boxes of long and thin cells lie on each other, and a search visits all of them: a few cuts prove no less.
-    some = other[:: len(other) // 1000 + 1]
-    low, high = some.min(axis=1), some.max(axis=1)
-    places = (low + high)[:: len(some) // 50 + 1, None] / 2
-    crowd = len(other) * float(((low <= places) & (places <= high)).all(axis=2).mean())  # 20 in a fan of 100 triangles
-    effort = round(effort * min(1.0, 40 / crowd) ** 2)
+    effort = round(effort * (40 / max(search.tree.crowd, 40)) ** 2)
     by_sample, kept = False, list[CellParts]()
     for rows in (cells[block] for block in row_blocks(len(cells), cell_batch)):
         block = CellParts.of(vertices[rows], distances[rows], nearest[rows], search.tree)
@@ -178,6 +174,7 @@ class _FarthestPoint:
         order = self._open(np.arange(len(points)), distances)
         order = order[np.argsort(-distances[order], kind="stable")]
         begin, length = 0, 64  # points in the first batch measured exactly, farthest estimate first
+        order = order[: self.tree.most_points]
         while begin < len(order):
             chosen = self._open(order[begin : begin + length], distances)
             if not len(chosen):

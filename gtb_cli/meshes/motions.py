@@ -9,10 +9,13 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.vocabulary import UNITS
 
 
-def told_motion(points: FloatArray, others: FloatArray, tolerance: float, in_units: bool = True) -> tuple[str, ...]:
+def told_motion(
+    points: FloatArray, others: FloatArray, tolerance: float, in_units: bool = True, may_mirror: bool = True
+) -> tuple[str, ...]:
     """Name the similarity that takes (m, 3) points within the tolerance to others, simple ones first; () if none does.
 
-    Least squares of a turn, a scale, a shift: Umeyama, IEEE PAMI 13 (1991), 376. The tolerance grows with the points.
+    What is flat may be mirrored or turned. Least squares of a turn, a scale, a shift: Umeyama, IEEE PAMI 13 (1991),
+    376. The tolerance grows with the points.
     """
     middle, other_middle = points.mean(axis=0), others.mean(axis=0)
     size = float(np.abs(points - middle).max(initial=0.0))
@@ -24,6 +27,8 @@ def told_motion(points: FloatArray, others: FloatArray, tolerance: float, in_uni
     proper = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
     flips = [np.diag([-1.0 if axis == flipped else 1.0 for axis in range(3)]) for flipped in range(3)]
     for turn in (np.eye(3), *flips, left @ proper @ right, left @ -proper @ np.diag([-1, -1, 1]) @ right):
+        if not may_mirror and np.linalg.det(turn) < 0:
+            continue
         scale = float(np.sum(there * (here @ turn.T)) / np.sum(here**2))
         scale = 1.0 if abs(scale - 1) * size <= tolerance else scale
         if scale > 0 and np.abs(there - scale * here @ turn.T).max() * size <= tolerance * max(1.0, scale):

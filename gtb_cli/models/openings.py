@@ -11,10 +11,12 @@ from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
+from gtb_cli.models.rings import closing_turn, missing_copies
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
 from gtb_cli.theory.patch import Patch
 
 MAX_SHOWN = 8  # numbers of an edge, or nearly closed seams that a message shows
+WELD = ", `weld`"  # begins what joins two edges
 FAR_WELD = 0.01  # of an edge's size: welding over a larger distance is worth a remark
 
 Miss: TypeAlias = tuple[EdgeRef, EdgeRef, str]  # two edges that are nearly joined, and how they differ
@@ -25,7 +27,7 @@ def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
     misses, name = near_misses(joints, patches), partial(edge_name, patches)
     told = {ref for miss in misses for ref in miss[:2]}
     lines = [f"{name(one)} is open: {why.format(name(other))}" for one, other, why in misses]
-    lines += _rings([ref for ref in joints.open if ref not in told], patches)
+    lines += missing_copies(joints, patches) or _rings([ref for ref in joints.open if ref not in told], patches)
     lines += [f"{', '.join(map(name, refs))} are one curve: more than two meet there" for refs in joints.crowded]
     pairs = [(name(joint.first), name(joint.second)) for joint in joints.one_sided]
     return lines + [f"{one} and {other} cannot be given the same orientation" for one, other in pairs]
@@ -49,7 +51,9 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[Miss]:
         if difference or part[first[0]] != part[second[0]]:  # else such as the two halves of a round opening
             found.append((first, second, difference or "same ends as {}, and another curve between them"))
             told |= {first, second}
-    return sorted(found + _petals(joints, {ref: curves[ref] for ref in left if ref not in told}, found, patches))
+    found += _petals(joints, {ref: curves[ref] for ref in left if ref not in told}, found, patches)
+    turns = ((miss, closing_turn(patches, *(ref[0] for ref in miss[:2]))) for miss in found)
+    return sorted((*miss[:2], f"{miss[2].partition(WELD)[0]}{turn}" if turn else miss[2]) for miss, turn in turns)
 
 
 def _petals(joints: Joints, curves: dict[EdgeRef, Curve], known: list[Miss], patches: Sequence[Patch]) -> list[Miss]:
@@ -81,7 +85,11 @@ def _petals(joints: Joints, curves: dict[EdgeRef, Curve], known: list[Miss], pat
                 continue
         if gap > tolerance and told.isdisjoint(keys):
             told |= keys
-            found.append((first, second, f"it meets {{}} at one end only, {gap:.3g} apart at the other"))
+            here, there = curves[first].points, curves[second].points
+            why = f"it meets {{}} at one end only, {gap:.3g} apart at the other"
+            if len(here) == len(there) and np.abs(here[:, None] - there).max(axis=2).min(axis=1).max() <= tolerance:
+                why = "same control points as {}, but in another order"
+            found.append((first, second, why))
     return found
 
 
@@ -115,7 +123,7 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
 
 
 def _cure(edge: Curve, distance: float) -> str:
-    return f", `weld` {above(distance)} joins them" if distance <= 2 * FAR_WELD * edge.size else ""
+    return f"{WELD} {above(distance)} joins them" if distance <= 2 * FAR_WELD * edge.size else ""
 
 
 def above(distance: float) -> str:
@@ -165,7 +173,7 @@ def seam_remarks(model: Model) -> list[str]:
     if shrunk:
         size, ref = max(shrunk)
         lines.append(f"{len(shrunk)} edges were welded into points, up to {size:.3g} long ({edge_name(patches, ref)})")
-    return lines + unjoined_seams(model)
+    return lines + missing_copies(joints, patches) + unjoined_seams(model)
 
 
 def unjoined_seams(model: Model, are_touching: bool = False) -> list[str]:

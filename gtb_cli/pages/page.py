@@ -25,7 +25,6 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.patch import Patch
 
 COMMON = "common.js"  # the script that pages of all packages share
-NEEDED = {"watch.js": {"watch"}}  # scripts for pages whose data have such a key
 
 
 def page(thing: Patch | Model | Mesh | SpecPath, recipe: Recipe | None = None) -> str:
@@ -46,8 +45,8 @@ def page_with(data: dict[str, Any], title: str, package: str = "gtb_cli.pages") 
     """Return the text of a page with this data, by the template and the scripts of a package."""
     folder = files(package)
     page = folder.joinpath("page.html").read_text(encoding="utf-8")
-    names = sorted(each.name for each in folder.iterdir() if each.name.endswith(".js") and each.name != COMMON)
-    own = [name for name in names if name not in NEEDED or NEEDED[name] & data.keys()]
+    left_out = {COMMON} if "watch" in data else {COMMON, "watch.js"}
+    own = sorted(each.name for each in folder.iterdir() if each.name.endswith(".js") and each.name not in left_out)
     scripts = [files("gtb_cli.pages").joinpath(COMMON), *map(folder.joinpath, own)]
     script = "\n".join(each.read_text(encoding="utf-8") for each in scripts)
     # No text of a spec can end the script element that holds it.
@@ -129,7 +128,7 @@ def _absent(content: Content, measures: Measures | None) -> dict[str, str]:
     if measures is None or measures.volume is None:
         return found | dict.fromkeys(("wall", "overhangs"), "of a closed mesh, and this is none")
     if content.scalars.get("wall") is None:
-        found["wall"] = f"of up to {MAX_WALL_FACES:,} triangles".replace(",", " ")
+        found["wall"] = f"of up to {MAX_WALL_FACES // 1000} 000 triangles, if few long ones lie across each other"
     return found
 
 

@@ -43,8 +43,7 @@ def rasterised(points: FloatArray, faces: IntArray, width: int, height: int) -> 
     near = np.einsum("pk,pk->p", points[:, 2][faces[triangles]], shares)
     nearest = np.full(width * height, -np.inf)
     np.maximum.at(nearest, pixels, near)
-    seen = np.flatnonzero(near == nearest[pixels])
-    order = seen[np.argsort(-triangles[seen], kind="stable")]  # the first triangle is written last
+    order = np.flatnonzero(near == nearest[pixels])[::-1]  # triangles are in their order: the first is written last
     triangle = np.full(width * height, NO_TRIANGLE, dtype=np.int64)
     weights = np.zeros((width * height, 3))
     triangle[pixels[order]] = triangles[order]

@@ -81,7 +81,7 @@ class Change:
     @property
     def amounts(self) -> tuple[str, str]:
         """How far both are apart, and the tolerance, in few digits; empty if that was not measured."""
-        return (f"{self.found.distance:.3g}", f"{self.found.tolerance:.3g}") if self.found else ("", "")
+        return self.found.amounts if self.found else ("", "")
 
     @property
     def largest(self) -> Point | None:

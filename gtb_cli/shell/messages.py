@@ -127,8 +127,8 @@ class Console:
             self._show("")
 
     @contextmanager
-    def clock(self, label: str, after: float = 2.0) -> Iterator[None]:
-        """Show on a terminal, after some seconds, how many of them something takes."""
+    def clock(self, label: str, after: float = 2.0) -> Iterator[Callable[[str], None]]:
+        """Show on a terminal, after some seconds, how many of them something takes; as a counter, it is alone."""
         import threading
 
         done, start = threading.Event(), time.monotonic()
@@ -144,7 +144,7 @@ class Console:
             done.set()
         thread.start()
         try:
-            yield
+            yield lambda _: None
         finally:
             done.set()
             thread.join()

@@ -179,10 +179,10 @@ filling_option = gathered(
         "--fill",
         "fills",
         multiple=True,
-        metavar="EDGE[=KIND]",
+        metavar="HOLE[=KIND]",
         callback=reads(lambda texts: tuple(map(_fill, texts))),
-        help='Fill the hole of a model with this edge, as gtb fill does: "wall edge 3", or with "=g0" a lid. May be '
-        "repeated.",
+        help='Fill the hole of a model with this edge, "wall edge 3", or near this point, "0,0,999", as gtb fill does; '
+        'with "=g0" a lid. May be repeated.',
     ),
     *_reading_options,
 )

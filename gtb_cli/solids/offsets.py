@@ -14,28 +14,31 @@ from gtb_cli.meshes.topology import are_used, sides_of
 # Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share the
 # normal. A solid is 3 % too thin on an edge between patches at this angle.
 SMOOTH_COSINE = math.cos(math.radians(15))
-Sheet: TypeAlias = tuple[IntArray, NearestCells]  # the vertices of a part of an offset, and triangles: none is folded
+Sheet: TypeAlias = tuple[IntArray, NearestCells, FloatArray]  # vertices, (k,) triangles, and (k, 3, 3) normals there
 MAX_MITRE = 4.0  # largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 29°
 
 
 def offset_of(mesh: Mesh, thickness: float) -> FloatArray:
     """(m, 3) vertices of the offset.
 
-    Beside a concave edge, where offsets pass the corner and turn faces over, its vertices go to where the offsets of
-    its patches meet, and others between their neighbours, on the offset, if fewer faces are turned over for it: rings
-    of faces about those that are, half as many again in each round. Where this does not suffice, vertices of seams move
-    along these as well.
+    Vertices of edges between patches go to where the offsets of the patches meet. Beside a concave edge, where offsets
+    pass the corner and turn faces over, others go between their neighbours, on the offset, if fewer faces are turned
+    over for it: rings of faces about those that are, half as many again in each round. Where this does not suffice,
+    vertices of seams move along these as well.
     """
-    moves = _displacements(mesh)
+    vertex, normals, place = _patch_normals(mesh)
+    moves = _displacements(mesh, vertex, normals)
     is_mitred = dot(moves, moves) > 1 + 1e-6
     best = mesh.vertices + thickness * moves
+    if is_mitred.any():
+        sheets = _sheets(mesh, normals[place], is_mitred)
+        met = (_drawn(best, is_mitred, sheets, thickness) - mesh.vertices) / thickness
+        moves = np.where((dot(met, met) <= MAX_MITRE**2)[:, None], met, moves)
+        best = mesh.vertices + thickness * moves
     folded = turned_over(mesh, best)
     if not len(folded) or not is_mitred.any():
         return best
-    count, sheets = len(best), _sheets(mesh, best, is_mitred, folded)
-    at_folds = is_mitred & are_used(mesh.cells[folded], count)
-    met = (_drawn(best, at_folds, sheets, thickness) - mesh.vertices) / thickness
-    moves = np.where((at_folds & (dot(met, met) <= MAX_MITRE**2))[:, None], met, moves)
+    count = len(best)
     links, shares, along = _links(mesh, is_mitred)
     on_seam = np.bincount(links[is_mitred[links[:, 0]], 0], minlength=count) == 2
     is_corner = are_used(boundary(mesh)[0], count) & ~along.any(axis=1)
@@ -89,35 +92,58 @@ def cell_groups(mesh: Mesh) -> IntArray:
     return np.repeat(np.arange(len(groups)), [stop - start for _, start, stop in groups])
 
 
-def _sheets(mesh: Mesh, offset: FloatArray, is_mitred: BoolArray, folded: IntArray) -> list[Sheet]:
-    """Divide an offset at edges with mitres."""
-    count, cell = len(offset), np.repeat(np.arange(len(mesh.cells)), 3)
-    corners = np.stack([cell + count, mesh.cells.ravel()], axis=1)
-    sheet = merged(count + len(mesh.cells), corners[~is_mitred[corners[:, 1]]])[count:]
-    sound = np.delete(np.arange(len(sheet)), folded)
-    return [
-        (np.unique(mesh.cells[sheet == each]), NearestCells(offset[mesh.cells[sound[sheet[sound] == each]]]))
-        for each in np.unique(sheet[sound])
-    ]
+def _sheets(mesh: Mesh, normals: FloatArray, is_mitred: BoolArray) -> list[Sheet]:
+    """Divide a surface, with (k, 3, 3) normals at the corners of its faces, at seams with mitres along them."""
+    sides, part = sides_of(mesh.cells), cell_groups(mesh)
+    one = part[sides.first // 3]
+    other = np.bincount(sides.edge.ravel(), np.repeat(part, 3)).astype(int) - one
+    pair = paired(one, other, len(one))
+    is_smooth = (sides.uses == 2) & ~np.isin(pair, pair[is_mitred[sides.edges].all(axis=1)])
+    sheet = merged(int(part.max()) + 1, np.stack([one, other], axis=1)[is_smooth])[part]
+    cells = (np.flatnonzero(sheet == each) for each in np.unique(sheet))
+    corners = mesh.vertices[mesh.cells]
+    return [(np.unique(mesh.cells[own]), NearestCells(corners[own]), normals[own]) for own in cells]
 
 
 def _drawn(points: FloatArray, chosen: BoolArray, sheets: list[Sheet], thickness: float) -> FloatArray:
-    """(m, 3) points, the chosen ones moved the least way onto all sheets that they are on."""
-    steps, shortest = 3, 1e-3 * abs(thickness)  # of Newton's method, with the planes of the nearest triangles
+    """(m, 3) points, the chosen ones moved the least way onto the offsets of all sheets that they are on.
+
+    A sheet rises above its triangles as the normals at their corners tell, with an error of third order.
+    """
+    steps, shortest = 4, 1e-3 * abs(thickness)  # of Newton's method
     points = points.copy()
     for _ in range(steps):
         right, squares = np.zeros_like(points), np.zeros((len(points), 3, 3))
-        for vertices, cells in sheets:
+        for vertices, cells, normals in sheets:
             rows = vertices[chosen[vertices]]
-            a, b, c = np.moveaxis(cells.corners[cells.nearest(points[rows])[1]], 1, 0)
-            normal = unit(cross(b - a, c - a))
-            right[rows] += dot(a - points[rows], normal)[:, None] * normal
+            nearest = cells.nearest(points[rows])[1]
+            corners, own = cells.corners[nearest], normals[nearest]
+            shares = _nearest_shares(points[rows], corners)
+            normal = unit(np.einsum("ij,ijk->ik", shares, own))
+            gap = thickness - dot(points[rows] - np.einsum("ij,ijk->ik", shares, corners), normal)
+            for i, j in ((0, 1), (0, 2), (1, 2)):
+                gap += shares[:, i] * shares[:, j] * dot(corners[:, j] - corners[:, i], own[:, j] - own[:, i]) / 2
+            right[rows] += gap[:, None] * normal
             squares[rows] += normal[:, :, None] * normal[:, None]
         inverses = np.linalg.pinv(squares[chosen], rcond=2 * (1 - SMOOTH_COSINE), hermitian=True)
         points[chosen] += (moves := np.einsum("vij,vj->vi", inverses, right[chosen]))
         if np.abs(moves).max(initial=0.0) < shortest:
             break
     return points
+
+
+def _nearest_shares(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """(m, 3) barycentric coordinates of the nearest points of triangles (m, 3, 3), which may be segments or points."""
+    relative, sides = points[:, None] - corners, np.roll(corners, -1, axis=1) - corners
+    squares = (sides**2).sum(axis=2)
+    along = ((relative * sides).sum(axis=2) / np.where(squares > 0, squares, 1.0)).clip(0.0, 1.0)
+    on_sides = along[:, :, None] * np.roll(np.eye(3), 1, axis=1) + (1 - along)[:, :, None] * np.eye(3)
+    apart = ((relative - along[:, :, None] * sides) ** 2).sum(axis=2).argmin(axis=1)
+    normal = cross(sides[:, 0], sides[:, 1])
+    inside = np.stack([dot(cross(sides[:, k - 2], relative[:, k - 2]), normal) for k in range(3)], axis=1)
+    is_outside = ((inside < 0).any(axis=1) | (inside <= 0).all(axis=1)).reshape(-1, 1)
+    inside /= np.where(is_outside, 1.0, inside.sum(axis=1, keepdims=True))
+    return np.where(is_outside, on_sides[np.arange(len(points)), apart], inside)
 
 
 def _links(mesh: Mesh, is_mitred: BoolArray) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -167,19 +193,18 @@ def evened(moves: FloatArray, links: IntArray, shares: FloatArray, along: FloatA
     return result
 
 
-def _displacements(mesh: Mesh) -> FloatArray:
-    """(m, 3) displacement of each vertex for an offset by 1: its normal, if all patches around it share it.
+def _patch_normals(mesh: Mesh) -> tuple[IntArray, FloatArray, IntArray]:
+    """Return (p,) vertices, each once for each patch around it, (p, 3) unit normals there, and (k, 3) rows for corners.
 
-    Otherwise ⟨n, w⟩ = 1 is solved for w by least squares, with the normals n of the patches: the mesh's, or the means
-    of the facets if the mesh's are not exact, or beside an open edge, and differ from the facets.
+    The normals are the mesh's, or the means of the facets if the mesh's are not exact, or beside an open edge, and
+    differ from the facets.
     """
-    same_normal_cosine = 1 - 1e-9  # cosine of the angle, nine seconds of arc, within which two normals count as equal
     assert mesh.normals is not None
     vertex_normals = mesh.normals[: len(mesh.vertices)]
     count, groups = len(mesh.vertices), max(1, len(mesh.groups))
     pairs, place = np.unique(paired(mesh.cells, cell_groups(mesh)[:, None], groups), return_inverse=True)
-    vertex = pairs // groups
-    facets, by_area = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
+    vertex, place = pairs // groups, place.reshape(-1, 3)
+    facets, by_area = _facet_normals(mesh, place, len(pairs))
     own = vertex_normals[vertex]
     if len(mesh.normals) > count:
         pair, normal = distinct(np.stack([place.ravel(), mesh.normal_of.ravel()], axis=1)).T
@@ -189,7 +214,17 @@ def _displacements(mesh: Mesh) -> FloatArray:
     # Tiny facets, as at a pole, may stand upright because of rounding: they have angles, but no area.
     agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH_COSINE
     agree |= (mesh.exact_normals & ~are_used(boundary(mesh)[0], count)[vertex]) | ~facets.any(axis=1)
-    normals = np.where(agree[:, None], own, facets)
+    return vertex, np.where(agree[:, None], own, facets), place
+
+
+def _displacements(mesh: Mesh, vertex: IntArray, normals: FloatArray) -> FloatArray:
+    """(m, 3) displacement of each vertex for an offset by 1: its normal, if all patches around it share it.
+
+    Otherwise ⟨n, w⟩ = 1 is solved for w by least squares, with the (p, 3) normals n of patches at (p,) vertices.
+    """
+    same_normal_cosine = 1 - 1e-9  # cosine of the angle, nine seconds of arc, within which two normals count as equal
+    assert mesh.normals is not None
+    vertex_normals = mesh.normals[: len(mesh.vertices)]
     wrong = np.unique(vertex[dot(normals, vertex_normals[vertex]) < same_normal_cosine])
     if not len(wrong):
         return vertex_normals

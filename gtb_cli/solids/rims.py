@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, distinct, dot, merged, paired, point_text, unit
-from gtb_cli.errors import DomainError
+from gtb_cli.errors import DomainError, one_of_alike
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import adjacent, are_used, sides_of
@@ -15,15 +15,18 @@ from gtb_cli.values import grouped
 STEEPEST = 0.2  # sine of the angle of wall and plane above which a rim is not along the normals; flat from 3 times it
 
 
-def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
+def with_flat_rims(solid: Mesh, thickness: float, other: str) -> tuple[Mesh, list[str]]:
     """Move the offset's part of each rim of a solid made by `thicken` into the plane of the surface's part.
 
     Where the offset ends before the plane, it continues in its tangent planes. Where it goes beyond, it ends in the
     plane: vertices next to the plane move there along edges, and those beyond are projected onto it, as parts of the
     rim. So the wall keeps its thickness up to the rim, and vertices and cells keep their numbers. Where the surface
-    lies in the plane the rim changes smoothly to the normals; at corners it is said.
+    lies in the plane the rim changes smoothly to the normals; at corners it is said, and of rims that
+    are not plane, such as the peaks of a crown, which stay along the normals.
 
-    Raises `DomainError` if a rim is not plane, the surface leaves its plane to both sides, the offset goes beyond it
+    A message calls the wall on the other side `other`.
+
+    Raises `DomainError` if no rim is plane, the surface leaves a rim's plane to both sides, the offset goes beyond it
     only where the surface does not lie in it, or the wall reaches another rim.
     """
     count = len(solid.vertices) // 2
@@ -36,11 +39,17 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
     edges = sides.edges
     label = merged(count, sides.directed[sides.alone])
     is_rim = are_used(sides.directed[sides.alone], count)
-    kept: list[str] = []
+    kept, uneven, rims = list[str](), list[str](), distinct(label[is_rim]).tolist()
     is_mitred = np.linalg.norm(offset - surface, axis=1) > (1 + 1e-6) * abs(thickness)
-    for number in distinct(label[is_rim]).tolist():
+    for number in rims:
         rim = label == number
         centre, normal, nearly = _plane_of(surface, rim, cells)
+        away = np.abs((surface[rim] - centre) @ normal)
+        if away.max() > nearly:
+            uneven.append(
+                f"leaves its plane by {away.max():.3g} near {point_text(surface[rim][away.argmax()], surface)}"
+            )
+            continue
         near = f"near {point_text(surface[rim.argmax()], surface)}"
         height = (offset - centre) @ normal
         share, way = _continuation(solid, rim, normal)
@@ -50,8 +59,8 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
             kept.append(f"in part {near}")
         if ((share < 1) & (height[rim] > nearly)).any():
             what = f"almost in its rim's plane near {point_text(surface[rim][share.argmin()], surface)}"
-            other = f'beyond which the wall would go: `thickness` {-thickness:g} does not, or take `rim="normal"`'
-            raise DomainError(f"rim: the surface lies {what}, as a patch does at a corner between two edges, {other}")
+            cure = f'beyond which the wall would go: {other} does not, or take `rim="normal"`'
+            raise DomainError(f"rim: the surface lies {what}, as a patch does at a corner between two edges, {cure}")
         short = rim & (height < 0)
         offset[rim] += (share * np.minimum(height[rim], 0.0))[:, None] * way
         height[rim] = np.where(height[rim] < 0, (1 - share) * height[rim], height[rim])
@@ -69,6 +78,9 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         in_plane = np.concatenate([rim, height == 0])[solid.cells].all(axis=1)
         vertices[:] = _between(vertices, beyond, short & ~is_mitred, rim, solid.cells[in_plane], normal)
         is_side |= in_plane
+    if uneven and len(uneven) == len(rims):
+        cure = 'only a plane rim can be flat; `rim="normal"` leaves it as it is'
+        raise DomainError(f"rim: a rim {uneven[0]}, and {cure}")
     own, rows = solid.normals, solid.normal_of.astype(np.int64)
     around = facet_normals(vertices, solid.cells[is_side])
     assert own is not None
@@ -81,6 +93,7 @@ def with_flat_rims(solid: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
 
     flat = replace(solid, vertices=vertices, normals=normals, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
     kept = [f"the surface lies in the plane of a rim, which is along the normals {' and '.join(kept)}"] * bool(kept)
+    kept += one_of_alike(("", f"a rim {fault}, and stays along the normals") for fault in uneven)
     return flat, kept + _knife_edge(vertices, solid.cells, np.asarray(is_side), abs(thickness))
 
 
@@ -110,11 +123,6 @@ def _plane_of(surface: FloatArray, rim: BoolArray, cells: IntArray) -> tuple[Flo
     _, _, axes = np.linalg.svd(points - centre, full_matrices=False)
     normal = axes[2]
     height = (surface - centre) @ normal
-    apart = np.abs(height[rim])
-    if apart.max() > nearly:
-        near = f"near {point_text(points[apart.argmax()], points)}"
-        cure = 'only a plane rim can be flat; `rim="normal"` leaves it as it is'
-        raise DomainError(f"rim: a rim leaves its plane by {apart.max():.3g} {near}, and {cure}")
     beside = cells[rim[cells].any(axis=1)]
     return centre, -np.copysign(1.0, float(height[beside.ravel()[np.abs(height[beside]).argmax()]])) * normal, nearly
 

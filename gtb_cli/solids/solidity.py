@@ -1,5 +1,7 @@
 """Faults of surfaces: where they turn back on themselves, cross themselves, or look into the solid they bound."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, cross, distinct, dot, merged, point_text, unit
@@ -10,6 +12,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, are_proper
 from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs, facing_of
 
+AS_IF = "as if"  # what follows is a probable mistake in a patch, from which other faults follow
 CROSSES = "the solid passes through itself"
 
 
@@ -27,15 +30,19 @@ def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
     return np.asarray(pairs[dot(*normals[pairs.T]) < 0])
 
 
-def folded_places(mesh: Mesh) -> list[str]:
-    """Say in which patches a mesh turns back on itself, and where it first does."""
+def folded_places(mesh: Mesh, order: Callable[[int, bool], str]) -> list[str]:
+    """Say in which patches a mesh turns back on itself, and where it first does.
+
+    Of such a patch, `order` says what is wrong with its control points, by its number and whether it is certain.
+    """
     if mesh.is_curve:
         return []
-    lines = []
-    for name, start, stop in mesh.groups or ((mesh.name, 0, len(mesh.cells)),):
+    few, lines = 2, []  # sides, which may fold because a mesh is coarse
+    for number, (name, start, stop) in enumerate(mesh.groups or ((mesh.name, 0, len(mesh.cells)),)):
         if len(cells := folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]):
             first = point_text(mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0), mesh.bounds)
-            hint = "; control points must have the order of the knots" * (10 * len(cells) > stop - start)
+            found = order(number, 10 * len(cells) > stop - start) if len(cells) > few else ""
+            hint = f", {AS_IF} {found}" if found else ""
             line = f"{name} turns back on itself at {len(cells)} sides of faces, the first near {first}{hint}"
             lines.append(((len(cells), hint), line))
     return one_of_alike(lines)  # of copies, one

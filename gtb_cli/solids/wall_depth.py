@@ -27,8 +27,9 @@ def wall_of_faces(mesh: Mesh) -> tuple[FloatArray, IntArray] | None:
     """(k,) thickness of the wall behind each triangle, from its centre against its normal to the first way out.
 
     Also return the triangle, (k,), on the other side. Without one, −1 and NaN: behind triangles without area, and where
-    faces look inwards, so that there is no way out. None if the mesh is not closed and consistently oriented, or has no
-    area. It takes about 4 s for 100 000 triangles: near ways out are looked for first, as they bound the search.
+    faces look inwards, so that there is no way out. None if the mesh is not closed and consistently oriented, has no
+    area, or has too many long faces across each other. It takes about 4 s for 100 000 triangles: near ways out are
+    looked for first, as they bound the search.
     """
     first, places = numbered_places(mesh.vertices)
     cells = places[mesh.faces]
@@ -44,6 +45,8 @@ def wall_of_faces(mesh: Mesh) -> tuple[FloatArray, IntArray] | None:
         return None
     proper, corners, normals = proper[rows], corners[rows], normals[rows]
     starts, ways, tree = corners.mean(axis=1), -unit(normals), NearestCells(corners)
+    if len(starts) > tree.most_points:
+        return None
     lengths, exits = np.full(len(proper), np.nan), np.full(len(proper), -1)
     for reach in np.ptp(corners.reshape(-1, 3), axis=0).max() * np.array([0.02, 0.2, 4.0]):
         left = np.flatnonzero(exits < 0)

@@ -1,16 +1,15 @@
 """Corners of patches that are probably not meant: in another order than their knots, or two at one place."""
 
 from collections.abc import Iterator
-from itertools import combinations
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, planar_cross
+from gtb_cli.arrays import EPS, FloatArray, cross, planar_cross
 from gtb_cli.errors import one_of_alike
 from gtb_cli.models.model import Model
+from gtb_cli.solids.solidity import AS_IF
 from gtb_cli.theory.patch import Patch
-
-CROSSED = "the lines between its corners cross"
+from gtb_cli.theory.point_order import likely_order
 
 
 def doubtful_corners(spec: Patch | Model) -> list[str]:
@@ -36,19 +35,7 @@ def _faults(patch: Patch) -> Iterator[str]:
         start, end = indices[k], np.roll(indices, -1)[k]
         yield f"control points {start} and {end} are the same, so that the edge between them is a point"
     if _crosses(corners):
-        yield f"{CROSSED}, as if {_exchanged(corners, indices)}"
-
-
-def _exchanged(corners: FloatArray, indices: IntArray) -> str:
-    """Name two corners without whose exchange the polygon would not cross itself, if there are such."""
-    many = 12  # corners from which on trying all pairs takes long
-    for pair in combinations(range(len(corners) - 1, -1, -1), 2) if len(corners) < many else ():
-        order = np.arange(len(corners))
-        order[list(pair)] = pair[::-1]
-        if not _crosses(corners[order]):
-            first, second = sorted(indices[list(pair)].tolist())
-            return f"control points {first} and {second} were exchanged"
-    return "their control points were in another order than their knots"
+        yield f"the lines between its corners cross, {AS_IF} {likely_order(patch, is_certain=True)}"
 
 
 def _crosses(corners: FloatArray) -> bool:

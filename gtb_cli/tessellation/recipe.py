@@ -40,7 +40,7 @@ class Recipe:
         Makes a solid of a surface: on the side of its normals, or if negative on the other side. ``"inwards:1.6"`` and
         ``"outwards:1.6"`` name the side, whatever the normals.
     rim : "normal" or "flat"
-        The rims of a solid lie along the normals, or in the planes of the surface's rims, which must be plane.
+        The rims of a solid lie along the normals, or in the planes of the surface's rims that are plane.
     attributes : tuple of str
         Some of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
@@ -97,6 +97,7 @@ class Recipe:
         many faces would be needed, and `RequirementError`, with edges or places, where what is required is not so.
         """
         from gtb_cli.models.model import with_weld
+        from gtb_cli.solids.solidity import AS_IF
 
         self.check_size(spec)
         spec = with_weld(spec, self.weld)
@@ -119,11 +120,15 @@ class Recipe:
             from gtb_cli.solids.thickening import signed_thickness
             from gtb_cli.tessellation.solid_making import WallMaker
 
-            maker = WallMaker(spec, self.rim)
-            size = signed_thickness(surface, self.thickness)
+            size, side = signed_thickness(surface, self.thickness), thickness_of(self.thickness)[0]
+            words = (f"{SIDES[0]}:", f"{SIDES[1]}:") if side else ("-", "")
+            maker = WallMaker(spec, self.rim, words[::-1] if side and (side == SIDES[1]) != (size > 0) else words)
         faults, folds, thin = list[str](), list[str](), list[str]()
         if maker is not None:
-            mesh, faults, folds, thin = maker.solid(mesh, size)
+            try:
+                mesh, faults, folds, thin = maker.solid(mesh, size)
+            except DomainError as error:
+                raise DomainError(*(remark for remark in remarks if AS_IF in remark), *error.args) from None
         held = held or (lambda mesh: (mesh, ""))
         is_solid = not mesh.is_curve and (self.thickness is not None or "solid" in self.require)
         must_close = is_solid or ("watertight" in self.require and not mesh.is_curve)
@@ -135,12 +140,11 @@ class Recipe:
         if maker is not None and folds and not faults:
             folds[-1] += f"; {maker.smaller(surface, size, held)}"
         if self.require:
-            from gtb_cli.tessellation.doubtful_corners import CROSSED
             from gtb_cli.tessellation.requirements import require
 
-            causes = [remark for remark in remarks if (faults or folds) and CROSSED in remark]
+            causes = [remark for remark in remarks if (faults or folds) and AS_IF in remark]
             require(self.require, spec, mesh, surface, [*causes, *faults, *folds], (stored, coarse))
-        return mesh, remarks + faults + folds + thin
+        return mesh, sorted(remarks + faults, key=lambda line: AS_IF not in line) + folds + thin
 
     def _surface(self, spec: Patch | Model, rounding: float) -> tuple[Mesh, float | None]:
         """Mesh the surface or curve; also return the tolerance, for a tube without what its rings need."""

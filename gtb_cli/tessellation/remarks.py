@@ -44,8 +44,8 @@ def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
     return [f"with `resolution` {resolution} {why}; `resolution` 3 keeps them apart"] * (crowded > 0)
 
 
-def offset_folds(spec: Patch | Model, mesh: Mesh, solid: Mesh, thickness: float) -> list[str]:
-    """Say where the offset of a surface folds in its solid with a thickness."""
+def offset_folds(spec: Patch | Model, mesh: Mesh, solid: Mesh, thickness: float) -> str:
+    """Say where the offset of a surface folds in its solid with a thickness; nothing if it does not."""
     folded = folded_faces(solid)
     turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
     radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
@@ -57,7 +57,7 @@ def offset_folds(spec: Patch | Model, mesh: Mesh, solid: Mesh, thickness: float)
     if facts and abs(thickness) > extents.max():
         size = " × ".join(f"{extent:.3g}" for extent in extents)
         facts.append(f"it is more than the whole surface, which is {size}: are these metres?")
-    return [f"with a thickness of {thickness:g} the offset folds: {'; '.join(facts)}"] if facts else []
+    return "; ".join(facts)
 
 
 def thin_wall(solid: Mesh, thickness: float) -> list[str]:

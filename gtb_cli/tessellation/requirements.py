@@ -13,10 +13,12 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import obstacles, parts_of, unjoined_seams
+from gtb_cli.models.rings import open_turns
 from gtb_cli.models.same_edges import find_joints
-from gtb_cli.solids.solidity import folded_places, inward_faces, where
+from gtb_cli.solids.solidity import AS_IF, folded_places, inward_faces, where
 from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.point_order import likely_order
 from gtb_cli.vocabulary import requirements
 
 
@@ -27,8 +29,8 @@ def require(
 
     `mesh` must be watertight or solid; `surface`, from which a tube or solid was made, unfolded; `folds` are known
     folds and crossings, one line each. `held` is the mesh as a file's numbers hold it, which must be watertight or
-    solid as well, and a remark for where they are too coarse. Of a model with edges that are nearly joined, only these
-    are named where it is not solid: the rest follows from them.
+    solid as well, and a remark for where they are too coarse. Of a model that is not solid, with patches whose points
+    are probably out of order or edges that are nearly joined, only these are named: the rest follows from them.
     """
     asked = requirements(words)
     lines = []
@@ -37,7 +39,8 @@ def require(
             causes = [*_leaks(spec, mesh, held, word == "solid"), *faults]
             if causes and isinstance(spec, Model):
                 loose = _loose_parts(spec) if faults else []
-                causes = unjoined_seams(spec) or (loose + causes[-1:] if loose else causes)
+                mistakes = [line for line in faults if AS_IF in line]
+                causes = [*mistakes, *unjoined_seams(spec)] or (loose + causes[-1:] if loose else causes)
             elif word == "solid" and isinstance(spec, Model):  # else each part by itself is one
                 causes = unjoined_seams(spec, are_touching=True)
             leaks = len(causes) - len(faults)  # from which folds and crossings may follow; the last says what helps
@@ -48,7 +51,7 @@ def require(
         seams = unjoined_seams(spec) if isinstance(spec, Model) and not lines else []
         lines += [f"not one-piece: {line}" for line in (*seams, *pieces)]
     if "unfolded" in asked:
-        turns = folded_places(surface) or _folded_patches(spec)
+        turns = places_of_folds(spec, surface) or _folded_patches(spec)
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*turns, *folds))]
     if "smooth" in asked:
         lines += _creases(spec, asked["smooth"])
@@ -66,6 +69,11 @@ def _leaks(spec: Patch | Model, mesh: Mesh, held: tuple[Mesh, str], is_solid: bo
         return lines
     lines = _merged_faces(stored) or (_inward_faces(stored) if is_solid else [])
     return [f"{line}: {remark}" for line in lines]
+
+
+def places_of_folds(spec: Patch | Model, surface: Mesh) -> list[str]:
+    """Say in which patches a surface turns back on itself, where it first does, and what is probably wrong there."""
+    return folded_places(surface, lambda number, is_certain: likely_order(spec.patches[number], is_certain))
 
 
 def _folded_patches(spec: Patch | Model) -> list[str]:
@@ -87,14 +95,15 @@ def _pieces(spec: Patch | Model, mesh: Mesh) -> list[str]:
 
 
 def _loose_parts(model: Model) -> list[str]:
-    """Name the parts of a model that share no edge; nothing if it is one."""
+    """Name the parts of a model that share no edge, and angles that would join them; nothing if it is one."""
     patches = model.patches
     firsts, counts = np.unique(parts_of(model.joints, len(patches)), return_counts=True)
     if len(counts) < 2 or patches[0].dimension == 1:
         return []
     sizes, most = sorted(zip(firsts.tolist(), counts.tolist(), strict=True)), 8
     names = [patch_name(patches[k], k) + f" and {count - 1} more" * (count > 1) for k, count in sizes[:most]]
-    return [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
+    loose = f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"
+    return [*open_turns(patches), loose]
 
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:

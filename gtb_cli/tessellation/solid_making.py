@@ -12,11 +12,11 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs
 from gtb_cli.solids.rims import with_flat_rims
-from gtb_cli.solids.solidity import crossing_remarks, folded_places, where
+from gtb_cli.solids.solidity import crossing_remarks, where
 from gtb_cli.solids.thickening import thicken
 from gtb_cli.solids.tube import folded_segments, tube
 from gtb_cli.tessellation.remarks import offset_folds, thin_wall
-from gtb_cli.tessellation.requirements import require
+from gtb_cli.tessellation.requirements import places_of_folds, require
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
@@ -62,7 +62,7 @@ class TubeMaker:
                 return not folds and not crossings_of(mesh, *held(mesh))
             return False
 
-        return _smaller("radius", radius, is_solid, len(curve.cells))
+        return _smaller(radius, is_solid, len(curve.cells), "a radius of {:g}".format)
 
 
 @frozen
@@ -71,6 +71,7 @@ class WallMaker:
 
     spec: Patch | Model
     rim: Rim
+    signs: tuple[str, str]  # what is written before a thickness against the normals and along them
 
     def solid(self, surface: Mesh, thickness: float) -> Solid:
         """Make the wall of a thickness."""
@@ -83,9 +84,10 @@ class WallMaker:
                     why = f"{other.name} lies where {one.name} is"
             raise DomainError(f"thickness: {names} are one curve, where at most two may meet: {why}")
         wall = thicken(surface, thickness)
-        folds = offset_folds(self.spec, surface, wall, thickness)
+        places = offset_folds(self.spec, surface, wall, thickness)
+        folds = [f"with {self._words(thickness)} the offset folds: {places}"] * bool(places)
         mesh, kept = self._rimmed(wall, thickness)
-        return mesh, folded_places(surface), folds, thin_wall(wall, thickness) + kept
+        return mesh, places_of_folds(self.spec, surface), folds, thin_wall(wall, thickness) + kept
 
     def smaller(self, surface: Mesh, thickness: float, held: Held) -> str:
         """Name a coarser mesh or a smaller thickness that is solid, judged as asked, and the other side if it is."""
@@ -113,12 +115,15 @@ class WallMaker:
                 other = tessellate(self.spec, n, tolerance, normals=True, max_faces=most)
                 if len(other.cells) != cells and is_solid(thickness, other):
                     return f"it hangs on the fineness: with {way} it was tried and is solid"
-        found = _smaller("thickness", thickness, is_solid, cells)
+        found = _smaller(thickness, is_solid, cells, self._words)
         is_other = cells < MANY_CELLS and is_solid(-thickness)
-        return found + f"; on the other side `thickness` {-thickness:g} is solid" * is_other
+        return found + f"; on the other side {self._words(-thickness)} is solid" * is_other
+
+    def _words(self, thickness: float) -> str:
+        return f"`thickness` {self.signs[thickness > 0]}{abs(thickness):g}"
 
     def _rimmed(self, wall: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
-        return (wall, []) if self.rim == "normal" else with_flat_rims(wall, thickness)
+        return (wall, []) if self.rim == "normal" else with_flat_rims(wall, thickness, self._words(-thickness))
 
 
 def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
@@ -129,7 +134,7 @@ def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
     return crossings
 
 
-def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: int) -> str:
+def _smaller(value: float, is_solid: Callable[[float], bool], cells: int, words: Callable[[float], str]) -> str:
     """Name the largest of a few smaller values that make a solid, or say that none does."""
     # The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
     tries = 8 if cells < FEW_CELLS else 4 if cells < MANY_CELLS else 1
@@ -139,7 +144,7 @@ def _smaller(name: str, value: float, is_solid: Callable[[float], bool], cells: 
         low, high = (middle, high) if is_solid(middle) else (low, middle)
         tried += 1
     if low:
-        return f"{'a radius of' if name == 'radius' else '`thickness`'} {low:g} was tried and is solid"
+        return f"{words(low)} was tried and is solid"
     if tried == 1:
-        return f"a {name} of {high:g} was tried and is not solid"
-    return f"{tried} {'radii' if name == 'radius' else 'thicknesses'} down to {high:g} were tried, and none is solid"
+        return f"{words(high)} was tried and is not solid"
+    return f"{tried} down to {words(high)} were tried, and none is solid"

@@ -73,7 +73,8 @@ def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
     size = [f"{length:.4g}" for length in found["size"]]
     sides = " × ".join(length for axis, length in zip("xyz", size, strict=True) if axis != found["up"])
     share = f"area {found['overhang_area']:.4g}, {100 * found['overhang_share']:.3g}% of the surface"
-    wall, usual = "not measured: there are many faces, and --long measures more", found["usual_wall"]
+    many = "there are many faces, of which --long measures more, or too many long ones across each other"
+    wall, usual = f"not measured: {many}", found["usual_wall"]
     if usual is not None:
         wall = f"none, as no two sides are within 45 degrees of parallel; behind 90% of the surface {usual:.4g} or more"
     if found["least_wall"] is not None:

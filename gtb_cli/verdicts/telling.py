@@ -39,12 +39,12 @@ def difference_text(found: Difference) -> str:
     """Return what follows the names of two meshes: how far they are apart, and what else differs, in a table."""
     what = ("curves" if found.is_curve else "surfaces") if found.same_kind else "a curve and a surface,"
     cells = "segments" if found.is_curve else "faces"
-    tolerance = f"tolerance {found.tolerance:.3g}\n"
+    distance, tolerance = found.amounts[0], f"tolerance {found.amounts[1]}\n"
     words = "".join(f"{word}; " for word in found.words)
     # GitHub takes a name such as ::stop-commands::x for a command, also behind blanks
     faults = "".join("  " + re.sub("^ *:(?=:)", r"\\x3a", fault) + "\n" for fault in found.faults)
     if found.method == "vertices":
-        apart = f"vertices up to {found.distance:.3g} apart (mean {found.mean:.3g})"
+        apart = f"vertices up to {distance} apart (mean {found.mean:.3g})"
         text = f"{words}the same {cells}, {apart}, {tolerance}"
         if found.distance <= found.tolerance:
             return text + faults
@@ -53,7 +53,7 @@ def difference_text(found: Difference) -> str:
         places = f"{_at(found.forward.at, style)} and {_at(found.backward.at, style)}"
         return f"{text}{faults}  most at vertex {found.vertex}{where}: {places}\n"
     if found.method == "patches":
-        apart = f"{found.distance:.3g} apart{' where they were looked at' if found.is_loose else ''}"
+        apart = f"{distance} apart{' where they were looked at' if found.is_loose else ''}"
         proof = f"not proved{f': at most {found.bound:.3g}' if found.is_loose else ''}"
         proof = f"by a search, {proof}" if found.is_searched else "proved"
         apart = apart if found.is_searched or not found.distance else f"at most {apart}"
@@ -65,7 +65,7 @@ def difference_text(found: Difference) -> str:
     if not found.is_proved:
         at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
     others = "" if found.kind == "surface" else f"other {cells}, "
-    text = f"{words}{others}{what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
+    text = f"{words}{others}{what} {distance} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
     from gtb_cli.meshes.measures import labelled
 
     rows = [labelled(measures.record()) for measures in (() if words else found.measures)]

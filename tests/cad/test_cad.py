@@ -282,6 +282,7 @@ def test_the_angle_at_inner_seams_is_the_one_the_kernel_measures(spec: Patch | M
     assert 0.9 * found.bend < max(measured) < 1.01 * found.bend
 
 
+@long
 def test_an_exact_patch_of_high_degree_stays_exact_beside_a_fitted_one(tmp_path: Path) -> None:
     found = spline_surfaces(pillow(rectangle(17)), None)
     assert (found.fitted, len(found.surfaces)) == (4, 5)

@@ -1,16 +1,17 @@
 """--max-seconds and --max-memory: a command that costs more ends in one line, and leaves nothing behind."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
-import time
 from functools import partial
+from pathlib import Path
 
 import pytest
 
 from tests.marks import long, mostly_long
-from tests.shell import BICUBIC, PENTAGON, SPECS, TIMEOUT, command, environment, gtb, process
+from tests.shell import BICUBIC, PENTAGON, SPECS, TIMEOUT, command, environment, gtb, process, until
 
 HUGE = ("mesh", PENTAGON, "-n", "4000", "--max-faces", "1000000000")  # 80 million faces: a minute, and 10 GB
 LATE = "gtb: error: stopped after 0.6 s: --max-seconds allows no more\n"
@@ -101,12 +102,18 @@ def test_within_its_bounds_a_command_does_what_it_does_without(tmp_path):
     assert one == other
 
 
+def resident(number):
+    """Bytes that the process holds which works for another one, the one that waits."""
+    workers = Path(f"/proc/{number}/task/{number}/children").read_text().split()
+    return sum(int(Path(f"/proc/{worker}/statm").read_text().split()[1]) for worker in workers) * resource.getpagesize()
+
+
 @pytest.mark.parametrize("number", mostly_long([signal.SIGINT, signal.SIGTERM], 0))
 def test_a_signal_stops_the_command(number, tmp_path):
     words = command("--max-seconds", "50", *HUGE, "-o", tmp_path / "x.obj")
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # which a job in the background ignores
     with subprocess.Popen(words, env=environment(), stderr=subprocess.PIPE, preexec_fn=heard) as running:
-        time.sleep(3)
+        until(lambda: resident(running.pid) > 160 << 20)
         running.send_signal(number)
         assert running.wait(TIMEOUT) == 128 + number
         assert running.stderr.read() == b""  # whose end is there only when no process has it any more

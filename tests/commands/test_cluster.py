@@ -3,7 +3,6 @@
 import signal
 import subprocess
 import sys
-import time
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from gtb_cli.errors import GtbError
 from gtb_cli.process.cluster import _check_workers
 from gtb_cli.process.versions import versions
 from tests.marks import long
-from tests.shell import CURVE, PENTAGON, command, environment, gtb, process
+from tests.shell import CURVE, PENTAGON, command, environment, gtb, process, until
 
 SPECS = 10
 SECONDS = 90  # within which a process that was started does what is waited for, on a busy machine
@@ -85,13 +84,6 @@ def test_where_no_worker_joins_a_line_says_so(joins):
     with nullcontext() if joins else pytest.raises(GtbError, match="here: no workers within 60 seconds"):
         _check_workers(Empty(), "here", said.append)
     assert said == ["--cluster here: no workers yet; waiting for one up to 60 seconds"]
-
-
-def until(condition) -> None:
-    end = time.monotonic() + SECONDS
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.05)
 
 
 class Cluster:

@@ -3,7 +3,6 @@
 import re
 import signal
 import subprocess
-import time
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -13,19 +12,13 @@ from gtb_cli.errors import GtbError
 from gtb_cli.shell.messages import Console
 from gtb_cli.shell.streams import Streams
 from gtb_cli.shell.watching import Files, watched
-from tests.shell import command, environment
+from tests.shell import command, environment, until
 
 INNER = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
 
 
-def within_seconds(path: Path, expected: str) -> bool:
-    """Whether a file soon has a text: a second on a machine that does nothing else, ten on one that does."""
-    end = time.monotonic() + 120
-    while time.monotonic() < end:
-        if path.exists() and expected in path.read_text(encoding="utf-8"):
-            return True
-        time.sleep(0.02)
-    return False
+def holds(path: Path, expected: str) -> object:
+    return until(lambda: path.exists() and expected in path.read_text(encoding="utf-8"))
 
 
 def test_an_edit_of_an_included_file_renews_the_mesh_and_an_error_leaves_it(tmp_path):
@@ -35,13 +28,13 @@ def test_an_edit_of_an_included_file_renews_the_mesh_and_an_error_leaves_it(tmp_
     words = command("mesh", "outer.toml", "-n", "1", "--watch", "-o", "x.obj")
     with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=environment()) as process:
         try:
-            assert within_seconds(mesh, "v 0.00000000 1.00000000 2.00000000")
+            assert holds(mesh, "v 0.00000000 1.00000000 2.00000000")
             inner.write_text(INNER.format('"oops"'), encoding="utf-8")
             lines = [process.stderr.readline() for _ in range(3)]
             assert re.fullmatch(r"gtb: error: inner\.toml:2: control_points\[2\]\[2\]: .*\n", lines[2]), lines
-            assert within_seconds(mesh, "2.00000000")
+            assert holds(mesh, "2.00000000")
             inner.write_text(INNER.format(3), encoding="utf-8")
-            assert within_seconds(mesh, "v 0.00000000 1.00000000 3.00000000")
+            assert holds(mesh, "v 0.00000000 1.00000000 3.00000000")
         finally:
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=120)

@@ -31,6 +31,7 @@ from tests.shell import (
     process,
     run_process,
     script,
+    until,
 )
 
 SOON = 120.0  # seconds within which what should end at once has ended, on a busy machine
@@ -99,13 +100,6 @@ def read_all(terminal: int) -> str:
         except OSError:  # how Linux says that the other end is closed
             break
     return shown.decode("utf-8")
-
-
-def wait_for(condition, what: str):
-    end = time.monotonic() + SOON
-    while not condition():
-        assert time.monotonic() < end, f"timed out: {what}"
-        time.sleep(0.005)
 
 
 def names(folder: Path) -> list[str]:
@@ -185,7 +179,7 @@ def test_binary_data_is_not_for_a_terminal(options, refused, on_terminal):
 def stop_while_writing(start, folder: Path, number: int) -> subprocess.Popen:
     """Send a signal to a process when its temporary file has appeared."""
     child = start("mesh", PENTAGON, "-o", folder / "x.obj", *LARGE, stderr=subprocess.PIPE)
-    wait_for(lambda: any(name.startswith(".gtb-") for name in names(folder)), "a temporary file")
+    until(lambda: any(name.startswith(".gtb-") for name in names(folder)))
     child.send_signal(number)
     return child
 
@@ -289,8 +283,8 @@ def group_is_gone(group: int) -> bool:
 def start_batch(start, folder: Path) -> subprocess.Popen:
     specs = [SPECS / f"{name}.toml" for name in ("bicubic", "pentagon", "hexagon", "nonagon")]
     child = start("mesh", *specs, "-j", 2, "-o", folder, *LARGE, stderr=subprocess.PIPE, start_new_session=True)
-    wait_for(lambda: len(Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()) == 2, "workers")
-    wait_for(lambda: any(name.startswith(".gtb-") for name in names(folder)), "a temporary file")
+    until(lambda: len(Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()) == 2)
+    until(lambda: any(name.startswith(".gtb-") for name in names(folder)))
     return child
 
 
@@ -302,7 +296,7 @@ def test_ctrl_c_ends_all_processes(whole_group, start, tmp_path):
     _, error = child.communicate(timeout=SOON)
     assert child.returncode == 130
     assert error == b""
-    wait_for(lambda: group_is_gone(child.pid), "the end of the workers")
+    until(lambda: group_is_gone(child.pid))
     assert names(tmp_path / "out") == []
 
 
@@ -312,7 +306,7 @@ def test_workers_do_not_outlive_their_parent(start, tmp_path):
     child = start_batch(start, tmp_path / "out")
     child.kill()
     child.communicate(timeout=SOON)
-    wait_for(lambda: group_is_gone(child.pid), "the end of the workers")
+    until(lambda: group_is_gone(child.pid))
 
 
 @long

@@ -55,7 +55,7 @@ def test_another_processor_makes_everything_again(place):
 
 def test_a_changed_source_makes_everything_again(tmp_path):
     """One constant of a copy of the program differs, and not its version."""
-    shutil.copytree(REPOSITORY / "gtb_cli", tmp_path / "gtb_cli", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(REPOSITORY / "gtb_cli", tmp_path / "gtb_cli")  # with bytecode, which is of these sources
     line = ["mesh", PENTAGON, BICUBIC, "-n", 2, "-o", "out", "--manifest", "m.json", "--resume"]
 
     def kept() -> int:

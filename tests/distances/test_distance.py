@@ -93,6 +93,11 @@ def test_far_from_the_origin_the_same_surface_is_still_the_same():
 
 
 @long
+def test_a_surface_beside_itself_needs_no_search(monkeypatch):
+    monkeypatch.setattr("gtb_cli.distances.strata.Strata.derivatives", None)
+    assert distance(*[load(SPECS / "box-corner.toml")] * 2).distance == 0
+
+
 def test_models_and_curves():
     box = Model(load(SPECS / "box-corner.toml").patches[1:4])
     parts = Model(tuple(elevate(patch) for patch in box.patches))

@@ -60,6 +60,7 @@ def assert_not_folded(filling: Filling) -> None:
         assert (patch.normals(energy_samples(patch.domain, 40)[0], "linear")[:, 2] > 0).all()
 
 
+@long
 def test_a_concave_hole_in_a_graph_is_cut_and_its_parts_meet_with_exact_planes():
     sides = graph_sides(0.5 * L[:, :2])
     assert [round(corner.angle) for corner in corners(sides)] == pytest.approx([90, 90, 90, 270, 90, 90], abs=6)

@@ -262,7 +262,7 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     edges = np.minimum(lengths, np.roll(lengths, 1))
     assert (told * edges).max() < most
     assert filling.bending.energy < {6: 8, 7: 9, 8: 16}[n]  # 45 and 248 with first plans, and 20 in the first metric
-    fan, far = 1 / (1 + np.exp(np.linspace(-14, 14, 46)))[:, None], np.geomspace(1e-4, 0.3, 30)[:, None, None]
+    fan, far = 1 / (1 + np.exp(np.linspace(-14, 14, 31)))[:, None], np.geomspace(1e-4, 0.3, 16)[:, None, None]
     for corner in range(n):
         ways = patch.knots[[corner - 1 + n * (corner == 0), (corner + 1) % n]] - patch.knots[corner]
         places = patch.knots[corner] + (far * (fan * ways[0] + (1 - fan) * ways[1])).reshape(-1, 2)
@@ -350,7 +350,7 @@ def test_sharp_surfaces_are_made_again_while_no_figure_rises(scores, figure, tak
         assert [one.points for one in search._again(*search.scored(0), lambda _, m=made: next(m))] == kept
 
 
-@pytest.mark.parametrize(("seed", "place"), [(2, [-0.800, 0.109, -0.008]), (5, [0.979, 0.140, -0.317])])
+@pytest.mark.parametrize(("seed", "place"), mostly_long([(2, [-0.800, 0.109, -0.008]), (5, [0.979, 0.140, -0.317])]))
 def test_figures_of_the_certificate_are_as_near_as_it_says(seed, place):
     """Differences of quadratures in two triangles cancel: of variation in the second loop, they are a tenth for .26."""
     filling = fill_loop(random_sides(3, seed))
@@ -452,7 +452,7 @@ def test_bounds_are_met_with_the_least_multipliers(seed):
     assert np.abs(room * found * np.sqrt(np.diag(form))).max() < 1e-9
 
 
-@pytest.mark.parametrize(("score", "more"), [(99.0, 0), (101.0, 3)])
+@pytest.mark.parametrize(("score", "more"), mostly_long([(99.0, 0), (101.0, 3)]))
 def test_plans_end_where_none_of_their_patches_can_win(score, more, monkeypatch):
     """The first plan has a second patch without faults: others may be better."""
     tried, sides = [], [replace(s, across=np.add(s.across, [0, 0, 0.1])) for s in plane_sides(L[[0, 1, 2, 5]], [1] * 4)]
@@ -837,6 +837,7 @@ def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():
     assert swings[0] < 0.6 * swings[1]
 
 
+@long
 def test_the_certificate_is_what_curvature_and_normals_say_at_its_places(tmp_path):
     """At a corner of the rounded cube, between quarters of cylinders with radius 1, whose mean curvature is 1/2."""
     cube = load(SPECS / "rounded-cube.toml")

@@ -96,7 +96,8 @@ def written(shape, folder):
             ((2,) * 3, 975.187, ["--elevate", 0, "--continuity", "g2"], "brep", 1e-3),
             ((2,) * 3, 975.587, [], "iges", 1),
             (None, 1776.53, [], "step", 1),
-        ]
+        ],
+        0,
     ),
 )
 def test_a_filled_part_is_a_solid_with_smooth_seams(radii, volume, elevated, kind, size, tmp_path):
@@ -167,7 +168,7 @@ def test_with_g2_new_faces_have_the_curvature_of_a_part_or_no_file_is_left(tmp_p
 def test_seams_are_those_of_the_file_as_it_is_read(monkeypatch):
     read, measured = [], []
     monkeypatch.setattr(cad_writing, "shape_in", lambda *at: read.append(cad_files.shape_in(*at)) or read[-1])
-    monkeypatch.setattr(cad_writing, "seams_of", lambda *shapes, **_: measured.append(shapes))
+    monkeypatch.setattr(cad_writing, "measured_seams", lambda *shapes, **_: measured.append(shapes))
     patch, box = gtb_cli.load_patch(SPECS / "bicubic.toml"), kernel("BRepPrimAPI").BRepPrimAPI_MakeBox(1, 1, 1)
     encode_cad(spline_surfaces(patch, None).surfaces, "step", "mm", "patch", part=box.Shape())
     ((whole, (face,)),) = measured

@@ -12,7 +12,7 @@ from gtb_cli.meshes import hausdorff
 from gtb_cli.meshes.hausdorff import RELATIVE_ERROR, mesh_distance
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.tessellate import tessellate
-from tests.marks import mostly_long
+from tests.marks import long, mostly_long
 from tests.shell import SPECS
 from tests.specs import load
 from tests.tiny_meshes import curve, surface
@@ -156,6 +156,7 @@ def test_what_has_no_distance():
     assert mesh_distance(curve(), curve()).bound == 0
 
 
+@long
 def test_small_meshes_with_lines_of_farthest_points_take_few_cuts(monkeypatch):
     """Between strips in a plane, whole lines are as far as the farthest point, and the bound falls slowly."""
     strips = np.array([[[x, 0, 0], [x, 100, 0], [x + 1e-3, 50, 0]] for x in range(9)])

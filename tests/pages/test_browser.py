@@ -2,13 +2,12 @@
 
 import re
 import subprocess
-import time
 
 import numpy as np
 import pytest
 
 from tests.plots.images import near
-from tests.shell import SPECS, command, environment, gtb
+from tests.shell import SPECS, command, environment, gtb, until
 from tests.specs import load
 from tests.tools.browser import BROWSERS, WINDOW, Browser
 
@@ -222,8 +221,7 @@ def test_the_slider_changes_the_shape_and_it_plays(browser, show):
     browser.keys("[")
     assert changed(image, browser.picture()) < 0.001
     browser.keys(" ")
-    time.sleep(0.5)
-    assert 0 < browser.run("return state.frame") <= 1.7
+    assert 0 < until(lambda: browser.run("return state.frame")) <= 1.7
 
 
 def test_a_section_is_filled_where_it_is_inside(browser, show):
@@ -282,9 +280,8 @@ def test_a_link_shows_the_same(browser, show):
     browser.keys("t\ue014\ue013e")
     browser.run("set({section: 'z', at: 0.4, flip: true, mode: 'zebra', from: '0,0,0', to: '1,1,1'})")
     image = browser.picture()[:, 270:]  # beside the panel, whose scroll bar comes and goes
-    end = time.monotonic() + 120
-    while "section=z" not in (address := browser.run("return location.href")) and time.monotonic() < end:
-        time.sleep(0.05)
+    until(lambda: "section=z" in browser.run("return location.href"))
+    address = browser.run("return location.href")
     browser.open(address)
     assert changed(image, browser.picture()[:, 270:]) < 0.001
     browser.keys("f")
@@ -368,9 +365,7 @@ def test_a_picture_has_twice_the_size_and_no_background_if_asked(browser, show):
     assert browser.run(corner) == [0, 0, 0, 0]
     click = "function () { window.saved = [this.download, this.href]; }"
     browser.run(f"HTMLAnchorElement.prototype.click = {click}; save()")
-    end = time.monotonic() + 120
-    while not (saved := browser.run("return window.saved")) and time.monotonic() < end:
-        time.sleep(0.05)
+    saved = until(lambda: browser.run("return window.saved"))
     assert saved[0] == "plate.png"
     assert saved[1].startswith("blob:")
 
@@ -393,9 +388,7 @@ def test_what_a_graphics_card_forgets_is_drawn_again(browser, show):
     browser.run("window.card = gl.getExtension('WEBGL_lose_context'); card.loseContext()")
     browser.settle()
     browser.run("card.restoreContext()")
-    end = time.monotonic() + 120
-    while browser.run("return gl.isContextLost()"):
-        assert time.monotonic() < end
+    until(lambda: not browser.run("return gl.isContextLost()"))
     assert changed(image, browser.picture()) < 0.001
     browser.complaints()  # Chromium says that it was lost
 
@@ -427,14 +420,14 @@ def test_watch_follows_an_edit_and_shows_an_error(browser, tmp_path):
     try:
         address = re.search(r"http://127\.0\.0\.1:\d+/", server.stderr.readline())[0]
         browser.open(address)
-        assert within_a_second(browser, "return scene && !scene.quick")
+        assert soon(browser, "return scene && !scene.quick")
         first = browser.picture()
         spec.write_text(text.format("oops"), encoding="utf-8")
-        assert within_a_second(browser, "return !document.getElementById('error').hidden")
+        assert soon(browser, "return !document.getElementById('error').hidden")
         assert "x.toml:2:" in browser.run("return document.getElementById('error').textContent")
         assert browser.run("return scene.name") == "x"
         spec.write_text(text.format(2), encoding="utf-8")
-        assert within_a_second(browser, "return scene.box.texts[2][1] === '2'")
+        assert soon(browser, "return scene.box.texts[2][1] === '2'")
         assert browser.run("return document.getElementById('error').hidden") is True
         assert changed(first, browser.picture()) > 0.005
         assert browser.complaints() == []
@@ -458,7 +451,7 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
     try:
         browser.open(re.search(r"http://127\.0\.0\.1:\d+/", server.stderr.readline())[0])
         browser.run("window.firsts = []; const own = present; present = d => { firsts.push(d.quick); own(d); }")
-        assert within_a_second(browser, "return scene && !scene.quick && $('working').hidden")
+        assert soon(browser, "return scene && !scene.quick && $('working').hidden")
         rows = "[...$('sliders').children]"
         names = browser.run(f"return {rows}.map(row => row.dataset.name)")
         assert names == ["sides", "width", "height", "foot", "belly", "roundness"]
@@ -469,11 +462,11 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
                 f"const s = {rows}.find(row => row.dataset.name === '{name}').querySelector('[type=range]');"
                 f"const old = version; firsts = []; s.value = {value}; s.oninput({{target: s}}); return old"
             )
-            assert within_a_second(browser, f"return version > {old}"), name
+            assert soon(browser, f"return version > {old}"), name
             assert changed(before, before := browser.picture()) > 0.001, name
             assert browser.run("return firsts[0]"), name  # a quick picture, before the hole is filled
         assert browser.run("return $('working').textContent").endswith(": what was asked for follows …")
-        assert within_a_second(browser, "return !scene.quick && scene.box.texts[2][1] === '70'")
+        assert soon(browser, "return !scene.quick && scene.box.texts[2][1] === '70'")
         browser.run("$('options').click()")
         options = browser.run("return $('said').textContent")
         assert options == "--set foot=40 --set sides=7 --set width=100 --set height=70 --set roundness=1"
@@ -494,9 +487,9 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
         gtb("mesh", spec, "-n", 4, "-o", mesh[1], status=0)
         assert mesh[0].read_bytes() == mesh[1].read_bytes()
         browser.run("$('reset').click()")
-        assert within_a_second(browser, "return Object.keys(chosen).length === 0")
+        assert soon(browser, "return Object.keys(chosen).length === 0")
         browser.run("const s = $('sliders').children[0].querySelector('input'); s.value = 4.5; s.oninput({target: s})")
-        assert within_a_second(browser, "return $('error').textContent.includes('repeat: must be a whole number')")
+        assert soon(browser, "return $('error').textContent.includes('repeat: must be a whole number')")
         assert browser.complaints() == []
     finally:
         server.terminate()
@@ -504,14 +497,8 @@ def test_sliders_turn_the_numbers_of_a_spec(browser, tmp_path):
         server.communicate(timeout=120)
 
 
-def within_a_second(browser: Browser, script: str) -> bool:
-    """Whether a script says yes soon: a second on a machine that does nothing else, ten on one that does."""
-    end = time.monotonic() + 120
-    while time.monotonic() < end:
-        if browser.run(script):
-            return True
-        time.sleep(0.05)
-    return False
+def soon(browser: Browser, script: str) -> object:
+    return until(lambda: browser.run(script))
 
 
 def test_a_notebook_shows_a_frame_without_scroll_bars(browser, tmp_path):

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from tests.marks import long
+from tests.shell import until
 from tests.tools.browser import BROWSERS
 from tests.tools.playground import PAGE, build
 
@@ -92,11 +93,9 @@ def test_browser_shows_edits_and_errors_at_their_lines(folder, tmp_path, monkeyp
     with contextlib.closing(server.socket), BROWSERS[0](tmp_path / "profile") as browser:
 
         def said(text: str) -> str:
-            end = time.monotonic() + 120
-            while text not in (found := browser.run("return document.getElementById('said').textContent")):
-                assert time.monotonic() < end, found
-                time.sleep(0.1)
-            return found
+            shown = "return document.getElementById('said').textContent"
+            until(lambda: text in browser.run(shown))
+            return browser.run(shown)
 
         def typed(old: str, new: str) -> None:
             change = f"t.value = t.value.replace({old!r}, {new!r}); t.oninput()"

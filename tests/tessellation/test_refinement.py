@@ -292,6 +292,7 @@ def test_a_flat_patch_is_looked_at_beside_one_that_is_split():
         assert max(nearest_distance(each, mesh) for each in patches) <= 2e-3 * (1 + SLACK)
 
 
+@long
 def test_a_surface_that_turns_back_along_a_side_is_reached():
     """In the plane, the middle and one quarter of such a side are on it: only the other quarter shows."""
     shape = overshooting(5.0)

@@ -1,0 +1,79 @@
+"""Rings of copies that do not close: turned by another angle than a part of a full turn, or with one copy too few."""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import count, takewhile
+
+import numpy as np
+
+from gtb_cli.errors import one_of_alike
+from gtb_cli.models.joints import Joints
+from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_name
+from gtb_cli.theory.patch import Patch
+
+SAME_ANGLE = 1e-6  # degrees within which two angles are one
+
+
+def closing_turn(patches: Sequence[Patch], one: int, other: int) -> str:
+    """Say which angle closes a ring of at most all patches, if one is another one turned by nearly that; else nothing.
+
+    It begins with a semicolon, for the end of a line.
+    """
+    nearly, degrees = 0.05, _turn(patches[one], patches[other])  # of the angle
+    parts = round(360 / degrees) if degrees > SAME_ANGLE else 0
+    if not 3 <= parts <= len(patches) or not SAME_ANGLE < abs(360 / parts - degrees) < nearly * degrees:
+        return ""
+    return f"; a turn of {360 / parts:.4g} degrees (360/{parts}), not {degrees:.4g}, closes the ring"
+
+
+def missing_copies(joints: Joints, patches: Sequence[Patch]) -> list[str]:
+    """Name the rings of a patch and its copies that one more copy would close."""
+    pairs, free, lines = [(joint.first, joint.second) for joint in joints.shared], set(joints.open), []
+    for ring, degrees in _rings_of_copies(patches):
+        if abs(360 / (len(ring) + 1) - degrees) > SAME_ANGLE:
+            continue
+        for (p, end), (q, start) in (*pairs, *(pair[::-1] for pair in pairs)):
+            ends = (ring[0], start), (ring[-1], end)
+            if [p, q] == ring[:2] and free.issuperset(ends):
+                names = " and ".join(edge_name(patches, ref) for ref in ends)
+                cure = f"one more copy, turned by {degrees:.4g} degrees, closes the ring"
+                lines.append((cure, f"{names} are open: {cure}"))
+    return one_of_alike(lines)
+
+
+def open_turns(patches: Sequence[Patch]) -> list[str]:
+    """Say of a patch and its copies, three or more, which angle would make a ring of them."""
+    lines = []
+    for ring, degrees in _rings_of_copies(patches):
+        closed = 360 / len(ring)
+        if len(ring) > 2 and abs(closed - degrees) > SAME_ANGLE:
+            cure = f"by {degrees:.4g} degrees each: {closed:.4g} (360/{len(ring)}) makes a ring"
+            lines.append((cure, f"{patches[ring[0]].name} and {len(ring) - 1} copies are turned {cure}"))
+    return one_of_alike(lines)
+
+
+def _rings_of_copies(patches: Sequence[Patch]) -> Iterator[tuple[list[int], float]]:
+    """Yield the numbers of a patch and its copies, as ``repeat`` names them, and the degrees by which one is turned."""
+    numbers = {patch.name: number for number, patch in enumerate(patches) if patch.name}
+    for name, first in numbers.items():
+        copies = takewhile(numbers.__contains__, (f"{name}-{k}" for k in count(1)))
+        ring = [first, *(numbers[copy] for copy in copies)]
+        if len(ring) > 1 and (degrees := _turn(patches[first], patches[ring[1]])):
+            yield ring, degrees
+
+
+def _turn(one: Patch, other: Patch) -> float:
+    """Return the degrees, up to 180, by which a patch is another one turned about an axis; 0 if it is not."""
+    if one.knots.shape != other.knots.shape:
+        return 0.0
+    here, there = one.control_points, other.control_points
+    shift = there.mean(axis=0) - here.mean(axis=0)
+    here, there = here - here.mean(axis=0), there - there.mean(axis=0)
+    left, _, right = np.linalg.svd(there.T @ here)
+    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    around = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    sine = float(np.linalg.norm(around)) / 2
+    near = CURVE_TOLERANCE * float(np.abs([here, there]).max() + np.abs(shift).max())
+    if np.abs(there - here @ turn.T).max() > near or abs(shift @ around) > 2 * sine * near:
+        return 0.0
+    return math.degrees(math.atan2(sine, (np.trace(turn) - 1) / 2))
