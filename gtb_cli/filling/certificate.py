@@ -12,7 +12,7 @@ from gtb_cli.fairing.energy import samples
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.folds import highest, most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
-from gtb_cli.filling.hole_corners import at_corners, corners
+from gtb_cli.filling.hole_corners import at_ends, corners
 from gtb_cli.filling.osculation import Rim, patch_bend
 from gtb_cli.filling.sides import HoleSide, edge_normals, edge_of, points_and_tangents, stations
 from gtb_cli.models.model import Model
@@ -278,5 +278,5 @@ def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]
     for k, (side, n) in enumerate(zip(sides, normals, strict=True)):
         if side.bend is not None and n is not None:
             rim = Rim(side.curve, n)
-            starts[k], ends[k] = at_corners((side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2)
+            starts[k], ends[k] = at_ends((side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2)
     return np.asarray(np.abs(np.roll(ends, 1) - starts))

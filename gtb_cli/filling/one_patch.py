@@ -25,7 +25,7 @@ from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.certificate import DISAGREEING, SPIKE, Filling, angles_to, contact, corner_bends, curvature_near
 from gtb_cli.filling.corner_equations import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
-from gtb_cli.filling.hole_corners import at_corners, corners
+from gtb_cli.filling.hole_corners import corners, end_normals
 from gtb_cli.filling.net import net
 from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, edge_of, loop, side_normals
@@ -87,7 +87,7 @@ def fill_loop(
     middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, float(np.ptp(points, axis=0).max())
     unit = [side.in_units(middle, size) for side in ordered]
     normals = [None if side.across is None else side_normals(side) for side in unit]
-    starts, ends = np.stack([at_corners(each) for each in normals], axis=1)
+    starts, ends = np.stack([end_normals(side) for side in unit], axis=1)
     corner_angles = angles_between(np.roll(ends, 1, axis=0), starts)
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes

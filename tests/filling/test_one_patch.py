@@ -23,13 +23,14 @@ from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.corner_equations import CornerForms
 from gtb_cli.filling.fairest import FairSearch, Scored
 from gtb_cli.filling.fill import fill
-from gtb_cli.filling.hole_corners import corners
+from gtb_cli.filling.hole_corners import corners, end_normals
 from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.loops import loop_from_text, read_loop
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.rows import Rows, _Form, _multipliers
 from gtb_cli.filling.sides import HoleSide, bezier_form, edge_of, points_and_tangents, raised, side_normals, stations
 from gtb_cli.filling.spline_sides import single_curves
+from gtb_cli.filling.strips import strip_side
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
@@ -203,6 +204,14 @@ def test_at_corners_the_normal_is_that_of_the_sides():
         expected = np.cross(first - side.ends[0], last - side.ends[0])
         np.testing.assert_allclose(normals[k], expected / np.linalg.norm(expected), atol=1e-9)
     assert np.nanmax(filling.corner_angles) < 1e-6
+
+
+def test_planes_at_ends_are_those_of_a_ribbon_that_turns_or_vanishes_there():
+    points, across = np.random.default_rng(3).normal(size=(2, 4, 3))
+    across *= [[0], [1], [1], [1e-4]]
+    side = strip_side("side", [homogeneous(points), homogeneous(points + across / 2)], 2)
+    expected = unit(np.cross(points[[1, 3]] - points[[0, 2]], across[[1, 3]]))
+    np.testing.assert_allclose(end_normals(side), expected, atol=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(9))
