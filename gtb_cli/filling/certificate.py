@@ -169,11 +169,7 @@ class Filling:
         if self.angle > 45:  # where fields follow the planes at all, it is below a degree
             far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
             side = self.sides[int(np.nanargmax([each.angle for each in self.contacts]))]
-            ends = np.concatenate([each.points[:-1] for each in self.sides])
-            area = np.cross(ends, np.roll(ends, -1, axis=0)).sum(axis=0)
-            inwards = np.cross(area, points_and_tangents(side.curve, stations())[1])
-            is_inward = side.across is not None and bool(((inwards * side.across).sum(axis=1) > 0).all())
-            other = "give it another ribbon" if is_inward else "let its ribbon point into the hole"
+            other = "give it another ribbon, which points into the hole"
             what, way_out = f"{far} along {side.name}", f'{other}, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
