@@ -476,32 +476,16 @@ def test_plans_end_where_none_of_their_patches_can_win(score, more, monkeypatch)
 
     monkeypatch.setattr(one_patch, "_solved", patches)
     assert fill_loop(sides, raises=1).raises == (1, 1, 1, 1)
-    assert tried == [(1, False), (1, False), (1, True), (2, False), (3, True)][: 2 + more]
+    plans = [(1, False), (1, True), (2, False), (3, True)][: 1 + more]
+    assert tried == [plan for plan in plans for _ in range(2)]
 
 
-@pytest.mark.parametrize(
-    ("rough", "fine", "made"),
-    [
-        ([0, 0, 0], [0, 0, 0], [0]),
-        ([9, 9, 0], [9, 0, 0], [0, 1]),
-        ([9, 9, 2, 0, 0], [9, 9, 0, 0, 0], [0, 1, 3]),
-        ([9, 9, 5, 3, 20], [9, 9, 0, 4, 0], [0, 1, 3]),
-        ([9, 9, 5, 3, 20], [9, 9, 4, 6, 0], [0, 1, 3, 2]),
-    ],
-)
-def test_plans_whose_rough_patch_has_more_faults_are_not_carried_out(rough, fine, made):
-    """Two plans are, then a clean one or, if all rough patches have faults, those with the fewest first."""
-    carried_out = []
-
-    def attempt(plan, single, most=None, samples_along=32):
-        if samples_along == 32:
-            carried_out.append(plan)
-        faults = (fine if samples_along == 32 else rough)[plan]
-        return one_patch._Attempt(faults, 0.0, single, 0, faults, (plan,), None)
-
-    best = one_patch._best(attempt, [(plan, False) for plan in range(len(fine))])
-    assert carried_out == made
-    assert best.faults == min(fine[plan] for plan in made)
+@pytest.mark.parametrize(("faults", "made"), [([0, 0, 0], 1), ([9, 9, 0, 1], 3), ([9, 4, 6], 3)])
+def test_plans_are_carried_out_until_a_patch_has_no_faults(faults, made):
+    attempts = (one_patch._Attempt(each, 0.0, False, 0, each, (each,), None) for each in faults)
+    plans = [(plan, False) for plan in range(len(faults))]
+    assert one_patch._best(lambda *_: next(attempts), plans).faults == min(faults)
+    assert len([*attempts]) == len(faults) - made
 
 
 def test_of_patches_without_faults_the_one_with_the_best_score_is_taken():
@@ -513,7 +497,7 @@ def test_of_patches_without_faults_the_one_with_the_best_score_is_taken():
     plans, tried = [(2, False), (5, False), (1, False), (2, True), (3, False), (4, True)], []
     hopeless = one_patch._Attempt(12000, 9.0, False, 12, 0, (1,) * 12, None)
     assert one_patch._best(lambda *plan: tried.append(plan) or hopeless, plans) is hopeless
-    assert tried == [plans[0], (*plans[1], 2, 16)]  # where both fold all over, no more
+    assert tried == plans[:2]  # where both fold all over, no more
     scored = (29, [9], 0), (29, [9, 8], 1), (29, [7, 8], 0), (31, [9, 8, 7, 6, 5], 4), (2001, [9, 8, 7, 6, 5], 3)
     for last, scores, taken in scored:
         sharp = [31] * (len(scores) - 1) + [last]
