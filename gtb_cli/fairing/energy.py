@@ -7,7 +7,7 @@ corner it may be for any power of h as a factor. So both energies are integrals 
 
 import math
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -39,19 +39,19 @@ class Samples(NamedTuple):
 
 
 def samples(
-    domain: Domain, log_weights: FloatArray, resolution: int, left_out: float = 1e-3, until: float = 1.0, base: Any = ()
+    domain: Domain, log_weights: FloatArray, resolution: int, left_out: float = 1e-3, until: float = 1.0
 ) -> Samples:
     """Return the places of `energy_samples` on the torus, of knots from their middle and in units of √area.
 
-    The solver starts from places of a coarser resolution, (resolution, places) or half of this, by polynomials.
+    The solver starts from places of half the resolution, by polynomials.
     """
     coarsest = 8  # with less, interpolation saves no steps
     p, areas, _ = energy_samples(domain, resolution, left_out, until)
     middle, unit = domain.vertices.mean(axis=0), np.sqrt(_sectors(domain.vertices).sum())
     knots, start = (domain.knots - middle) / unit, None
     if resolution > coarsest:
-        half = (resolution + 1) // 2
-        count, s = base or (half, samples(domain, log_weights, half, left_out, until).s)
+        count = (resolution + 1) // 2
+        s = samples(domain, log_weights, count, left_out, until).s
         depth, along = _lagrange(_depths(count, until), _depths(resolution, until)), _lagrange(count, resolution)
         start = (depth @ s.reshape(2, len(domain.vertices), -1, count) @ along.T).reshape(2, -1)
     s = MomentMap(knots, log_weights).inverse((p - middle) / unit, 1e-8, start)

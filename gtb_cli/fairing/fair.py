@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 
@@ -182,13 +182,9 @@ def _least_varied(patch: Patch, given: FloatArray, free: IntArray) -> FloatArray
 
 
 def refined(domain: Domain, log_weights: FloatArray, resolutions: Sequence[int]) -> Iterator[list[Samples]]:
-    """Yield ever finer quadratures of the inside and of a strip around it, each found from the one before."""
-    known: list[Any] = [()] * len(LEFT_OUT)
+    """Yield ever finer quadratures of the inside and of a strip around it."""
     for resolution in resolutions:
-        zones = zip(((LEFT_OUT[0], 1.0), LEFT_OUT[::-1]), known, strict=True)
-        found = [samples(domain, log_weights, resolution, *bounds, start) for bounds, start in zones]
-        yield found
-        known = [(resolution, each.s) for each in found]
+        yield [samples(domain, log_weights, resolution, *bounds) for bounds in ((LEFT_OUT[0], 1.0), LEFT_OUT[::-1])]
 
 
 def agreed(

@@ -12,7 +12,7 @@ from gtb_cli.fairing.energy import samples
 from gtb_cli.fairing.fair import LEFT_OUT
 from gtb_cli.fairing.folds import highest, most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
-from gtb_cli.filling.hole_corners import at_corners, corners
+from gtb_cli.filling.hole_corners import at_ends, corners
 from gtb_cli.filling.osculation import Rim, patch_bend
 from gtb_cli.filling.sides import HoleSide, edge_normals, edge_of, points_and_tangents, stations
 from gtb_cli.models.model import Model
@@ -169,11 +169,7 @@ class Filling:
         if self.angle > 45:  # where fields follow the planes at all, it is below a degree
             far = "is turned over" if self.angle > 90 else f"leaves the given planes by {self.angle:.0f} degrees"
             side = self.sides[int(np.nanargmax([each.angle for each in self.contacts]))]
-            ends = np.concatenate([each.points[:-1] for each in self.sides])
-            area = np.cross(ends, np.roll(ends, -1, axis=0)).sum(axis=0)
-            inwards = np.cross(area, points_and_tangents(side.curve, stations())[1])
-            is_inward = side.across is not None and bool(((inwards * side.across).sum(axis=1) > 0).all())
-            other = "give it another ribbon" if is_inward else "let its ribbon point into the hole"
+            other = "give it another ribbon, which points into the hole"
             what, way_out = f"{far} along {side.name}", f'{other}, or take `continuity="g0"`'
         elif self.folds:
             what = f"folds at {self.folds} of some thousand places"
@@ -278,5 +274,5 @@ def corner_bends(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]
     for k, (side, n) in enumerate(zip(sides, normals, strict=True)):
         if side.bend is not None and n is not None:
             rim = Rim(side.curve, n)
-            starts[k], ends[k] = at_corners((side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2)
+            starts[k], ends[k] = at_ends((side.bend + rim.bend / (rim.rates**2).sum(axis=1)) / 2)
     return np.asarray(np.abs(np.roll(ends, 1) - starts))

@@ -19,7 +19,7 @@ from gtb_cli.arrays import FloatArray, point_text, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.descent import together
 from gtb_cli.filling.certificate import SPIKE, Filling
-from gtb_cli.filling.hole_corners import Corner, across_at, corners
+from gtb_cli.filling.hole_corners import Corner, between_stations, corners
 from gtb_cli.filling.sides import HoleSide, bernstein, points_and_tangents, stations
 from gtb_cli.models.model import Model
 
@@ -135,7 +135,8 @@ def _halves(side: HoleSide, t: float) -> list[HoleSide]:
         factor = curve[-1, 3] ** (-1 / side.degree)  # as if u : 1 − u were multiplied by it
         curve = curve * factor ** np.arange(len(curve))[:, None]
         share = factor * stations() / (factor * stations() + 1 - stations())
-        across = None if side.across is None else across_at(side, t * share if k == 0 else t + (1 - t) * share)
+        at = t * share if k == 0 else t + (1 - t) * share
+        across = None if side.across is None else between_stations(side.across, at)
         found.append(HoleSide(f"{side.name} half {k}", curve, across))
     return found
 

@@ -82,7 +82,7 @@ class FairSearch:
         inside = forms(self._inside, self._places.areas, first.points, (2, 3))  # where places are seen, of both zones
         pairs = inside + forms(self._outside, self._zones, first.points, (2, 3))
         self._stiff = pairs[1, 1]
-        weighed = (0, 100), (0, MOST_BENT), (1, 0), (1, 100), (1, MOST_BENT)
+        weighed = (0, MOST_BENT), (1, 0), (1, 100), (1, MOST_BENT)
         energies += [pairs[k, 1] + factor / first.visible.area * pairs[k, 0] for k, factor in weighed]
         found = [first, *self.scored(*map(self._least, energies[1:]))]
         best = min(range(len(found)), key=lambda k: found[k].score)

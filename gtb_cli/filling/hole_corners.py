@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, unit
-from gtb_cli.filling.sides import HoleSide, points_and_tangents, stations
+from gtb_cli.filling.sides import HoleSide, points_and_tangents, side_normals, stations
 from gtb_cli.values import frozen
 
 
@@ -47,11 +47,8 @@ def corners(sides: Sequence[HoleSide]) -> list[Corner]:
         ahead, back = unit(np.stack([tangents[0][0], -tangents[1][1]]))
         plane = np.cross(ahead, back)
         plane = math.copysign(1, plane @ area) * plane if np.linalg.norm(plane) > parallel_sine else area
-        planes = [
-            plane if each.across is None else np.cross(tangent, across_at(each, ends[[k]])[0])
-            for each, k, tangent in ((before, 1, -back), (side, 0, ahead))
-        ]
-        normals = unit(np.stack(planes))
+        own = end_normals(before)[1], end_normals(side)[0]
+        normals = unit(np.stack([plane if np.isnan(normal).any() else normal for normal in own]))
         sine = max(float(np.cross(ahead, back) @ normal) for normal in normals)
         normal = unit(normals.sum(axis=0)[None])[0]
         in_plane = unit((ahead - (ahead @ normal) * normal)[None])[0]
@@ -60,23 +57,32 @@ def corners(sides: Sequence[HoleSide]) -> list[Corner]:
     return found
 
 
-def across_at(side: HoleSide, t: FloatArray) -> FloatArray:
-    """Return (m, 3) directions across a side at (m,) parameters, by barycentric interpolation between its stations.
+def at_ends(values: FloatArray) -> FloatArray:
+    """Return (2, …) values at both ends of a side, of (96, …) at its `stations`."""
+    return between_stations(values, np.array([0.0, 1.0]))
+
+
+def between_stations(values: FloatArray, t: FloatArray) -> FloatArray:
+    """Return (m, …) values at (m,) parameters of a side, by barycentric interpolation of (96, …) at its `stations`.
 
     Stations are Chebyshev's, so that no accuracy is lost at the ends.
     """
-    assert side.across is not None
     nodes = stations()
     weights = np.sin(np.pi * (np.arange(len(nodes)) + 0.5) / len(nodes)) * (-1.0) ** np.arange(len(nodes))
     distance = t[:, None] - nodes
     shares = weights / np.where(distance == 0, np.finfo(float).tiny ** 0.5, distance)
-    return np.asarray(shares @ side.across / shares.sum(axis=1, keepdims=True))
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True) @ values)
 
 
-def at_corners(values: FloatArray | None) -> FloatArray:
-    """Extrapolate (96, …) values at the `stations` of a side to both of its ends, (2, …); NaN without values."""
-    if values is None:
+def end_normals(side: HoleSide) -> FloatArray:
+    """Return (2, 3) unit normals tangent × across at both ends of a side; NaN without a field across.
+
+    Unit normals may turn within a thousandth of an end, but the product does not: it is a polynomial, or nearly one.
+    """
+    vanishing = 1e-9  # of the product's largest size: its direction is rounding
+    if side.across is None:
         return np.full((2, 3), math.nan)
-    t = stations()[:6]
-    shares = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])
-    return np.stack([shares @ values[:6], shares @ values[:-7:-1]])
+    products = np.cross(points_and_tangents(side.curve, stations())[1], side.across)
+    found = np.cross(points_and_tangents(side.curve, np.array([0.0, 1.0]))[1], at_ends(side.across))
+    is_rounding = np.linalg.norm(found, axis=1) <= vanishing * np.linalg.norm(products, axis=1).max()
+    return unit(np.where(is_rounding[:, None], at_ends(side_normals(side)), found) if is_rounding.any() else found)

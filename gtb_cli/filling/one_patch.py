@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import islice
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -25,7 +24,7 @@ from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.certificate import DISAGREEING, SPIKE, Filling, angles_to, contact, corner_bends, curvature_near
 from gtb_cli.filling.corner_equations import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
-from gtb_cli.filling.hole_corners import at_corners, corners
+from gtb_cli.filling.hole_corners import corners, end_normals
 from gtb_cli.filling.net import net
 from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, edge_of, loop, side_normals
@@ -87,18 +86,15 @@ def fill_loop(
     middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, float(np.ptp(points, axis=0).max())
     unit = [side.in_units(middle, size) for side in ordered]
     normals = [None if side.across is None else side_normals(side) for side in unit]
-    starts, ends = np.stack([at_corners(each) for each in normals], axis=1)
+    starts, ends = np.stack([end_normals(side) for side in unit], axis=1)
     corner_angles = angles_between(np.roll(ends, 1, axis=0), starts)
     legs = np.array([np.linalg.norm(np.diff(side.points, axis=0)[[0, -1]], axis=1) for side in unit])
     # The corners at which a patch has one plane: those with two directions of edges and no two planes
     sound = (legs[:, 0] > POINT) & (np.roll(legs[:, 1], 1) > POINT) & ~(corner_angles > DISAGREEING)
     far = 30 * EPS * float(np.abs(points).max() / size)  # what points are off there
-    ways = [[None] * len(unit)] * (fullness == 1 and _is_flat(unit, normals, far)) + [normals]
-    for met in ways:
-        attempt = partial(_attempt, unit, normals, met, np.flatnonzero(sound).tolist(), inner, fullness)
-        best = _best(attempt, _plans(unit, raises))
-        if not best.faults:
-            break
+    met = [None] * len(unit) if fullness == 1 and _is_flat(unit, normals, far) else normals
+    attempt = partial(_attempt, unit, normals, met, np.flatnonzero(sound).tolist(), inner, fullness)
+    best = _best(attempt, _plans(unit, raises))
     patch, (bending, nearer) = best.patch, best.bending
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
@@ -189,33 +185,23 @@ def _plans(sides: Sequence[HoleSide], raises: int | None) -> list[tuple[int, boo
     return plans
 
 
-def _best(attempt: Callable[..., _Attempt], plans: Sequence[tuple[int, bool]]) -> _Attempt:
-    """Carry out two plans and, if their patches have faults, others whose rough patches have fewer.
-
-    Rough patches are made with a quarter of the samples, and mostly have faults where fine ones have some. None is
-    made after two that are hopeless.
-    """
-    rank, rough = itemgetter(slice(2)), 16
-    best, left = attempt(*plans[0]), []
+def _best(attempt: Callable[[int, bool], _Attempt], plans: Sequence[tuple[int, bool]]) -> _Attempt:
+    """Carry out plans until a patch has no fault, and none that is much fairer has some; or two are hopeless."""
+    rank = itemgetter(slice(2))
+    best = attempt(*plans[0])
     if best.sharpness > SPIKE and not (best.faults or best.after_others):  # mostly far less so with single fields
         for plan in sorted(plans[1:], key=lambda plan: (not plan[1], plan[0]))[:4]:
             best = min(best, tried := attempt(*plan), key=lambda each: (each.sharpness > Filling.refused, *rank(each)))
             if not tried.faults and tried.sharpness <= SPIKE:
                 break
         return best
-    for number, plan in enumerate(plans[1:]):
-        if not best.faults and not best.after_others:
+    for plan in plans[1:]:
+        if not (best.faults or best.after_others):
             break
-        found = attempt(*plan, 2, rough) if best.folds >= Filling.hopeless or (number and best.faults) else None
-        if found and min(best.folds, found.folds, len(best.raises)) >= Filling.hopeless:
+        tried = attempt(*plan)
+        if min(best.folds, tried.folds, len(best.raises)) >= Filling.hopeless:
             break
-        if found and (found.faults or found.after_others):
-            left.append((rank(found), plan))
-        else:  # later patches of a plan are none better than one without faults
-            best = min(best, attempt(*plan, None if best.faults else 1), key=rank)
-    for (faults, _), plan in sorted(left):
-        if faults < best.faults:
-            best = min(best, attempt(*plan), key=rank)
+        best = min(best, tried, key=rank)
     return best
 
 
@@ -228,10 +214,8 @@ def _attempt(
     fullness: float,
     least: int,
     single: bool,
-    most: int | None = None,
-    samples_along: int = 32,
 ) -> _Attempt:
-    """Fill with edges raised at least so often, and all fields or the nearest to the given; most is that of patches."""
+    """Fill with edges raised at least so often, and all fields or the nearest to the given."""
     edges = [edge_rows(side, n, least) for side, n in zip(sides, met, strict=True)]
     if single:
         edges = [each.with_nearest(side) for each, side in zip(edges, sides, strict=True)]
@@ -240,7 +224,7 @@ def _attempt(
     quadratures = [math.ceil(each * math.sqrt(min(1.0, 12 / len(sides)))) for each in (20, 36)]
     much = 100.0  # times the score of the fairest: with less, other plans have little to win
     found = list[_Attempt]()
-    for patch, score in islice(_solved(edges, inner, fullness, samples_along), most):
+    for patch, score in _solved(edges, inner, fullness):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
         faults = (turns := len(sharp_turns(patch))) + 1000 * (folds + turned)
@@ -249,8 +233,6 @@ def _attempt(
         if not found[-1].faults:
             break
     best = min(found, key=lambda each: each[:2])
-    if samples_along < 32:
-        return best
     (bent,), errors, zones = agreed(best.patch, [best.patch.control_points], quadratures)
     most_bent = np.maximum.accumulate([most_curved(best.patch, at, quadratures[-1])[0] for at in zones]).tolist()
     bending = [replace(b, curvature=max(b.curvature, most)) for b, most in zip(bent, most_bent, strict=True)]
@@ -258,11 +240,11 @@ def _attempt(
     return best._replace(bending=bending, errors=errors, sharpness=sharpness)
 
 
-def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float, along: int) -> Iterator[tuple[Patch, float]]:
+def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[tuple[Patch, float]]:
     """Yield patches in units of the loop's size, with their scores: the fairest, and others if that folds."""
     shape = net(edges)
     # Variation is right to some hundredths with 32; with 4 samples for each knot, no control point is left free.
-    resolution = math.ceil(math.sqrt(max(along**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
+    resolution = math.ceil(math.sqrt(max(32**2 * min(len(edges), 8), 4 * len(shape.knots)) / len(edges)))
     region = domain(shape.knots, "unit")
     places = samples(region, shape.log_weights, resolution, NEARER)
     least = partial(Rows(shape, edges).fairest, fullness=fullness)

@@ -8,8 +8,6 @@ which is linear in row 2. All of II follows from the normal curvature across the
 fields v in the planes.
 """
 
-from copy import copy
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
@@ -88,16 +86,15 @@ class SecondRow:
 
     Row 1 is the polar of the curve plus a sum of fields, (m, 3) Bézier points of weight 0, times factors. Row 2 has
     (m − 1,) products c ω, `weights`, times the square of the factor of row 1. Its (m − 1, 3) `tangential` shifts leave
-    II as it is. The (k, f) `sums` are factors of the given fields in each of the `fields`; `across` has (1 + f, 96)
-    components of the polar and of the given fields across the edge.
+    II as it is. `across` has (1 + f, 96) components of the polar and of the given fields across the edge.
     """
 
     def __init__(
         self, rim: Rim, curve: FloatArray, fields: list[FloatArray], bend: FloatArray, near_null: float = 1e-9
     ) -> None:
         # Rows below `near_null` are left out: multiples of them would be large, with data rounded in files.
-        self.curve, self.fields, self.sums, self._rim, self.bend = curve, fields, np.eye(len(fields)), rim, bend
-        t = stations()
+        self.curve, self.fields, self._rim, self.bend = curve, fields, rim, bend
+        self._near_null, t = near_null, stations()
         values, rates = bernstein(rim.degree - 1, t), (rim.degree - 1) * bernstein(rim.degree - 2, t)
         ways = [((0.5 - t) * rim.weights / rim.degree)[:, None] * rim.rates]  # to the polar, times its weights
         along, self.across = rim.parts(np.stack([*ways, *(values @ field for field in fields)]))
@@ -115,65 +112,38 @@ class SecondRow:
         self._inverse = right[:rank].T / singular[:rank] @ left[:, :rank].T
         self.tangential = [row.reshape(-1, 3) for row in right[int((singular > NULL * singular[0]).sum()) :]]
 
-    def chosen(self, sums: FloatArray) -> "SecondRow":
-        """Return that of (k, f) sums of the fields."""
-        found = copy(self)
-        found.sums, found.fields = sums @ self.sums, list(np.tensordot(sums, self.fields, 1))
-        return found
+    def chosen(self, factors: FloatArray) -> "SecondRow":
+        """Return that of one sum of the fields."""
+        field = np.tensordot(factors, self.fields, 1)
+        return SecondRow(self._rim, self.curve, [field], self.bend, self._near_null)
 
     def shifts(self, factors: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return the (m − 1, 3) shift of row 2 from the polar of the polar, and its derivatives by the (f,) factors.
 
         The last is the error of II, relative to its largest terms: above rounding, this shift is only nearest to it.
         """
-        f = np.concatenate([[1.0], factors @ self.sums])
+        f = np.concatenate([[1.0], factors])
         a, g, h = f @ self._along, f @ self.across, f @ self._mixed
         terms = self._along * h + a * self._mixed - self._along * a * self._rim.bend + self.across * g * self.bend
         wanted = (f @ terms) * self._factor - self._own
         shift = self._inverse @ wanted
         largest = np.abs(f[:, None] * terms * self._factor).max() + np.abs(self._own).max()
         error = np.abs(self._matrix @ shift - wanted).max() / (largest or 1.0)
-        rates = 2 * self.sums @ (terms[1:] * self._factor @ self._inverse.T)
+        rates = 2 * terms[1:] * self._factor @ self._inverse.T
         return shift.reshape(-1, 3), rates.reshape(len(factors), -1, 3), float(error)
 
 
-class StripRow(SecondRow):
-    """Row 2 of a polynomial edge whose neighbour is a polynomial strip, P + u D₁ + u²/2 D₂ + …: there is one always.
+def strip_fields(rim: Rim, first: FloatArray, degree: int) -> list[FloatArray]:
+    """Return rows A P' + b D₁ of a degree, (m, 3), with polynomials A and b, at an edge of a strip P + u D₁ + ….
 
-    Fields are A P' + b D₁ with polynomials A and b, and 2 κ (R₂ − P) is A² P'' + 2 A b D₁' + b² D₂.
+    If the strip is polynomial, all of their sums have a row 2: 2 κ (R₂ − P) is A² P'' + 2 A b D₁' + b² D₂. `first` has
+    the (d + 1, 3) Bézier points of D₁.
     """
-
-    def __init__(self, rim: Rim, side: HoleSide, curve: FloatArray, degree: int) -> None:
-        assert side.strip is not None
-        assert side.bend is not None
-        t, d, m = stations(), side.degree, rim.degree
-        along, across = bernstein(degree - d + 1, t).T, bernstein(degree - d, t).T
-        none = np.zeros_like
-        parts = np.concatenate([along, none(across)]), np.concatenate([none(along), across])
-        first = bernstein(d, t) @ side.strip[0]
-        fields = parts[0][:, :, None] * rim.rates + parts[1][:, :, None] * first
-        inverse = np.linalg.pinv(bernstein(m - 1, t))
-        super().__init__(rim, curve, list(inverse @ fields), side.bend)
-        self._parts = np.vstack([self._along[:1], parts[0]]), np.vstack([none(t)[None], parts[1]])
-        self._rates = (
-            d * (d - 1) * bernstein(d - 2, t) @ np.diff(side.curve[:, :3], n=2, axis=0),
-            d * bernstein(d - 1, t) @ np.diff(side.strip[0], axis=0),
-            bernstein(d, t) @ side.strip[1],
-        )
-        self._coefficients = np.linalg.pinv(bernstein(m - 2, t))
-
-    def shifts(self, factors: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """Return the shift of row 2, its derivatives, and its relative error, which is rounding."""
-        f = np.concatenate([[1.0], factors @ self.sums])
-        (along, across), (second, mixed, first) = self._parts, self._rates
-        a, b = f @ along, f @ across
-        terms = along[:, :, None] * (a[:, None] * second + b[:, None] * mixed)
-        terms = (terms + across[:, :, None] * (a[:, None] * mixed + b[:, None] * first)) * self._factor[:, None]
-        own = polar(polar(self.curve))[:, :3]
-        wanted = np.einsum("f,fij->ij", f, terms) + self._rim.points
-        shift = self._coefficients @ wanted
-        error = np.abs(bernstein(len(own) - 1, stations()) @ shift - wanted).max() / (np.abs(wanted).max() or 1.0)
-        return shift - own, 2 * np.tensordot(self.sums, self._coefficients @ terms[1:], 1), float(error)
+    t, d = stations(), len(first) - 1
+    along, across = bernstein(degree - d + 1, t).T, bernstein(degree - d, t).T
+    ways = bernstein(d, t) @ first
+    values = [*(along[:, :, None] * rim.rates), *(across[:, :, None] * ways)]
+    return list(np.linalg.pinv(bernstein(rim.degree - 1, t)) @ values)
 
 
 def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
@@ -193,8 +163,10 @@ def osculating(side: HoleSide, normals: FloatArray, counts: range) -> SecondRow:
         rim, most = Rim(curve, normals), len(curve) - 2
         if side.strip is not None:
             degree = (most - 1 + side.degree) // 2
-            if degree >= side.degree and crosses((strip := StripRow(rim, side, curve, degree)).across[1:]):
-                return strip
+            if degree >= side.degree:
+                second = SecondRow(rim, curve, strip_fields(rim, side.strip, degree), side.bend)
+                if crosses(second.across[1:]):
+                    return second
             continue
         powers = range(count + 1) if step > 1 else range(1)
         for degree, power in ((e, p) for e in range(most, -1, -1) for p in powers if p * step <= e):

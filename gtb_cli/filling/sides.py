@@ -28,8 +28,8 @@ class HoleSide:
 
     `across` has (96, 3) directions into the hole at the parameters `stations`; they and the tangent span the planes
     that the patch is to touch. `bend` has the (96,) normal curvatures of the neighbour across the side there, with
-    tangent × across as the normal; NaN where there is none. None: these are not known. `strip` has the first
-    and the second derivative across of a polynomial neighbour along a polynomial side, as Bézier points (m + 1, 3).
+    tangent × across as the normal; NaN where there is none. None: these are not known. `strip` has the
+    derivative across of a polynomial neighbour along a polynomial side, as Bézier points (m + 1, 3).
     `spline` is the B-spline of which it is a piece. Fields with normal components below `rounding` are in the planes.
     Ends that are up to `weld` apart are moved together.
     """
@@ -38,7 +38,7 @@ class HoleSide:
     curve: FloatArray
     across: FloatArray | None = None
     bend: FloatArray | None = None
-    strip: tuple[FloatArray, FloatArray] | None = None
+    strip: FloatArray | None = None
     spline: str | None = None
     rounding: float = 1e-13  # of sums of some dozen terms
     weld: float = 0.0
@@ -93,7 +93,7 @@ class HoleSide:
             self,
             curve=np.hstack([(self.curve[:, :3] - self.curve[:, 3:] * middle) / size, self.curve[:, 3:]]),
             bend=None if self.bend is None else self.bend * size,
-            strip=None if self.strip is None else (self.strip[0] / size, self.strip[1] / size),
+            strip=None if self.strip is None else self.strip / size,
             weld=self.weld / size,
         )
 
@@ -104,7 +104,7 @@ class HoleSide:
             curve=self.curve[::-1],
             across=None if self.across is None else self.across[::-1],
             bend=None if self.bend is None else -self.bend[::-1],
-            strip=None if self.strip is None else (self.strip[0][::-1], self.strip[1][::-1]),
+            strip=None if self.strip is None else self.strip[::-1],
         )
 
 

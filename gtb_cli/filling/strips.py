@@ -41,11 +41,10 @@ def strip_side(name: str, rows: Sequence[FloatArray], degree: int) -> HoleSide:
         rim = Rim(rows[0], side_normals(side))
     except DomainError:  # where the field across does not span planes; said when it is filled
         return side
-    across2 = degree * (degree - 1) * (rows[2] - 2 * rows[1] + rows[0])
-    second = bernstein(k, t) @ across2
+    second = degree * (degree - 1) * bernstein(k, t) @ (rows[2] - 2 * rows[1] + rows[0])
     rates = k * bernstein(k - 1, t) @ np.diff(first, axis=0)
     mixed, own = (heights(values, rim) / rim.weights for values in (rates, second))
     along, g = rim.parts(across / point[:, 3:])
     bend = (own - 2 * along * mixed + along**2 * rim.bend) / g**2
     is_polynomial = np.ptp(np.concatenate(rows)[:, 3]) == 0
-    return replace(side, bend=bend, strip=(first[:, :3], across2[:, :3]) if is_polynomial else None)
+    return replace(side, bend=bend, strip=first[:, :3] if is_polynomial else None)

@@ -32,7 +32,7 @@ class EdgeRows:
         table = np.array([(values @ row).ravel() for row in self.fields])
         factors = np.linalg.lstsq(table.T, _inward(side, self.normals).ravel(), rcond=MIN_CROSSING**2)[0]
         field = np.asarray(np.einsum("f,fij->ij", factors, np.array(self.fields)))
-        return replace(self, fields=[field], second=self.second and self.second.chosen(factors[None]))
+        return replace(self, fields=[field], second=self.second and self.second.chosen(factors))
 
 
 def edge_rows(side: HoleSide, normals: FloatArray | None, least: int) -> EdgeRows:

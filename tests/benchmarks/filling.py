@@ -18,7 +18,7 @@ import numpy as np
 from gtb_cli.fairing.energy import energy_samples
 from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.fairest import NEARER, VISIBLE
-from gtb_cli.filling.hole_corners import at_corners
+from gtb_cli.filling.hole_corners import end_normals
 from gtb_cli.filling.hole_files import read_loop
 from gtb_cli.filling.one_patch import fill_loop
 from gtb_cli.filling.sides import HoleSide, bernstein, side_normals, stations
@@ -83,7 +83,7 @@ def about_corners(corners: np.ndarray, found: Sequence[HoleSide], at: Callable[.
     `at` returns normals and the largest curvature at places that are these shares of edges of the domain away.
     """
     share, figures = np.linspace(0.05, 0.95, 19)[:, None], []
-    ends = [at_corners(side_normals(side)) for side in found]
+    ends = [end_normals(side) for side in found]
     for far in (1e-3, 1e-5):
         for k, corner in enumerate(corners):
             ways = np.roll(corners, -1, axis=0)[k] - corner, corners[k - 1] - corner
