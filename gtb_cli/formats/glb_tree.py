@@ -89,7 +89,7 @@ class Scene:
     def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
         self.tree, self.binary = tree, binary
         self.placed = [*_placed_nodes(tree)]
-        self.labels: dict[int, Any] = {}  # of the nodes of the scene: their names, if no other one has them
+        self.labels: dict[int, Any] = {}  # of the nodes of the scene: marks of names that no other one has
         self._marks: dict[tuple[str, Any], Any] = {}
         self._left = 4 * len(binary) + (1 << 28)  # bytes that marks may stand for: views of a buffer may overlap
 
@@ -118,7 +118,8 @@ class Scene:
         nodes, scenes, meshes = (self.tree.get(name, ()) for name in ("nodes", "scenes", "meshes"))
         names = [nodes[number].get("name", "") for number, *_ in self.placed]
         once = {name for name, count in Counter(names).items() if count == 1}
-        self.labels = {number: names[k] if names[k] in once else k for k, (number, *_) in enumerate(self.placed)}
+        marks = [mark_of(json.dumps(name)) if name in once else k for k, name in enumerate(names)]
+        self.labels = {number: mark for (number, *_), mark in zip(self.placed, marks, strict=True)}
         are_posed = len(scenes) > 1 or self.tree.get("skins") or self.tree.get("animations")  # their places count
         has_several, path = sum("mesh" not in nodes[number] for number in self.labels) > 1, list[Any]()
         shown, of_nodes = set[int](), []
@@ -134,9 +135,11 @@ class Scene:
             if is_lone or any("attributes" in each for each in rest):  # of points
                 size = np.abs(place).max() or 1.0
                 said["place"] = [*(np.round(place / size, 6) + 0.0).ravel().tolist(), float(f"{size:.6g}")]
-            path[depth:] = [node.get("name")]
+            above = path[depth - 1] if depth else None  # a mark of all names above
+            is_named = above or node.get("name") is not None
+            path[depth:] = [mark_of(json.dumps([above, node.get("name")])) if is_named else None]
             if has_several:
-                said["path"] = path[: depth + ("mesh" not in node)]
+                said["path"] = above if "mesh" in node else path[depth]
             if told := self._told(said):
                 of_nodes.append(told | {"node": self.labels[number]})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
