@@ -71,9 +71,13 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
 def values_of(content: FileArrays, mesh: Mesh, shown: str) -> Values:
     """Return what a file holds at the corners of cells, with the numbers of their groups and their materials."""
     try:
-        held = content.values()
-        _check_values(held, mesh.cells.size)
+        held, corners, most = content.values(), mesh.cells.size, 100_000_000
         found = {_printable(name): values for name, values in held.items()}
+        if len(found) < len(held):
+            raise GtbError("has two columns whose names differ in control characters, or after 300 others, only")
+        columns = sum(rows.shape[1] for rows, _ in held.values())
+        if columns > 100 and columns * corners > max(most, 20 * sum(rows.size for rows, _ in held.values())):
+            raise GtbError(f"has {columns} numbers at each of {corners} corners of cells: more than {most} in all")
     except GtbError as error:
         raise GtbError(f"{shown}: {_printable(str(error))}") from None
     ranges = dict(content.ranges)
@@ -132,15 +136,6 @@ def _printable(text: str) -> str:
     max_name_characters = 300  # longest name, or message of an error, in characters
     kept = "".join(c if c.isprintable() else "\ufffd" for c in text[:max_name_characters])
     return kept + ("…" if len(text) > max_name_characters else "")
-
-
-def _check_values(held: Values, corners: int) -> None:
-    """Refuse values that are one where their names are printed, or that few bytes give to many corners of cells."""
-    if len({_printable(name) for name in held}) < len(held):
-        raise GtbError("has two columns whose names differ in control characters, or after 300 others, only")
-    columns, most = sum(rows.shape[1] for rows, _ in held.values()), 100_000_000
-    if columns > 100 and columns * corners > max(most, 20 * sum(rows.size for rows, _ in held.values())):
-        raise GtbError(f"has {columns} numbers at each of {corners} corners of cells: more than {most} in all")
 
 
 def _check(content: FileArrays) -> None:
