@@ -80,10 +80,10 @@ def diff(
     proves nothing; in sides of patches; in how often they are there, which areas tell where patches are cut otherwise;
     in open edges, as one that meets two shorter ones is; and in names of patches that are not cut otherwise. Faces that
     are turned over, missing, there twice or without area, other holes or parts, and vertices that are shared in another
-    way are differences, too, unless --ignore says otherwise; so are other normals, texture coordinates, attributes,
-    groups and colours. Polygons count as triangles, concave ones as such that do not overlap; comments, titles, the
-    name of a whole mesh and vertices that no face uses do not count, nor if OBJ has o for g. The first words say what
-    was done: moved, mirrored in y, 25.4 times as large (1 in for 1 mm), 1 face is missing.
+    way (in OBJ and PLY) are differences, too, unless --ignore says otherwise; so are other normals, texture
+    coordinates, attributes, groups and colours. Polygons count as triangles, concave ones as such that do not overlap;
+    comments, titles, the name of a whole mesh and vertices that no face uses do not count, nor if OBJ has o for g. The
+    first words say what was done: moved, mirrored in y, 25.4 times as large (1 in for 1 mm), 1 face is missing.
 
     The tolerance is never less than what the numbers in the files can hold; the size is the diagonal of the smaller
     bounding box. Where a distance of surfaces is not proved within it, a warning, the report and "proved" say so.

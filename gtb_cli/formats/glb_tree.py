@@ -89,7 +89,6 @@ class Scene:
     def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
         self.tree, self.binary = tree, binary
         self.placed = [*_placed_nodes(tree)]
-        self.labels: dict[int, Any] = {}  # of the nodes of the scene: their names, if no other one has them
         self._marks: dict[tuple[str, Any], Any] = {}
         self._left = 4 * len(binary) + (1 << 28)  # bytes that marks may stand for: views of a buffer may overlap
 
@@ -116,11 +115,12 @@ class Scene:
             return {name: value for name, value in table.items() if name not in names}
 
         nodes, scenes, meshes = (self.tree.get(name, ()) for name in ("nodes", "scenes", "meshes"))
-        names = [nodes[number].get("name", "") for number, *_ in self.placed]
-        once = {name for name, count in Counter(names).items() if count == 1}
-        self.labels = {number: names[k] if names[k] in once else k for k, (number, *_) in enumerate(self.placed)}
+        names = [f"{mark_of(str(nodes[number].get('name', '')))}" for number, *_ in self.placed]  # short
+        uses = Counter(names)
+        labels = {number: names[k] if uses[names[k]] == 1 else k for k, (number, *_) in enumerate(self.placed)}
+        self._marks |= {("nodes", number): label for number, label in labels.items()}
         are_posed = len(scenes) > 1 or self.tree.get("skins") or self.tree.get("animations")  # their places count
-        has_several, path = sum("mesh" not in nodes[number] for number in self.labels) > 1, list[Any]()
+        has_several, path = sum("mesh" not in nodes[number] for number in labels) > 1, list[Any]([None])
         shown, of_nodes = set[int](), []
         for number, depth, place in self.placed:
             node, rest = nodes[number], list[dict[str, Any]]()
@@ -134,15 +134,18 @@ class Scene:
             if is_lone or any("attributes" in each for each in rest):  # of points
                 size = np.abs(place).max() or 1.0
                 said["place"] = [*(np.round(place / size, 6) + 0.0).ravel().tolist(), float(f"{size:.6g}")]
-            path[depth:] = [node.get("name")]
+            path[depth + 1 :] = [mark_of(f"{path[depth]} {node['name']}") if "name" in node else path[depth]]
             if has_several:
-                said["path"] = path[: depth + ("mesh" not in node)]
+                said["path"] = path[depth + ("mesh" not in node)]
             if told := self._told(said):
-                of_nodes.append(told | {"node": self.labels[number]})
+                of_nodes.append(told | {"node": labels[number]})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
+        tables = ("textures", "images") if self.tree.keys() & {"extensions", "extensionsUsed"} else ()
+        numbers = [(name, k) for name in tables for k in range(len(self.tree.get(name, ())))]
+        found["named"] = [self._mark(*each) for each in numbers if each not in self._marks]  # perhaps by a bare number
         found["scenes"] = scenes if len(scenes) > 1 else [without(scene, {"nodes", "name"}) for scene in scenes]
         told = self._told(found)
-        unseen = [node for number, node in enumerate(nodes) if number not in self.labels]
+        unseen = [node for number, node in enumerate(nodes) if number not in labels]
         unseen += [mesh for number, mesh in enumerate(meshes) if number not in shown]
         for name, values in (("nodes", of_nodes), ("others", [*map(self._told, unseen)])):  # in any order
             told |= {name: sorted(values, key=partial(json.dumps, sort_keys=True))} if values else {}
@@ -179,8 +182,6 @@ class Scene:
         return self._marks.get((table, number))
 
     def _found(self, table: str, number: Any) -> Any:
-        if table == "nodes" and number in self.labels:
-            return self.labels[number]
         entry = {} if number is None else self.tree["materials" if table == "shadings" else table][number]
         if table == "bufferViews":
             start, buffer = entry.get("byteOffset", 0), self.tree["buffers"][entry.get("buffer", 0)]

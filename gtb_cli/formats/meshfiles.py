@@ -57,7 +57,8 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
         _check(content)
     except GtbError as error:
         raise type(error)(f"{shown}: {_printable(str(error))}") from None
-    groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
+    shown_names = {name: _printable(name) for name in {name for name, *_ in content.groups}}  # one may have many ranges
+    groups = tuple((shown_names[name], start, stop) for name, start, stop in content.groups)
     has_polygons = len(content.polygons) > 0
     content, fans = unfolded(content) if has_polygons else (content, 0)
     mesh = Mesh(content.vertices, content.cells, groups=groups)
@@ -70,13 +71,20 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
 def values_of(content: FileArrays, mesh: Mesh, shown: str) -> Values:
     """Return what a file holds at the corners of cells, with the numbers of their groups and their materials."""
     try:
-        found = {_printable(name): values for name, values in content.values().items()}
+        held, corners, most = content.values(), mesh.cells.size, 100_000_000
+        found = {_printable(name): values for name, values in held.items()}
+        if len(found) < len(held):
+            raise GtbError("has two columns whose names differ in control characters, or after 300 others, only")
+        columns = sum(rows.shape[1] for rows, _ in held.values())
+        if columns > 100 and columns * corners > max(most, 20 * sum(rows.size for rows, _ in held.values())):
+            raise GtbError(f"has {columns} numbers at each of {corners} corners of cells: more than {most} in all")
     except GtbError as error:
         raise GtbError(f"{shown}: {_printable(str(error))}") from None
     ranges = dict(content.ranges)
-    names, held = {name for name, *_ in content.groups}, sum(stop - start for _, start, stop in mesh.groups)
-    if len(names) > 1 or 0 < held < len(mesh.cells):  # not the name of the whole mesh
-        ranges[GROUPS] = [(mark_of(name), start, stop) for name, start, stop in content.groups]
+    marks = {name: mark_of(name) for name in {name for name, *_ in content.groups}}
+    grouped = sum(stop - start for _, start, stop in mesh.groups)
+    if len(marks) > 1 or 0 < grouped < len(mesh.cells):  # not the name of the whole mesh
+        ranges[GROUPS] = [(marks[name], start, stop) for name, start, stop in content.groups]
     for label, parts in ranges.items():
         if width := max((len(row) for row, *_ in parts), default=0):
             part = np.zeros(len(mesh.cells), dtype=np.int64)  # in none

@@ -149,8 +149,9 @@ class _Reader:
         self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}
         self.items: list[tuple[str, FloatArray, str]] = []
         self.id = self.material = ""
-        self.order: dict[str, str] = {}  # of what has a number in the file
-        self.kinds = set[str]()  # of objects that are built; no solids but for ""
+        self.order: dict[str, str] = {}  # of what has a number in the file; marks of materials
+        # Of objects that are built, no solids but for ""; numbers of those with elements of extensions in their meshes
+        self.kinds, self.extended = set[str](), set[str]()
         self.extensions = hashlib.sha256()  # of elements that no place here knows, such as beams
         self.unit = UNIT_NAMES["mm"]  # that of models which name none
         digests = dict[str, str]()
@@ -224,6 +225,7 @@ class _Reader:
                 raise GtbError(f"expected a colour such as #D97706, got {said:.40}")
             colour = bytes.fromhex(said[1:].ljust(8, "f"))
             self.materials[self.material].append((given["name"] if name == "base" else "", colour))
+            self.order[self.material] = f"{mark_of(f'{self.order[self.material]} {self.materials[self.material][-1]}')}"
         elif name == "object":
             self.id = given["id"]
             own: _Part = given.get("pid"), (given.get("pindex"),), ""
@@ -243,14 +245,17 @@ class _Reader:
             self.extensions.update((self.meshes[self.id].name if name == "component" else "").encode())
         elif name not in _PLAIN:
             self.foreign = self.depth
+            self.extended |= {f"{len(self.meshes)}"} if self.depth > 4 else set()
             self.note(name, given)
 
     def note(self, name: str, given: dict[str, str], *known: str) -> None:
         """Take attributes into account that no place here knows, whatever the prefixes and numbers of this file."""
         plain = {key.rpartition(":")[2]: value for key, value in given.items() if key[:5] != "xmlns"}
-        parts, order = self.parts, self.order  # what is named counts by what it holds, or by its place in the file
-        told = {k: order.get(v, v) if k.endswith("id") else f"{v}{parts.get(v.lower(), '')}" for k, v in plain.items()}
-        told = {key: told[key] for key in sorted(told.keys() - {"id", "identifier", "UUID", *known})}
+        told = dict[str, str]()  # what is named counts by what it holds, or by its place in the file
+        for key in sorted(plain.keys() - {"id", "identifier", "UUID", *known}):
+            ids = plain[key].split() if key.endswith(("id", "ids")) else []
+            value = " ".join(self.order.get(each, each) for each in ids) or plain[key]
+            told[key] = value + self.parts.get(value.lower(), "")
         if told or not known:
             self.extensions.update(f"{name} {told}".encode())
 
@@ -287,6 +292,8 @@ class _Reader:
             found = np.array(mesh.corners).reshape(-1, 3)
             if len(wrong := found[(found < 0) | (found >= len(points))]):
                 raise GtbError(f"triangles: expected vertices below {len(points)}, got {wrong[0]}")
+            if number in self.extended:  # beams may end where no face does
+                self.extensions.update((np.delete(points, found, axis=0) + 0.0).astype(SINGLE_FLOAT).tobytes())
             is_mirrored = np.linalg.det(place[:3, :3]) < 0  # then faces keep their outer sides
             vertices.append(points)
             cells.append((found[:, ::-1] if is_mirrored else found) + count)
