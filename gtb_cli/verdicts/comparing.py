@@ -96,6 +96,9 @@ class Comparing:
         except ImportError as error:  # of scipy, which finds how far surfaces are apart
             reason = f"{paths[0]} and {paths[1]}: surfaces cannot be compared: {faults_about(error)[0].message}"
             return Verdict(name, paths, "unreadable", errors=(Fault(reason),))
+        except Exception as error:  # noqa: BLE001 -- others are still compared
+            reason = f"{paths[0]} and {paths[1]}: {faults_about(error)[0].message}"
+            return Verdict(name, paths, "unreadable", errors=(Fault(reason),))
 
     def _pair(self, first: str, second: str, has_meshes: bool) -> Verdict:
         for path in (first, second):
@@ -129,7 +132,7 @@ class Comparing:
 
 def _mesh_of(read: Callable[[], Operand]) -> Mesh | None:
     """Return the mesh of what is read; None where that fails, or a spec has too many patches for one."""
-    with suppress(GtbError, OSError):
+    with suppress(Exception):
         return read().known.mesh
     return None
 
