@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.meshes.coincident import numbered_places
-from gtb_cli.meshes.correspondence import Slots, by_nearness
+from gtb_cli.meshes.correspondence import Slots, by_nearness, common_faces
 from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, TEXTURE, KnownMesh, Mesh, Values, are_marks
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
@@ -22,8 +22,8 @@ def unlike_values(
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
-    are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have,
-    which have to be half of those of one. Also tells where that was.
+    are others (no slots, but how far places are apart), they are compared in faces that both meshes have, and else at
+    places of vertices that both have, which have to be half of those of one. Also tells where that was.
     """
     doubtful = {*a.doubtful, *b.doubtful} if isinstance(slots, float) else set[str]()
     skipped = {FACETS, *left_out, *doubtful}
@@ -76,7 +76,10 @@ def _remarks(
 
 @np.errstate(all="ignore")  # of huge meshes
 def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
-    """Number corners of two meshes by places and directions, which other triangles of a surface keep; and by places."""
+    """Number corners of two meshes by places and directions, which other triangles of a surface keep, and by places.
+
+    Last come the corners of common faces, in pairs.
+    """
     places, directions = by_nearness(a, b, reach)[:2], list[FloatArray]()
     for mesh in (a, b):
         spans = np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1)
@@ -84,29 +87,32 @@ def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
     direction, most = numbered_places(np.concatenate(directions))[1], int(places[1].max()) + len(a.vertices) + 1
     number = direction.astype(np.int64)[:, None] * most
     both = [place + each for place, each in zip(places, np.split(number, [len(a.cells)]), strict=True)]
-    return [[each.ravel() for each in both], [each.ravel() for each in places]]
+    return [[each.ravel() for each in both], [each.ravel() for each in places], [*common_faces(*places)]]
 
 
 def _met(keys: list[list[IntArray]], *values: tuple[FloatArray, IntArray]) -> Slots:
-    """Pair corners with the same number: each value there with the nearest of the other mesh; at places last."""
+    """Pair corners of common faces, others with the same number: each value with the nearest there; at places last."""
     from scipy.spatial import cKDTree
 
+    *numbers, common = keys
     width = min(rows.shape[1] for rows, _ in values)
     tops = [np.abs(np.where(np.isfinite(rows), rows, 0))[:, :width].max(axis=0) for rows, _ in values]
-    pairs, met, far = list[list[IntArray]](), np.empty(0, dtype=np.int64), 8.0 * width
-    for slots in keys:
+    rest = [np.delete(np.arange(len(place)), done) for place, done in zip(keys[1], common, strict=True)]
+    pairs, far = [common], 8.0 * width
+    for slots in numbers:
         corners, points = list[IntArray](), list[FloatArray]()
-        for key, place, (rows, of) in zip(slots, keys[1], values, strict=True):
-            corner = np.unique(key.astype(np.int64) * len(rows) + of, return_index=True)[1]
-            corners.append(corner := corner[~np.isin(place[corner], met)])
-            numbers = rows[of[corner], :width] / np.maximum(np.maximum(*tops), 1e-300)
-            points.append(np.column_stack([far * key[corner], np.where(np.isfinite(numbers), numbers, 2.0)]))
+        for key, left, (rows, of) in zip(slots, rest, values, strict=True):
+            each = left[np.unique(key[left].astype(np.int64) * len(rows) + of[left], return_index=True)[1]]
+            held = rows[of[each], :width] / np.maximum(np.maximum(*tops), 1e-300)
+            corners.append(each)
+            points.append(np.column_stack([far * key[each], np.where(np.isfinite(held), held, 2.0)]))
         for k in (0, 1):
             nearest = np.asarray(cKDTree(points[1 - k]).query(points[k], distance_upper_bound=far)[1])
             is_met = nearest < len(corners[1 - k])
             pair = [corners[k][is_met], corners[1 - k][nearest[is_met]]]
             pairs.append(pair[::-1] if k else pair)
-        met = keys[1][0][pairs[0][0]]
+        met = keys[1][0][np.concatenate([one for one, _ in pairs])]
+        rest = [left[~np.isin(place[left], met)] for place, left in zip(keys[1], rest, strict=True)]
     one, other = zip(*pairs, strict=True)
     return np.concatenate(one), np.concatenate(other)
 
