@@ -159,17 +159,25 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
         told = f"up to {angle:.3g} degrees apart (tolerance {NORMALS_TOLERANCE:g})"
         return [f"{name}: {told}, most at vertex {vertex[most]}"] if angle > NORMALS_TOLERANCE else []
     size = np.where(np.isnan(rows), 0.0, np.maximum(np.abs(rows), np.abs(others)))
+    most = size[np.isfinite(size)].max(initial=0.0)
+    least = 1e-15 * min(most, 1e6)  # rounding beside a value that stands for itself
+    are_alike = name.startswith(("colour", "color", "tangent"))  # numbers of others may be of several kinds
+    columns = [size] if are_alike else size.T
+    allowed = np.broadcast_to([max(_allowed(each), least) for each in columns], size.shape[1:])
+    if all(each.dtype.kind == "i" or _are_whole(each) for each in (rows, others)):
+        allowed = np.zeros_like(allowed)
+    beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
+    beyond = np.where(np.isnan(beyond), np.inf, beyond)
+    row, column = np.unravel_index(int(beyond.argmax()), beyond.shape)
+    told = f"up to {apart[row, column]:.3g} apart (tolerance {allowed[column]:.3g})"
+    return [f"{name}: {told}, most at vertex {vertex[row]}"] if beyond[row, column] > 0 else []
+
+
+def _allowed(size: FloatArray) -> float:
+    """Return how far values of these sizes may be apart."""
     sizes = [*np.unique(size[np.isfinite(size)])[:-5:-1], 0.0]
     far = 100  # times as large as all others, a value stands for none, as -9999 and 1e30 do
-    allowed = VALUES_TOLERANCE * next((one for one, less in pairwise(sizes) if not 0 < far * less < one), 0.0)
-    allowed = max(allowed, 1e-15 * min(sizes[0], 1e6))  # rounding beside a value that stands for itself
-    if all(each.dtype.kind == "i" or _are_whole(each) for each in (rows, others)):
-        allowed = 0.0
-    beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
-    beyond = np.where(np.isnan(beyond), np.inf, beyond).max(axis=1)
-    most = int(beyond.argmax())
-    told = f"up to {apart[most].max():.3g} apart (tolerance {allowed:.3g})"
-    return [f"{name}: {told}, most at vertex {vertex[most]}"] if beyond[most] > 0 else []
+    return VALUES_TOLERANCE * next((one for one, less in pairwise(sizes) if not 0 < far * less < one), 0.0)
 
 
 def _are_whole(rows: FloatArray) -> bool:
