@@ -187,7 +187,7 @@ def difference(
         if words and words[0].startswith("mirrored") and turned != (in_mirror := matched.turned_in_mirror):
             turns = told_motion(points, others, allowed, spaces is None, may_mirror=False) if not turned else ()
             words, turned = (turns, turned) if turns else (words, in_mirror)
-        values, left_out = (), set[str]()
+        values, left_out = tuple[str, ...](), set[str]()
         if "attributes" not in ignore:
             if any(word.startswith(("turned", "mirrored")) for word in words):
                 left_out = {NORMALS} & a.values().keys() & b.values().keys()
