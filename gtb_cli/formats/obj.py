@@ -157,8 +157,7 @@ class _ObjLines:
         ranges |= {f"{SETTINGS}{keyword.decode()}": named(keyword) for keyword in STATES}
         marks = {label: [(mark_of(name), a, b) for name, a, b in named] for label, named in ranges.items()}
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
-        references = "".join(re.findall("^p( .*)", told, re.M))
-        lone = [int(each) - 1 for each in re.findall(r"(?<= )[0-9]{1,18}(?![0-9])", references)]
+        lone = [int(k) - 1 for k in re.findall(r"(?<= )[0-9]{1,18}\b", "".join(re.findall("^p( .*)", told, re.M)))]
         told += "".join(f" {x + 0:.7g}" for k in lone if 0 <= k < len(vertices) for x in vertices[k].tolist())
         libraries = tuple(name for keyword, name, _ in self.names if keyword == b"mtllib" and materials)
         for label, text in ((f"{OTHER}points and settings", told), (LIBRARIES, "\n".join(libraries))):
@@ -199,8 +198,7 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
             lines[place] = keyword + b" " + rest
         elif keyword in (b"g", b"o", b"usemtl", b"mtllib", *STATES):
             name = b" ".join(rest.split()).decode("utf-8", "backslashreplace")
-            is_off = keyword in STATES and name in ("0", "off")
-            names.append((place, keyword, "" if is_off else name))
+            names.append((place, keyword, "" if keyword in STATES and name in ("0", "off") else name))
         elif keyword in further_keywords:
             names.append((place, b"p", b" ".join(lines[place].split()).decode("utf-8", "backslashreplace")))
         elif keyword in free_form_keywords:
@@ -212,9 +210,7 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
 
 def _forwards(text: str, before: int) -> str:
     """Return what is said of single points with references from 1, where negative ones count back from `before`."""
-    if not text.startswith("p "):
-        return text
-    return re.sub(r"(?<= )-[0-9]{1,18}(?![0-9])", lambda found: str(before + 1 + int(found[0])), text)
+    return re.sub(r"(?<= )-[0-9]{1,18}\b", lambda found: str(before + 1 + int(found[0])), text)
 
 
 def _numbers(keyword: bytes, lines: list[bytes], places: list[int], kind: type[T]) -> tuple[NDArray[T], IntArray]:

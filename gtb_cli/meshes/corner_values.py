@@ -159,10 +159,8 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
         told = f"up to {angle:.3g} degrees apart (tolerance {NORMALS_TOLERANCE:g})"
         return [f"{name}: {told}, most at vertex {vertex[most]}"] if angle > NORMALS_TOLERANCE else []
     size = np.where(np.isnan(rows), 0.0, np.maximum(np.abs(rows), np.abs(others)))
-    most = size[np.isfinite(size)].max(initial=0.0)
-    least = 1e-15 * min(most, 1e6)  # rounding beside a value that stands for itself
-    are_alike = name.startswith(("colour", "color", "tangent"))  # numbers of others may be of several kinds
-    columns = [size] if are_alike else size.T
+    least = 1e-15 * min(size[np.isfinite(size)].max(initial=0.0), 1e6)  # rounding beside a value that stands for itself
+    columns = [size] if name.startswith(("colour", "color", "tangent")) else size.T  # which may be of several kinds
     allowed = np.broadcast_to([max(_allowed(each), least) for each in columns], size.shape[1:])
     if all(each.dtype.kind == "i" or _are_whole(each) for each in (rows, others)):
         allowed = np.zeros_like(allowed)

@@ -187,11 +187,9 @@ def difference(
         if words and words[0].startswith("mirrored") and turned != (in_mirror := matched.turned_in_mirror):
             turns = told_motion(points, others, allowed, spaces is None, may_mirror=False) if not turned else ()
             words, turned = (turns, turned) if turns else (words, in_mirror)
-        values, left_out = tuple[str, ...](), set[str]()
-        if "attributes" not in ignore:
-            if any(word.startswith(("turned", "mirrored")) for word in words):
-                left_out = {NORMALS} & a.values().keys() & b.values().keys()
-            values = unlike_values(a, b, matched.slots, left_out)[0]
+        is_turned = "attributes" not in ignore and any(word.startswith(("turned", "mirrored")) for word in words)
+        left_out = {NORMALS} & a.values().keys() & b.values().keys() if is_turned else set[str]()
+        values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
         return made(
             method="vertices",
             distance=distance,

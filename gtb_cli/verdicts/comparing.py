@@ -93,11 +93,8 @@ class Comparing:
             return replace(compare(), name=name)
         except (GtbError, OSError) as error:
             return Verdict(name, paths, "unreadable", errors=tuple(faults_about(error)))
-        except ImportError as error:  # of scipy, which finds how far surfaces are apart
-            reason = f"{paths[0]} and {paths[1]}: surfaces cannot be compared: {faults_about(error)[0].message}"
-            return Verdict(name, paths, "unreadable", errors=(Fault(reason),))
-        except Exception as error:  # noqa: BLE001 -- others are still compared
-            reason = f"{paths[0]} and {paths[1]}: {faults_about(error)[0].message}"
+        except Exception as error:  # noqa: BLE001 -- others are still compared, also where scipy is missing
+            reason = f"{paths[0]} and {paths[1]}: cannot be compared: {faults_about(error)[0].message}"
             return Verdict(name, paths, "unreadable", errors=(Fault(reason),))
 
     def _pair(self, first: str, second: str, has_meshes: bool) -> Verdict:
