@@ -168,7 +168,7 @@ MADE: Kind = MEASURES | {
 
 PART: dict[str, Kind] = {
     "kind": {"part"},
-    "format": TEXT,
+    **_each("format sha256", TEXT),
     **_each("faces trimmed_faces solids open_edges", INTEGER),
     "holes": [TEXT],
     "bounds": [POINT],

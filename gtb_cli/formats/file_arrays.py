@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
-from gtb_cli.meshes.mesh import COLOURS, FACETS, GROUPS, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
+from gtb_cli.meshes.mesh import COLOURS, FACETS, GROUPS, MATERIALS, NORMALS, OBJECTS, OTHER, SETTINGS, TEXTURE, Values
 from gtb_cli.values import frozen
 
 STL_HEADER_BYTES = 84  # bytes before the facets of a binary STL file; the last four are the number of facets
@@ -40,8 +40,8 @@ class FileArrays:
 
 def unreserved(name: str, taken: Container[str]) -> str:
     """Return the name under which values with a name of their own are known: no other values have it."""
-    reserved = (NORMALS, TEXTURE, FACETS, GROUPS, COLOURS, SMOOTHING)
-    is_free = name not in reserved and name not in taken and not name.startswith((OBJECTS, MATERIALS, OTHER))
+    reserved = (NORMALS, TEXTURE, FACETS, GROUPS, COLOURS)
+    is_free = name not in reserved and name not in taken and not name.startswith((OBJECTS, MATERIALS, SETTINGS, OTHER))
     return name if is_free else unreserved(f"attribute {name}", taken)
 
 

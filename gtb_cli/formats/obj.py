@@ -1,6 +1,7 @@
 """Wavefront OBJ files that are read: vertices, faces, polylines (`l`, which trimesh does not read) and groups."""
 
 import re
+from bisect import bisect_left
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -13,9 +14,10 @@ from gtb_cli.errors import GtbError, MeshError
 from gtb_cli.formats.file_arrays import FileArrays, faulty_point, mark_of
 from gtb_cli.formats.numbers_read import BLOCK_BYTES, T, half_step, lines_of, number_rows, padded, sampled, shown
 from gtb_cli.formats.polygons import polygons_of, segments, triangles
-from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS, OTHER, SMOOTHING, TEXTURE, Values
+from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS, OTHER, SETTINGS, TEXTURE, Values
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
+STATES = b"s mg usemap bevel c_interp d_interp lod".split()  # keywords of what holds for the cells behind them
 
 
 def read_obj(data: bytes, block: int = BLOCK_BYTES) -> FileArrays:
@@ -135,7 +137,9 @@ class _ObjLines:
             self.cells[keyword].append(part)
             self.polygons += [polygons_of(counts, self.cell_count)] if keyword == b"f" else []
             self.cell_count += len(part)
-        self.names += [(keyword, name, start) for (_, keyword, name), start in zip(names, starts, strict=True)]
+        for (place, keyword, name), start in zip(names, starts, strict=True):
+            so_far = self.count - len(points) + bisect_left(places[b"v"], place)
+            self.names.append((keyword, _forwards(name, so_far) if keyword == b"p" else name, start))
 
     def content(self) -> FileArrays:
         if self.cells[b"f"] and self.cells[b"l"]:
@@ -146,13 +150,14 @@ class _ObjLines:
             found = [each for each in self.names if each[0] in keywords] + [(b"", "", self.cell_count)]
             return [(name, a, b) for (_, name, a), (*_, b) in pairwise(found) if name and a < b]
 
-        groups, objects, materials, smooth = named(b"g", b"o"), named(b"o"), named(b"usemtl"), named(b"s")
+        groups, objects, materials = named(b"g", b"o"), named(b"o"), named(b"usemtl")
         is_divided = len({name for name, *_ in objects}) > 1 or sum(b - a for _, a, b in objects) < self.cell_count
         is_divided = is_divided and any(keyword == b"g" for keyword, *_ in self.names)
-        ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials, SMOOTHING: smooth}
+        ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials}
+        ranges |= {f"{SETTINGS}{keyword.decode()}": named(keyword) for keyword in STATES}
         marks = {label: [(mark_of(name), a, b) for name, a, b in named] for label, named in ranges.items()}
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
-        lone = [int(each) - 1 for each in re.findall(r"(?<= )[0-9]+", "".join(re.findall("^p( .*)", told, re.M)))]
+        lone = [int(k) - 1 for k in re.findall(r"(?<= )[0-9]{1,18}\b", "".join(re.findall("^p( .*)", told, re.M)))]
         told += "".join(f" {x + 0:.7g}" for k in lone if 0 <= k < len(vertices) for x in vertices[k].tolist())
         libraries = tuple(name for keyword, name, _ in self.names if keyword == b"mtllib" and materials)
         for label, text in ((f"{OTHER}points and settings", told), (LIBRARIES, "\n".join(libraries))):
@@ -176,7 +181,7 @@ class _ObjLines:
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, bytes, str]]]:
     """Return the places of vertices and cells by keyword, and of names with theirs; a tab after one becomes a blank."""
     # Keywords of single points, and of anything but geometry
-    further_keywords = set(b"p mg maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
+    further_keywords = set(b"p maplib shadow_obj trace_obj".split())
     # Keywords of free-form curves and surfaces
     free_form_keywords = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
     known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}  # the last with any blank
@@ -191,9 +196,9 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
         if (kind := (keyword + b" ")[:2] if keyword in MIN_NUMBERS else keyword) in known:
             known[kind].append(place)
             lines[place] = keyword + b" " + rest
-        elif keyword in (b"g", b"o", b"usemtl", b"s", b"mtllib"):
+        elif keyword in (b"g", b"o", b"usemtl", b"mtllib", *STATES):
             name = b" ".join(rest.split()).decode("utf-8", "backslashreplace")
-            names.append((place, keyword, "" if keyword == b"s" and name in ("0", "off") else name))
+            names.append((place, keyword, "" if keyword in STATES and name in ("0", "off") else name))
         elif keyword in further_keywords:
             names.append((place, b"p", b" ".join(lines[place].split()).decode("utf-8", "backslashreplace")))
         elif keyword in free_form_keywords:
@@ -201,6 +206,11 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
         elif keyword and not keyword.startswith(b"#"):
             raise GtbError(f"unknown keyword {shown(keyword)}")
     return {keyword.strip(): sorted(places) for keyword, places in known.items()}, names
+
+
+def _forwards(text: str, before: int) -> str:
+    """Return what is said of single points with references from 1, where negative ones count back from `before`."""
+    return re.sub(r"(?<= )-[0-9]{1,18}\b", lambda found: str(before + 1 + int(found[0])), text)
 
 
 def _numbers(keyword: bytes, lines: list[bytes], places: list[int], kind: type[T]) -> tuple[NDArray[T], IntArray]:

@@ -84,17 +84,19 @@ def _read_text(data: bytes) -> FileArrays:
     number = rb"\s+(\S+)"
     corner = rb"\s+vertex" + 3 * number
     facet = re.compile(
-        rb"\s*facet\s+normal(?:\s+\S+){3}\s+outer\s+loop" + 3 * corner + rb"\s+endloop\s+endfacet\b", re.IGNORECASE
+        rb"\s*facet\s+normal" + 3 * number + rb"\s+outer\s+loop" + 3 * corner + rb"\s+endloop\s+endfacet\b",
+        re.IGNORECASE,
     )
     solid, endsolid = (re.compile(rb"\s*" + word + rb"\b[^\r\n]*", re.IGNORECASE) for word in (b"solid", b"end *solid"))
-    corners, words, sample = [np.empty(0)], list[bytes](), list[bytes]()
+    corners, normals, words, sample = [np.empty(0)], list[bytes](), list[bytes](), list[bytes]()
     count = place = 0
     solids: list[tuple[str, int]] = []
     while found := solid.match(data, place):
         place = found.end()
         solids.append((b" ".join(found[0].split()[1:]).decode("utf-8", "backslashreplace"), count))
         while found := facet.match(data, place):
-            words += found.groups()
+            normals += found.groups()[:3]
+            words += found.groups()[3:]
             place = found.end()
             count += 1
             if len(words) >= most:
@@ -107,10 +109,9 @@ def _read_text(data: bytes) -> FileArrays:
         raise GtbError(f"expected solid, got {shown(rest[0])}")
     corners.append(numbers(words, np.float64))
     sample += sampled(words, len(sample))
-    normal = re.compile(rb"facet\s+normal" + 3 * number, re.IGNORECASE)
-    normals = numbers([word for words in normal.findall(data) for word in words], np.float64)
     parts = [(name, a, b) for (name, a), (_, b) in pairwise([*solids, ("", count)]) if name and a < b]
-    content = _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample), {FACETS: normals})
+    held = {FACETS: numbers(normals, np.float64)}
+    content = _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample), held)
     return replace(content, groups=tuple(parts) if len(solids) > 1 else ())
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.meshes.coincident import numbered_places
-from gtb_cli.meshes.correspondence import Slots, by_nearness
+from gtb_cli.meshes.correspondence import Slots, by_nearness, common_faces
 from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, TEXTURE, KnownMesh, Mesh, Values, are_marks
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
@@ -22,8 +22,8 @@ def unlike_values(
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
-    are others (no slots, but how far places are apart), they are compared at places of vertices that both meshes have,
-    which have to be half of those of one. Also tells where that was.
+    are others (no slots, but how far places are apart), they are compared in faces that both meshes have, and else at
+    places of vertices that both have, which have to be half of those of one. Also tells where that was.
     """
     doubtful = {*a.doubtful, *b.doubtful} if isinstance(slots, float) else set[str]()
     skipped = {FACETS, *left_out, *doubtful}
@@ -76,7 +76,10 @@ def _remarks(
 
 @np.errstate(all="ignore")  # of huge meshes
 def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
-    """Number corners of two meshes by places and directions, which other triangles of a surface keep; and by places."""
+    """Number corners of two meshes by places and directions, which other triangles of a surface keep, and by places.
+
+    Last come the corners of common faces, in pairs.
+    """
     places, directions = by_nearness(a, b, reach)[:2], list[FloatArray]()
     for mesh in (a, b):
         spans = np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1)
@@ -84,29 +87,32 @@ def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
     direction, most = numbered_places(np.concatenate(directions))[1], int(places[1].max()) + len(a.vertices) + 1
     number = direction.astype(np.int64)[:, None] * most
     both = [place + each for place, each in zip(places, np.split(number, [len(a.cells)]), strict=True)]
-    return [[each.ravel() for each in both], [each.ravel() for each in places]]
+    return [[each.ravel() for each in both], [each.ravel() for each in places], [*common_faces(*places)]]
 
 
 def _met(keys: list[list[IntArray]], *values: tuple[FloatArray, IntArray]) -> Slots:
-    """Pair corners with the same number: each value there with the nearest of the other mesh; at places last."""
+    """Pair corners of common faces, others with the same number: each value with the nearest there; at places last."""
     from scipy.spatial import cKDTree
 
+    *numbers, common = keys
     width = min(rows.shape[1] for rows, _ in values)
     tops = [np.abs(np.where(np.isfinite(rows), rows, 0))[:, :width].max(axis=0) for rows, _ in values]
-    pairs, met, far = list[list[IntArray]](), np.empty(0, dtype=np.int64), 8.0 * width
-    for slots in keys:
+    rest = [np.delete(np.arange(len(place)), done) for place, done in zip(keys[1], common, strict=True)]
+    pairs, far = [common], 8.0 * width
+    for slots in numbers:
         corners, points = list[IntArray](), list[FloatArray]()
-        for key, place, (rows, of) in zip(slots, keys[1], values, strict=True):
-            corner = np.unique(key.astype(np.int64) * len(rows) + of, return_index=True)[1]
-            corners.append(corner := corner[~np.isin(place[corner], met)])
-            numbers = rows[of[corner], :width] / np.maximum(np.maximum(*tops), 1e-300)
-            points.append(np.column_stack([far * key[corner], np.where(np.isfinite(numbers), numbers, 2.0)]))
+        for key, left, (rows, of) in zip(slots, rest, values, strict=True):
+            each = left[np.unique(key[left].astype(np.int64) * len(rows) + of[left], return_index=True)[1]]
+            held = rows[of[each], :width] / np.maximum(np.maximum(*tops), 1e-300)
+            corners.append(each)
+            points.append(np.column_stack([far * key[each], np.where(np.isfinite(held), held, 2.0)]))
         for k in (0, 1):
             nearest = np.asarray(cKDTree(points[1 - k]).query(points[k], distance_upper_bound=far)[1])
             is_met = nearest < len(corners[1 - k])
             pair = [corners[k][is_met], corners[1 - k][nearest[is_met]]]
             pairs.append(pair[::-1] if k else pair)
-        met = keys[1][0][pairs[0][0]]
+        met = keys[1][0][np.concatenate([one for one, _ in pairs])]
+        rest = [left[~np.isin(place[left], met)] for place, left in zip(keys[1], rest, strict=True)]
     one, other = zip(*pairs, strict=True)
     return np.concatenate(one), np.concatenate(other)
 
@@ -153,17 +159,23 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
         told = f"up to {angle:.3g} degrees apart (tolerance {NORMALS_TOLERANCE:g})"
         return [f"{name}: {told}, most at vertex {vertex[most]}"] if angle > NORMALS_TOLERANCE else []
     size = np.where(np.isnan(rows), 0.0, np.maximum(np.abs(rows), np.abs(others)))
+    least = 1e-15 * min(size[np.isfinite(size)].max(initial=0.0), 1e6)  # rounding beside a value that stands for itself
+    columns = [size] if name.startswith(("colour", "color", "tangent")) else size.T  # which may be of several kinds
+    allowed = np.broadcast_to([max(_allowed(each), least) for each in columns], size.shape[1:])
+    if all(each.dtype.kind == "i" or _are_whole(each) for each in (rows, others)):
+        allowed = np.zeros_like(allowed)
+    beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
+    beyond = np.where(np.isnan(beyond), np.inf, beyond)
+    row, column = np.unravel_index(int(beyond.argmax()), beyond.shape)
+    told = f"up to {apart[row, column]:.3g} apart (tolerance {allowed[column]:.3g})"
+    return [f"{name}: {told}, most at vertex {vertex[row]}"] if beyond[row, column] > 0 else []
+
+
+def _allowed(size: FloatArray) -> float:
+    """Return how far values of these sizes may be apart."""
     sizes = [*np.unique(size[np.isfinite(size)])[:-5:-1], 0.0]
     far = 100  # times as large as all others, a value stands for none, as -9999 and 1e30 do
-    allowed = VALUES_TOLERANCE * next((one for one, less in pairwise(sizes) if not 0 < far * less < one), 0.0)
-    allowed = max(allowed, 1e-15 * min(sizes[0], 1e6))  # rounding beside a value that stands for itself
-    if all(each.dtype.kind == "i" or _are_whole(each) for each in (rows, others)):
-        allowed = 0.0
-    beyond = apart - np.maximum(allowed, VALUES_TOLERANCE * size * (allowed > 0))
-    beyond = np.where(np.isnan(beyond), np.inf, beyond).max(axis=1)
-    most = int(beyond.argmax())
-    told = f"up to {apart[most].max():.3g} apart (tolerance {allowed:.3g})"
-    return [f"{name}: {told}, most at vertex {vertex[most]}"] if beyond[most] > 0 else []
+    return VALUES_TOLERANCE * next((one for one, less in pairwise(sizes) if not 0 < far * less < one), 0.0)
 
 
 def _are_whole(rows: FloatArray) -> bool:

@@ -155,6 +155,17 @@ def _faces(cells: IntArray, others: IntArray) -> _Faces:
     return _Faces(numbers, (side[:count], side[count:]), here, there)
 
 
+def common_faces(cells: IntArray, others: IntArray) -> Slots:
+    """Pair corners, counted through all cells, of the faces that both meshes have once; cells in common numbers."""
+    faces, slots = _faces(cells, others), list[IntArray]()
+    is_common = (faces.here == 1) & (faces.there == 1)
+    for rows, number in zip((cells, others), faces.numbers, strict=True):
+        chosen = np.flatnonzero(is_common[number])
+        chosen = chosen[np.argsort(number[chosen])]
+        slots.append((np.argsort(rows[chosen], axis=1, kind="stable") + chosen[:, None] * rows.shape[1]).ravel())
+    return slots[0], slots[1]
+
+
 def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> Matching | None:
     """Match the vertices of the same faces, if there are no others."""
     corners, other_corners = a.mesh.cells, b.mesh.cells

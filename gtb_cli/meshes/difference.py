@@ -182,13 +182,14 @@ def difference(
             for axis, apart, step in zip("xyz", most.tolist(), steps.tolist(), strict=True)
             if distance <= allowed and apart > max(step, finest)
         ]
-        left_out = set() if distance <= allowed else {NORMALS}  # which turn with what is turned
-        values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
         words = told_motion(points, others, allowed, spaces is None) if distance > allowed else ()
         turned = matched.turned
         if words and words[0].startswith("mirrored") and turned != (in_mirror := matched.turned_in_mirror):
             turns = told_motion(points, others, allowed, spaces is None, may_mirror=False) if not turned else ()
             words, turned = (turns, turned) if turns else (words, in_mirror)
+        is_turned = "attributes" not in ignore and any(word.startswith(("turned", "mirrored")) for word in words)
+        left_out = {NORMALS} & a.values().keys() & b.values().keys() if is_turned else set[str]()
+        values = () if "attributes" in ignore else unlike_values(a, b, matched.slots, left_out)[0]
         return made(
             method="vertices",
             distance=distance,
@@ -203,7 +204,7 @@ def difference(
             remarks=matched.remarks,
             words=words,
             values=(*axes, *values),
-            uncompared=overlaps,
+            uncompared=("normals are not compared, as they turn with what is turned",) * bool(left_out) + overlaps,
         )
     lone, found = lone_faces(a.mesh, b.mesh, allowed), _decided(a.mesh, b.mesh, allowed)
     same_kind = a.mesh.is_curve == b.mesh.is_curve

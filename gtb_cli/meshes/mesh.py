@@ -27,7 +27,7 @@ ABSENT = -(2**62)  # among whole numbers, what NaN is among others
 # Names of values that are not attributes; the normals of an STL file's facets follow from their corners
 NORMALS, TEXTURE, FACETS = "normals", "texture coordinates", "facet normals"
 GROUPS, OBJECTS, MATERIALS = "groups", "objects", "materials in "  # these with the format: no other has the same
-COLOURS, SMOOTHING = "colours of vertices", "smoothing groups"
+COLOURS, SETTINGS = "colours of vertices", "settings: "
 MARKED = " (long lists)"  # values that are marks end with it
 OTHER = "other data: "  # what a file holds that belongs to neither vertices nor cells: compared as a whole
 LIBRARIES = f"{OTHER}libraries and pictures"
@@ -313,7 +313,7 @@ class KnownMesh:
 
 def are_marks(name: str) -> bool:
     """Tell whether values of this name only say what belongs together: then no distance between them counts."""
-    return name in (GROUPS, SMOOTHING) or name.startswith((OBJECTS, MATERIALS)) or name.endswith(MARKED)
+    return name == GROUPS or name.startswith((OBJECTS, MATERIALS, SETTINGS)) or name.endswith(MARKED)
 
 
 def known_exactly(mesh: Mesh) -> KnownMesh:

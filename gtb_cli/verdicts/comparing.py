@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import Fault, GtbError
 from gtb_cli.files import read_file, sha256_of
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.faults import faults_about
@@ -88,8 +88,11 @@ class Comparing:
         """Return the verdict on two files, also that they cannot be compared."""
         try:
             return replace(compare(), name=name)
-        except (GtbError, OSError, ImportError) as error:  # the last, of scipy, which finds how far surfaces are apart
+        except (GtbError, OSError) as error:
             return Verdict(name, paths, "unreadable", errors=tuple(faults_about(error)))
+        except Exception as error:  # noqa: BLE001 -- others are still compared, also where scipy is missing
+            reason = f"{paths[0]} and {paths[1]}: cannot be compared: {faults_about(error)[0].message}"
+            return Verdict(name, paths, "unreadable", errors=(Fault(reason),))
 
     def _pair(self, first: str, second: str, has_meshes: bool) -> Verdict:
         for path in (first, second):
@@ -123,7 +126,7 @@ class Comparing:
 
 def _mesh_of(read: Callable[[], Operand]) -> Mesh | None:
     """Return the mesh of what is read; None where that fails, or a spec has too many patches for one."""
-    with suppress(GtbError, OSError):
+    with suppress(Exception):
         return read().known.mesh
     return None
 

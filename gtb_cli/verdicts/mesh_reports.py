@@ -97,7 +97,12 @@ def printing_rows(found: dict[str, Any] | None) -> list[tuple[str, str]]:
 
 
 def _part_report(data: bytes, kind: str, source: str) -> dict[str, Any]:
-    """Report on a part, in millimetres; faces whose edges agree count as sewn, and the volume is that of solids."""
+    """Report on a part, in millimetres; faces whose edges agree count as sewn, and the volume is that of solids.
+
+    The hash of its bytes tells it from other versions, such as mirror images.
+    """
+    import hashlib
+
     from gtb_cli.filling.holes import ring_texts
     from gtb_cli.filling.part_holes import part_of
     from gtb_cli.importers.cad_files import box_of, extent_of, face_pieces, kernel_faults, parts, read_shape
@@ -118,6 +123,7 @@ def _part_report(data: bytes, kind: str, source: str) -> dict[str, Any]:
             "bounds": box_of(shape).tolist(),
             "area": extent_of(shape, "Surface"),
             "volume": sum(extent_of(solid, "Volume") for solid in solids) if solids else None,
+            "sha256": hashlib.sha256(data).hexdigest(),
         }
 
 
