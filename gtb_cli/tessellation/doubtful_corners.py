@@ -8,8 +8,8 @@ from gtb_cli.arrays import EPS, FloatArray, cross, planar_cross
 from gtb_cli.errors import one_of_alike
 from gtb_cli.models.model import Model
 from gtb_cli.solids.solidity import AS_IF
+from gtb_cli.tessellation.point_order import likely_order
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.point_order import likely_order
 
 
 def doubtful_corners(spec: Patch | Model) -> list[str]:

@@ -16,9 +16,9 @@ from gtb_cli.models.openings import obstacles, parts_of, unjoined_seams
 from gtb_cli.models.rings import open_turns
 from gtb_cli.models.same_edges import find_joints
 from gtb_cli.solids.solidity import AS_IF, folded_places, inward_faces, where
+from gtb_cli.tessellation.point_order import likely_order
 from gtb_cli.theory.edges import edge_name, patch_name
 from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.point_order import likely_order
 from gtb_cli.vocabulary import requirements
 
 
