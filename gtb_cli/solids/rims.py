@@ -7,6 +7,7 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, distinct, dot, merged, paired, point_text, unit
 from gtb_cli.errors import DomainError, one_of_alike
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import adjacent, are_used, sides_of
 from gtb_cli.solids.offsets import evened
@@ -94,7 +95,22 @@ def with_flat_rims(solid: Mesh, thickness: float, other: str) -> tuple[Mesh, lis
     flat = replace(solid, vertices=vertices, normals=normals, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
     kept = [f"the surface lies in the plane of a rim, which is along the normals {' and '.join(kept)}"] * bool(kept)
     kept += one_of_alike(("", f"a rim {fault}, and stays along the normals") for fault in uneven)
+    kept += _thin_wall(vertices, solid.cells, np.asarray(is_side), abs(thickness))
     return flat, kept + _knife_edge(vertices, solid.cells, np.asarray(is_side), abs(thickness))
+
+
+def _thin_wall(vertices: FloatArray, cells: IntArray, is_rim: BoolArray, thickness: float) -> list[str]:
+    """Say where chords make the wall thinner beside a rim, marked among the cells: in middles of faces and sides."""
+    thinnest = 0.9  # even where three segments make an edge, walls are not thinner
+    count = len(vertices) // 2
+    own, offset = cells[(cells < count).all(axis=1)], cells[(cells >= count).all(axis=1) & ~is_rim]
+    corners = vertices[offset[are_used(cells[is_rim], len(vertices))[offset].any(axis=1)]]
+    places = np.concatenate([corners.mean(axis=1), *((corners[:, k] + corners[:, k - 1]) / 2 for k in range(3))])
+    wall = NearestCells(vertices[own]).nearest(places)[0] / thickness if len(places) else np.ones(1)
+    if wall.min() >= thinnest:
+        return []
+    near = point_text(places[wall.argmin()], vertices)
+    return [f"beside a rim the wall is {wall.min():.0%} of the thickness near {near}: more faces make it thicker"]
 
 
 def _knife_edge(vertices: FloatArray, cells: IntArray, is_rim: BoolArray, shortest: float) -> list[str]:

@@ -142,7 +142,8 @@ def test_at_a_corner_of_a_patch_the_rim_leaves_the_plane_smoothly_and_never_goes
     pillow = Patch(grid, np.column_stack([10.0 * grid, 30.0 * (grid == 1).all(axis=1)]), coefficients="binomial")
     solid, remarks = Recipe(24, thickness=0.5, rim="flat").mesh(pillow)
     along = "the surface lies in the plane of a rim, which is along the normals in part near (0, 0, 0)"
-    assert (remarks[0], remarks[1][:46]) == (along, "the flat rim meets the wall at 24 degrees, a k")
+    thin = "beside a rim the wall is 85% of the thickness near (-0.01875, 18.8, 0.4339): more faces make it thicker"
+    assert (*remarks[:2], remarks[2][:46]) == (along, thin, "the flat rim meets the wall at 24 degrees, a k")
     assert_closed(solid)
     surface, offset = np.split(solid.vertices, 2)
     edge = np.flatnonzero(surface[:, 1] == 0)
