@@ -133,8 +133,7 @@ def polar_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: B
         tip = tips[k, 0]
         known = [planes[0][k] / half.conditions[:, None], np.tile(tip, (len(whole.conditions), 1))]
         known.append(planes[1][k] / half.conditions[:, None])  # as derivatives there grow with the distance
-        points = (fitted[k] - origin) / size
-        _fit(net, (half, whole), points, [(outer[k], 0, 1)], known)
+        _fit(net, (half, whole), (fitted[k] - origin) / size, [(outer[k], 0, 1)], known)
         net[1, :, :3] -= np.outer((net[1, :, :3] - net[0, :, :3] * net[1, :, 3:]) @ tip, tip)
     for k in range(r):
         around = [(outer[(k + 1) % r], 1, 0.5), (outer[k], 0, 0.5), (spokes[k], 0, 1), (spokes[(k + 1) % r], 0, 1)]

@@ -127,8 +127,7 @@ class Probe:
 def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
     """Return (m, 3) points of a patch at (d, m) torus coordinates."""
     count, shape = s.shape[1], patch.domain
-    where = Location(slice(0, count), shape.faces[INTERIOR], shape.knots - shape.center, s)
-    return patch.points_at([where], count)
+    return patch.points_at([Location(slice(0, count), shape.faces[INTERIOR], shape.knots - shape.center, s)], count)
 
 
 def choice(count: int, most: int) -> list[int]:

@@ -80,6 +80,5 @@ def multiple_knots(probe: Probe) -> Finding:
     """Compare a patch that has repeated knots with the patch in which they are merged."""
     if probe.merged is probe.patch:
         return not_applicable("no knot is repeated")
-    value = probe.distance(probe.merged.evaluate(probe.u), probe.points)
-    reason = "largest distance from the patch of merged knots, of the extent"
-    return within_rounding(value, probe.distance_rounding, reason)
+    value, bound = probe.distance(probe.merged.evaluate(probe.u), probe.points), probe.distance_rounding
+    return within_rounding(value, bound, "largest distance from the patch of merged knots, of the extent")

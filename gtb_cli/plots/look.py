@@ -6,13 +6,13 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ExportError
-from gtb_cli.plots.palette import INK
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, SIZE_LIMITS, STRETCH_LIMITS
 
 if TYPE_CHECKING:
@@ -110,31 +110,12 @@ class Look:
 
 def settings() -> AbstractContextManager[None]:
     """Return a context with the settings of these pictures; `ExportError` if matplotlib is not installed."""
-    # Settings of matplotlib, not the user's own: the same figure gives the same bytes. Text stays text in SVG and PDF.
-    chosen = {
-        "font.family": ["DejaVu Sans"],
-        "font.size": 9,
-        "text.usetex": False,
-        **dict.fromkeys(("text.color", "axes.labelcolor"), INK),
-        **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), "#444444"),
-        **dict.fromkeys(("axes.facecolor", "figure.facecolor", "savefig.facecolor"), "white"),
-        **dict.fromkeys(("axes.spines.top", "axes.spines.right", "path.simplify", "savefig.transparent"), False),
-        **dict.fromkeys(("xtick.labelsize", "ytick.labelsize"), 8),
-        "axes.linewidth": 0.7,
-        "axes.titlesize": 9.5,
-        "axes.unicode_minus": True,
-        "axes.formatter.useoffset": True,
-        "savefig.bbox": None,
-        "svg.fonttype": "none",
-        "svg.hashsalt": "gtb",
-        "pdf.fonttype": 42,
-        "pdf.compression": 9,
-    }
     try:
         import matplotlib.figure
     except ModuleNotFoundError:
         raise ExportError("pictures need matplotlib, which is not installed: pip install matplotlib") from None
-    return matplotlib.rc_context(chosen)
+    style = Path(__file__).with_name("gtb.mplstyle")
+    return matplotlib.rc_context(matplotlib.rc_params_from_file(style, use_default_template=False))
 
 
 def empty_figure(look: Look) -> Figure:
