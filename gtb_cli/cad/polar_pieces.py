@@ -117,8 +117,7 @@ def polar_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: B
         nets[-1][0] = nets[-1][0, 0]
     outer = [_Seam(whole, (curves[k] - origin) / size, turns[k]) for k in range(r)]  # from side k to the one before
     for k in range(r):
-        meeting = [(outer[k], 0), (outer[(k + 1) % r], -1)]
-        _bend([_edge_way(nets[k][:, 0], half, planes[0][k], turns[k][0])], meeting)
+        _bend([_edge_way(nets[k][:, 0], half, planes[0][k], turns[k][0])], [(outer[k], 0), (outer[(k + 1) % r], -1)])
     spokes = []  # from the middles of outer seams to the centre
     for seam, line, line_normals in zip(outer, lines, line_turns, strict=True):
         seam.fit()

@@ -72,8 +72,7 @@ class Probe:
         domain, knots = self.patch.domain, self.patch.knots.copy()
         for index, row in enumerate(domain.incidence):
             normals = domain.normals[row]
-            offsets = ((knots[index] - domain.vertices[row]) * normals).sum(axis=1)
-            knots[index] -= np.linalg.pinv(normals) @ offsets
+            knots[index] -= np.linalg.pinv(normals) @ ((knots[index] - domain.vertices[row]) * normals).sum(axis=1)
         return Probe(self.patch.replace(knots=knots))
 
     @cached_property

@@ -21,8 +21,7 @@ def boundary_curves(probe: Probe) -> Finding:
     for edge in choice(len(domain.vertices), 64):
         rows = np.flatnonzero(zero[edge] & (zero.sum(axis=0) == 1))
         leak = largest(np.abs(probe.basis[rows][:, ~domain.incidence[:, edge]]))
-        heights = np.where(zero[:, rows], 1.0, probe.heights[:, rows])
-        sigma = domain.direction(edge) @ torus_coordinates(domain, heights)
+        sigma = domain.direction(edge) @ torus_coordinates(domain, np.where(zero[:, rows], 1.0, probe.heights[:, rows]))
         distance = probe.distance(probe.points[rows], points_at_torus(patch.boundary(edge), sigma[None]))
         worst = max(worst, leak, distance)
     reason = "largest distance of an edge from the curve of its knots, or value of another knot's T there"

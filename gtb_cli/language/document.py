@@ -155,10 +155,8 @@ def place(path: Path) -> str:
 def shown(value: object) -> str:
     """Describe a value for a message, in a few words."""
     match value:
-        case None:
-            return "null"
-        case bool():
-            return "true" if value else "false"
+        case None | bool():
+            return {None: "null", True: "true", False: "false"}[value]
         case str() | int() | float():
             text = repr(value).removesuffix(".0")
             return text if len(text) <= 60 else f"{text[:40]}... ({len(text)} characters)"

@@ -164,8 +164,7 @@ class KnotLimit:
                 shares = speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT)
                 if np.linalg.matrix_rank(shares, rtol=parallel_ratio) < 2:
                     continue
-            units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
-            speeds = read_only(speeds / np.array(units))
+            speeds = read_only(speeds / np.array([column[column > 0].min(initial=np.inf) for column in speeds.T]))
             films.append(Film(face, members, speeds, along, patch.log_products[members], patch.control_points[members]))
         return tuple(films)
 

@@ -7,6 +7,7 @@ import socket
 import threading
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import CancelledError, Future, wait
+from pathlib import Path
 from typing import Any
 
 from gtb_cli.errors import GtbError
@@ -80,8 +81,7 @@ def _scheduler(address: str) -> str:
         import json
 
         try:
-            with open(address, encoding="utf-8") as file:
-                address = json.load(file)["address"]
+            address = json.loads(Path(address).read_text(encoding="utf-8"))["address"]
         except (ValueError, KeyError, TypeError):
             raise ValueError("this is not a scheduler file of Dask") from None
     # HOST:PORT; an address that contains colons stands in brackets
