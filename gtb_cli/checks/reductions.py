@@ -22,8 +22,7 @@ def boundary_curves(probe: Probe) -> Finding:
         rows = np.flatnonzero(zero[edge] & (zero.sum(axis=0) == 1))
         leak = largest(np.abs(probe.basis[rows][:, ~domain.incidence[:, edge]]))
         sigma = domain.direction(edge) @ torus_coordinates(domain, np.where(zero[:, rows], 1.0, probe.heights[:, rows]))
-        distance = probe.distance(probe.points[rows], points_at_torus(patch.boundary(edge), sigma[None]))
-        worst = max(worst, leak, distance)
+        worst = max(worst, leak, probe.distance(probe.points[rows], points_at_torus(patch.boundary(edge), sigma[None])))
     reason = "largest distance of an edge from the curve of its knots, or value of another knot's T there"
     return within_rounding(worst, 2 * probe.distance_rounding, reason)
 

@@ -186,8 +186,7 @@ def read(data: bytes | str, source: str, format: SpecFormat | None = None) -> Do
             ways_out = {"file": ": gtb import (extra gtb-cli[cad]) makes one", "mesh": "; gtb view shows meshes"}
             raise SpecError(Fault(f"is {kind}, and a spec is expected{ways_out.get(kind[-4:], '')}", source))
     text = _decode(data, source)
-    if format is None:
-        format = "json" if text.lstrip()[:1] == "{" else "toml"
+    format = format or ("json" if text.lstrip()[:1] == "{" else "toml")
     if not text.strip():
         raise SpecError(Fault("is empty", source))
     repeated = _measure(text, source, format)

@@ -83,10 +83,9 @@ def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
     for corner, members in zip(shape.vertices, shape.faces.knots[shape.faces.corners], strict=True):
         if not (members & stays).any():
             k = int(np.flatnonzero(members)[0])
-            place = ", ".join(f"{x:g}" for x in corner)
-            what = "end" if shape.dimension == 1 else "corner"
-            why = f"no other knot stays at its {what} ({place})"
-            raise DomainError(f"merging knot {k} -> {targets[k]} changes the hull: {why}")
+            place = f"{'end' if shape.dimension == 1 else 'corner'} ({', '.join(f'{x:g}' for x in corner)})"
+            fault = f"merging knot {k} -> {targets[k]} changes the hull"
+            raise DomainError(f"{fault}: no other knot stays at its {place}")
     return targets
 
 

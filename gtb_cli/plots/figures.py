@@ -1,7 +1,7 @@
 """Figures of `gtb plot`, one for each value of its --what, and `plot` in Python."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.plots.bases import draw_bases, draw_basis
 from gtb_cli.plots.domains import draw_all_decompositions, draw_decomposition, draw_domain, draw_lifted
-from gtb_cli.plots.look import Axes, Figure, Look, empty_figure, panels, settings, subscript, with_numbers
+from gtb_cli.plots.look import Axes, AxesOf, Figure, Look, empty_figure, panels, settings, subscript, with_numbers
 from gtb_cli.plots.net_lines import is_flat
 from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_distances, figure_of_members
 from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
@@ -184,7 +184,7 @@ def frames_of_picture(thing: Patch | Model | Mesh, picture: Picture, kind: str |
     return picture.approach.frames(thing, resolution, x=xs, steps=steps, distances=picture.what == "distance")
 
 
-def _draw_on(axes_of: Callable[[Sequence[str]], list[Axes]], thing: Any, picture: Picture) -> None:
+def _draw_on(axes_of: AxesOf, thing: Any, picture: Picture) -> None:
     """Draw a thing that has this picture, as `_check` has seen, on axes for some titles."""
     what, look, approach, vary = picture
     if isinstance(thing, Mesh):

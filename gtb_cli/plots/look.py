@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 else:
     Axes = Figure = Any  # matplotlib is imported where something is drawn
 
+AxesOf: TypeAlias = Callable[[Sequence[str]], list[Axes]]  # axes for some titles
 CurvatureKind: TypeAlias = Literal["gaussian", "mean"]
 MAX_PIXELS = 60_000_000
 
@@ -39,8 +40,8 @@ class Camera:
     stretch: tuple[float, ...] = (1.0, 1.0, 1.0)
 
     def __post_init__(self) -> None:
-        _numbers("camera", (self.azimuth, self.elevation), CAMERA_LIMITS)
-        object.__setattr__(self, "stretch", _numbers("stretch", self.stretch, STRETCH_LIMITS))
+        numbers_in("camera", (self.azimuth, self.elevation), CAMERA_LIMITS)
+        object.__setattr__(self, "stretch", numbers_in("stretch", self.stretch, STRETCH_LIMITS))
 
     @property
     def axes(self) -> FloatArray:
@@ -51,7 +52,7 @@ class Camera:
         return np.array([right, up, [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]])
 
 
-def _numbers(name: str, given: object, limits: Sequence[tuple[float, float]]) -> tuple[float, ...]:
+def numbers_in(name: str, given: object, limits: Sequence[tuple[float, float]]) -> tuple[float, ...]:
     """Return as many numbers as there are limits, each within its own."""
     try:
         values = np.asarray(given)
@@ -82,8 +83,8 @@ class Look:
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
-            object.__setattr__(self, "camera", Camera(*_numbers("camera", self.camera, CAMERA_LIMITS)))
-        object.__setattr__(self, "size", _numbers("size", self.size, SIZE_LIMITS))
+            object.__setattr__(self, "camera", Camera(*numbers_in("camera", self.camera, CAMERA_LIMITS)))
+        object.__setattr__(self, "size", numbers_in("size", self.size, SIZE_LIMITS))
         object.__setattr__(self, "index", tuple(np.atleast_1d(np.asarray(self.index, dtype=object)).tolist()))
         given = [(name, getattr(self, name)) for name in ("resolution", "dpi")] + [("index", k) for k in self.index]
         for name, value in given:

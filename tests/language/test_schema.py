@@ -5,14 +5,29 @@ import re
 import shutil
 import tomllib
 from collections.abc import Iterator
+from keyword import kwlist
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 import pytest
 
-from gtb_cli.language.patch_reader import COPY_KEYS, INCLUDE_KEYS, MODEL_KEYS, PATCH_KEYS, RIBBONS
+from gtb_cli.language.expression import CONSTANTS, COUNTER, FUNCTIONS, MAX_CHARACTERS
+from gtb_cli.language.includes import MAX_FILES
+from gtb_cli.language.keys_and_values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
+from gtb_cli.language.names import MAX_NAMES, MAX_NUMBER_NAME, NAME_PATTERN
+from gtb_cli.language.patch_reader import (
+    COPY_KEYS,
+    GRID,
+    INCLUDE_KEYS,
+    MAX_KNOTS,
+    MAX_PATCHES,
+    MODEL_KEYS,
+    PATCH_KEYS,
+    RIBBONS,
+)
 from gtb_cli.language.schema import page, schema
+from gtb_cli.theory.basis import COEFFICIENTS
 from gtb_cli.vocabulary import TEMPLATES
 from tests.shell import SPECS, gtb
 from tests.specs import BAD_SPECS, GOOD_SPECS, Case, bad_specs
@@ -35,6 +50,19 @@ def test_names_every_key_and_no_other() -> None:
     properties = schema()["properties"]
     assert set(properties) == PATCH_KEYS | MODEL_KEYS | {*RIBBONS}
     assert set(properties["patches"]["items"]["properties"]) == PATCH_KEYS | COPY_KEYS | {*RIBBONS}
+
+
+def test_its_limits_are_the_readers() -> None:
+    kinds, lists = schema()["$defs"], schema()["properties"]
+    number, name = kinds["let"]["propertyNames"], kinds["name"]
+    assert number["not"]["enum"] == [*FUNCTIONS, *CONSTANTS, COUNTER, *kwlist]
+    assert (number["pattern"], kinds["knots"]["anyOf"][2]["pattern"]) == (f"^{NAME_PATTERN}$", f"^{GRID}$")
+    assert name["not"]["pattern"] == CONTROL_CHARACTERS
+    assert kinds["scale"]["anyOf"][0]["maximum"] == MAX_SIZE
+    assert kinds["coefficients"]["anyOf"][0]["enum"] == [*COEFFICIENTS]
+    found = [number["maxLength"], kinds["let"]["maxProperties"], name["maxLength"], lists["include"]["maxItems"]]
+    found += [kinds["expression"]["maxLength"], lists["patches"]["maxItems"], kinds["numbers"]["maxItems"]]
+    assert found == [MAX_NUMBER_NAME, MAX_NAMES, MAX_NAME, MAX_FILES, MAX_CHARACTERS, MAX_PATCHES, MAX_KNOTS]
 
 
 def test_a_misspelled_key_is_the_only_fault() -> None:
