@@ -36,14 +36,12 @@ def bezier_pieces(spec: Patch | Model | SpecPath, max_degree: int = MAX_DEGREE) 
     Krasauskas' charts of toric patches.
     """
     found: Patch | Model = loaded(spec, Patch, Model)
-    if isinstance(found, Patch):
-        return Model(_pieces_of(found, max_degree), found.name)
     pieces: list[Patch] = []
     for index, patch in enumerate(found.patches):
         try:
             pieces += _pieces_of(patch, max_degree)
         except DomainError as error:
-            raise DomainError(f"{patch_name(patch, index)}: {error}") from None
+            raise error if found is patch else DomainError(f"{patch_name(patch, index)}: {error}") from None
     return Model(tuple(pieces), found.name)
 
 
@@ -143,8 +141,7 @@ def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Patch, ...]:
 
 
 def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArray, suffix: str) -> Patch:
-    ordinary = np.abs(logs).max() < math.log(MAX_PLAIN_WEIGHT)
-    given = {"weights": np.exp(logs)} if ordinary else {"log_weights": logs}
+    given = {"weights": np.exp(logs)} if np.abs(logs).max() < math.log(MAX_PLAIN_WEIGHT) else {"log_weights": logs}
     return Patch(knots, points, coefficients="binomial", name=f"{patch.name or 'patch'}-{suffix}", **given)
 
 

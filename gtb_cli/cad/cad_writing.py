@@ -7,6 +7,7 @@ import os
 import re
 import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -62,8 +63,7 @@ def encode_cad(
         begin(path)
         if not _WRITERS[kind](shape, faces, path, KERNEL_UNITS[unit], name):
             raise ExportError(f"{what}: the kernel cannot write it")
-        with open(path, "rb") as file:
-            data = file.read()
+        data = Path(path).read_bytes()
         # Readers may find edges elsewhere in faces than the kernel has them
         found = shape if part is None else shape_in(kind, path)
     written, read = ([*parts(each, "FACE")] for each in (shape, found))

@@ -80,8 +80,7 @@ def _carried(halves: list[HalfEdge], spec: Patch | Model, one: Joint, other: Joi
     if one.match or other.match:
 
         def own(fractions: FloatArray, is_last: int) -> FloatArray:
-            first = one.back(spec.patches, 1 - fractions if is_last else fractions)
-            found = other.across(spec.patches, first)
+            found = other.across(spec.patches, one.back(spec.patches, 1 - fractions if is_last else fractions))
             return 1 - found if is_last != turned else found
 
         halves = [half._replace(own=partial(own, is_last=k)) for k, half in enumerate(halves)]

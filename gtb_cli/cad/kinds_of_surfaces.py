@@ -71,7 +71,7 @@ def encode_surfaces(
     if seams is not None:  # which say more than the warning
         warnings, curvature = [], seams.curvature
         faces += f" within {found.error:.2g}" if bend_allowed is None else ""
-        outer, gap, inner, inner_gap = (f"{value:.2g}" for value in seams[:4])
+        angles = [f"{turn:.2g} degrees and {gap:.2g}" for turn, gap in (seams[:2], seams[2:4])]
         apart, off = max(seams[0:3:2]), "planes at seams differ by"
         if not apart <= (angle or 90):  # beyond, faces have turned back
             raise ToleranceError(f"{off} {apart:.6g} degrees, more than {angle or 90:g}")
@@ -79,9 +79,7 @@ def encode_surfaces(
             warnings.append(f"{off} up to {apart:.2g} degrees: `angle` bounds it")
         if tolerance is not None and not (apart := max(seams[1:4:2])) <= tolerance:
             raise ToleranceError(f"seams of the file have gaps of {apart:.6g}, more than {tolerance:g}")
-        parts.append(
-            f"seams to the part within {outer} degrees and {gap}, between new faces {inner} degrees and {inner_gap}"
-        )
+        parts.append(f"seams to the part within {angles[0]}, between new faces {angles[1]}")
         if curvature is not None and bend_allowed is not None:
             share = curvature.difference / curvature.largest
             off = f"{curvature.difference:.2g} ({share:.2%} of {curvature.largest:.3g}) near {curvature.place}"

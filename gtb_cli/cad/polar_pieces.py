@@ -117,8 +117,7 @@ def polar_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: B
         nets[-1][0] = nets[-1][0, 0]
     outer = [_Seam(whole, (curves[k] - origin) / size, turns[k]) for k in range(r)]  # from side k to the one before
     for k in range(r):
-        meeting = [(outer[k], 0), (outer[(k + 1) % r], -1)]
-        _bend([_edge_way(nets[k][:, 0], half, planes[0][k], turns[k][0])], meeting)
+        _bend([_edge_way(nets[k][:, 0], half, planes[0][k], turns[k][0])], [(outer[k], 0), (outer[(k + 1) % r], -1)])
     spokes = []  # from the middles of outer seams to the centre
     for seam, line, line_normals in zip(outer, lines, line_turns, strict=True):
         seam.fit()
@@ -133,8 +132,7 @@ def polar_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: B
         tip = tips[k, 0]
         known = [planes[0][k] / half.conditions[:, None], np.tile(tip, (len(whole.conditions), 1))]
         known.append(planes[1][k] / half.conditions[:, None])  # as derivatives there grow with the distance
-        points = (fitted[k] - origin) / size
-        _fit(net, (half, whole), points, [(outer[k], 0, 1)], known)
+        _fit(net, (half, whole), (fitted[k] - origin) / size, [(outer[k], 0, 1)], known)
         net[1, :, :3] -= np.outer((net[1, :, :3] - net[0, :, :3] * net[1, :, 3:]) @ tip, tip)
     for k in range(r):
         around = [(outer[(k + 1) % r], 1, 0.5), (outer[k], 0, 0.5), (spokes[k], 0, 1), (spokes[(k + 1) % r], 0, 1)]

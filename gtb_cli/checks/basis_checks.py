@@ -88,9 +88,8 @@ def products(probe: Probe) -> Finding:
     coefficients = np.where(np.arange(len(probe.patch.knots)) % 2, 0.7, 2.0)
     log_weights = probe.patch.log_products - np.log(coefficients)
     moved = probe.patch.replace(coefficients=coefficients, log_weights=log_weights)
-    value = probe.distance(moved.evaluate(probe.u), probe.points)
-    reason = "largest distance with factors moved between c and ω, of the extent"
-    return within_rounding(value, probe.distance_rounding, reason)
+    value, bound = probe.distance(moved.evaluate(probe.u), probe.points), probe.distance_rounding
+    return within_rounding(value, bound, "largest distance with factors moved between c and ω, of the extent")
 
 
 def edge_scale(probe: Probe) -> Finding:

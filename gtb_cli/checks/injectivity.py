@@ -84,5 +84,4 @@ def _signs(points: FloatArray, i: IntArray, j: IntArray, k: IntArray) -> FloatAr
     first, second = points[j] - points[i], points[k] - points[i]
     areas = planar_cross(first, second)
     longest = np.maximum(np.abs(first).max(axis=1), np.abs(second).max(axis=1))
-    flat = np.abs(areas) <= 2 * knot_tolerance(points) * longest
-    return np.where(flat, 0.0, np.sign(areas))
+    return np.where(np.abs(areas) <= 2 * knot_tolerance(points) * longest, 0.0, np.sign(areas))

@@ -62,10 +62,9 @@ def toric_degeneration(probe: Probe) -> Finding:
         p.append(cell.domain.center + cell_scale * (places - cell.domain.center))
         expected.append(cell.evaluate(p[-1], "linear"))
     value = probe.distance(far.evaluate(np.concatenate(p), "linear"), np.concatenate(expected))
-    what = "curve" if patch.dimension == 1 else "surface"
-    power = f"x^λ, log x = {exponent:.3g}"
+    what = f"{'curve' if patch.dimension == 1 else 'surface'} at x^λ, log x = {exponent:.3g}"
     bound = limit_tolerance + probe.distance_rounding
-    return within_rounding(value, bound, f"largest distance from the regular control {what} at {power}, of the extent")
+    return within_rounding(value, bound, f"largest distance from the regular control {what}, of the extent")
 
 
 def one_weight(probe: Probe) -> Finding:

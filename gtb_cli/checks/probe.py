@@ -72,8 +72,7 @@ class Probe:
         domain, knots = self.patch.domain, self.patch.knots.copy()
         for index, row in enumerate(domain.incidence):
             normals = domain.normals[row]
-            offsets = ((knots[index] - domain.vertices[row]) * normals).sum(axis=1)
-            knots[index] -= np.linalg.pinv(normals) @ offsets
+            knots[index] -= np.linalg.pinv(normals) @ ((knots[index] - domain.vertices[row]) * normals).sum(axis=1)
         return Probe(self.patch.replace(knots=knots))
 
     @cached_property
@@ -127,8 +126,7 @@ class Probe:
 def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
     """Return (m, 3) points of a patch at (d, m) torus coordinates."""
     count, shape = s.shape[1], patch.domain
-    where = Location(slice(0, count), shape.faces[INTERIOR], shape.knots - shape.center, s)
-    return patch.points_at([where], count)
+    return patch.points_at([Location(slice(0, count), shape.faces[INTERIOR], shape.knots - shape.center, s)], count)
 
 
 def choice(count: int, most: int) -> list[int]:

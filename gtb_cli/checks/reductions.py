@@ -21,10 +21,8 @@ def boundary_curves(probe: Probe) -> Finding:
     for edge in choice(len(domain.vertices), 64):
         rows = np.flatnonzero(zero[edge] & (zero.sum(axis=0) == 1))
         leak = largest(np.abs(probe.basis[rows][:, ~domain.incidence[:, edge]]))
-        heights = np.where(zero[:, rows], 1.0, probe.heights[:, rows])
-        sigma = domain.direction(edge) @ torus_coordinates(domain, heights)
-        distance = probe.distance(probe.points[rows], points_at_torus(patch.boundary(edge), sigma[None]))
-        worst = max(worst, leak, distance)
+        sigma = domain.direction(edge) @ torus_coordinates(domain, np.where(zero[:, rows], 1.0, probe.heights[:, rows]))
+        worst = max(worst, leak, probe.distance(probe.points[rows], points_at_torus(patch.boundary(edge), sigma[None])))
     reason = "largest distance of an edge from the curve of its knots, or value of another knot's T there"
     return within_rounding(worst, 2 * probe.distance_rounding, reason)
 
@@ -80,6 +78,5 @@ def multiple_knots(probe: Probe) -> Finding:
     """Compare a patch that has repeated knots with the patch in which they are merged."""
     if probe.merged is probe.patch:
         return not_applicable("no knot is repeated")
-    value = probe.distance(probe.merged.evaluate(probe.u), probe.points)
-    reason = "largest distance from the patch of merged knots, of the extent"
-    return within_rounding(value, probe.distance_rounding, reason)
+    value, bound = probe.distance(probe.merged.evaluate(probe.u), probe.points), probe.distance_rounding
+    return within_rounding(value, bound, "largest distance from the patch of merged knots, of the extent")

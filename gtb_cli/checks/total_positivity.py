@@ -20,9 +20,8 @@ def total_positivity(probe: Probe) -> Finding:
     minors, bound = _minors(probe)
     if not len(minors):
         return not_applicable(UNDERFLOW_NOTE)
-    value = max(0.0, -float(minors.min()))
     reason = f"largest negative minor of up to {MAX_MINOR_ORDER} rows, of its products' sum"
-    return within_rounding(value, bound, reason)
+    return within_rounding(max(0.0, -float(minors.min())), bound, reason)
 
 
 def strict_total_positivity(probe: Probe) -> Finding:

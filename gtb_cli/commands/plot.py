@@ -37,14 +37,13 @@ ANIMATION_FORMAT = "gif"
 Limits: TypeAlias = Sequence[tuple[float, float]]
 
 
-def numbers_within(name: str, default: str, metavar: str, limits: Limits, expected: str, help: str) -> Option:
+def numbers_within(name: str, default: str, metavar: str, limits: Limits, help: str) -> Option:
     """Add an option of as many numbers as there are limits, each within its own."""
 
     def read(text: str) -> tuple[float, ...]:
-        numbers = numbers_of(text)
-        if len(numbers) != len(limits) or not all(a <= x <= b for x, (a, b) in zip(numbers, limits, strict=True)):
-            raise ValueError(f"{text!r}: expected {expected}")
-        return numbers
+        from gtb_cli.plots.look import numbers_in
+
+        return numbers_in(name.strip("-"), numbers_of(text), limits)
 
     return click.option(name, callback=reads(read), default=default, show_default=True, metavar=metavar, help=help)
 
@@ -73,24 +72,16 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
     type=click.Choice((*FIGURE_FORMATS, ANIMATION_FORMAT)),
     help="Format, whatever FIG is called; png on standard output.",
 )
-@numbers_within(
-    "--size", "6,4.5", "W,H", SIZE_LIMITS, "width,height in inches, such as 6,4.5", "Width and height in inches."
-)
+@numbers_within("--size", "6,4.5", "W,H", SIZE_LIMITS, "Width and height in inches.")
 @click.option("--dpi", type=WholeNumber(20, 1200), default=150, show_default=True, metavar="N", help="Pixels per inch.")
 @numbers_within(
-    "--camera",
-    "-60,30",
-    "AZ,EL",
-    CAMERA_LIMITS,
-    "azimuth,elevation in degrees, such as -60,30",
-    "Where the eye is: degrees around the z axis, and above the xy plane.",
+    "--camera", "-60,30", "AZ,EL", CAMERA_LIMITS, "Where the eye is: degrees around the z axis, and above the xy plane."
 )
 @numbers_within(
     "--stretch",
     "1,1,1",
     "X,Y,Z",
     STRETCH_LIMITS,
-    "three positive factors, such as 1,1,0.2",
     "Factors along the axes, for shapes that are too long or too flat to be seen.",
 )
 @click.option("--labels/--no-labels", default=None, help="Number points, knots and edges; by default if they are few.")

@@ -178,17 +178,16 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
             streams.console.warn(f"{name}the patch folds at {part.folds} of some thousand places")
         if part.free:
             free = f"{part.free} free control point{'s' if part.free > 1 else ''}"
-            made = "no fairer one is found" if part.patch is given else free
-            least = _change("energy", *part.energies, part.error) if part.energies else ""
-            energies = f"{least} but for the outermost thousandth; " if least else ""
+            text = "no fairer one is found; " if part.patch is given else f"{free}; "
+            if part.energies:
+                text += f"{_change('energy', *part.energies, part.error)} but for the outermost thousandth; "
             before, after = part.before, part.after
             changes = [
                 _change("bending", before.energy, after.energy, part.error),
                 _change("variation", before.variation, after.variation, part.error),
                 _change("largest curvature", before.curvature, after.curvature, 0.05),  # where it was looked at
             ]
-            text = f"{energies}but for the outermost hundredth: {', '.join(changes)}"
-            streams.console.note(f"{name}{made}; {text}")
+            streams.console.note(f"{name}{text}but for the outermost hundredth: {', '.join(changes)}")
     if stiff := [name[:-2] for name, part in zip(names, found, strict=True) if not part.free]:
         where = "" if len(stiff) == len(found) else f" in {', '.join(stiff)}"
         streams.console.warn(f"no control point is free{where}: all stay")

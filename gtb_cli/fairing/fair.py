@@ -206,8 +206,7 @@ def agreed(
             now = values / area  # sums over the triangles so far
             if earlier is not None:
                 change = np.abs(np.diff(now - earlier, axis=1, prepend=0)).cumsum(axis=1) / now
-                known = np.isfinite(change) & (values > FLAT)
-                errors = np.where(known, change, 0.0)[:, [r - 1, -1]].max(axis=0)
+                errors = np.where(np.isfinite(change) & (values > FLAT), change, 0.0)[:, [r - 1, -1]].max(axis=0)
         if errors[0].max() <= enough:
             break
         earlier = now

@@ -104,6 +104,5 @@ def _polyhedron(words: Words) -> list[Patch]:
     patches = []
     for _ in range(faces):
         sides = words.whole("the number of corners of a face", 3, max_sides)
-        corners = [words.whole("the index of a vertex", 0, vertices - 1) for _ in range(sides)]
-        patches.append(polygon(points[corners]))
+        patches.append(polygon(points[[words.whole("the index of a vertex", 0, vertices - 1) for _ in range(sides)]]))
     return patches

@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,8 +57,7 @@ def read_shape(data: bytes, kind: str, source: str) -> Any:
         path = os.path.join(folder, f"x.{kind}")
         begin(folder)
         begin(path)
-        with open(path, "wb") as file:
-            file.write(data)
+        Path(path).write_bytes(data)
         code = "import sys; from gtb_cli.importers.cad_files import probe; sys.exit(probe(*sys.argv[1:]))"
         probed = subprocess.run([sys.executable, "-c", code, kind, path], capture_output=True, check=False)
         if probed.returncode < 0:

@@ -23,8 +23,7 @@ def rectangle(net: FloatArray, weights: FloatArray | None = None) -> Patch:
 
 def triangle(degree: int, points: FloatArray, weights: FloatArray | None) -> Patch:
     """Return the Bézier triangle of control points in rows: n + 1, n, …, 1 of them, with the knot (i, j) in row j."""
-    knots = [(i, j) for j in range(degree + 1) for i in range(degree + 1 - j)]
-    return Patch(knots, points, weights, "binomial")
+    return Patch([(i, j) for j in range(degree + 1) for i in range(degree + 1 - j)], points, weights, "binomial")
 
 
 def polygon(corners: FloatArray) -> Patch:

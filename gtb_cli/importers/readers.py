@@ -67,7 +67,6 @@ def import_data(path: str, data: bytes, format: str | None = None) -> Imported:
         known = f"by its content or suffix; name one of {', '.join(READERS)}"
         raise SpecError(f"{path}: is in no format that is known {known}")
     room = import_module(f"gtb_cli.importers.{READERS[format]}")
-    patches: list[Patch]
     patches, remarks = getattr(room, f"read_{format}")(data, path)
     surfaces = [patch for patch in patches if patch.dimension == 2]
     if surfaces and len(surfaces) < len(patches):

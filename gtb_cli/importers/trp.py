@@ -36,8 +36,7 @@ def read_trp(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
         shape = domain(knots, "primitive")
     except DomainError as error:
         raise SpecError(f"{source}:{rows_at}: {error}") from None
-    hull = {tuple(corner) for corner in shape.vertices.tolist()}
-    if hull != {tuple(corner) for corner in corners.tolist()}:
+    if {*map(tuple, shape.vertices.tolist())} != {*map(tuple, corners.tolist())}:
         found = ", ".join(f"({u:g}, {v:g})" for u, v in shape.vertices[:8].tolist())
         words.fail(f"expected the corners of the control points' hull, which are {found}", corners_at)
     if len(np.unique(knots, axis=0)) < count:

@@ -60,8 +60,7 @@ def _highest_above_segments(start: FloatArray, ends: FloatArray) -> FloatArray:
     height = np.zeros(len(column))
     for _ in range(len(start)):
         up, down = slopes[rising, column], slopes[falling, column]
-        steep = np.where(up > down, up - down, 1.0)
-        place = np.clip((start[falling] - start[rising]) / steep, 0.0, 1.0)
+        place = np.clip((start[falling] - start[rising]) / np.where(up > down, up - down, 1.0), 0.0, 1.0)
         heights = start[:, None] + place * slopes
         lowest = heights.argmin(axis=0)
         height = heights[lowest, column]
@@ -80,8 +79,7 @@ def _hollow_triangles(cells: list[int], beside: list[int]) -> Iterator[tuple[int
         if beside[i] >> j & 1:
             pair = 1 << i | 1 << j
             filled = reduce(or_, (cell for cell in cells if cell & pair == pair))
-            further = beside[i] & beside[j] & ~filled
-            yield from ((i, j, k) for k in range(j + 1, len(beside)) if further >> k & 1)
+            yield from ((i, j, k) for k in range(j + 1, len(beside)) if (beside[i] & beside[j] & ~filled) >> k & 1)
 
 
 def _highest_above(decomposition: RegularDecomposition, gaps: FloatArray, triangle: tuple[int, int, int]) -> float:

@@ -215,8 +215,7 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     points = finite("knots", knots)
     if np.abs(points).max(initial=0.0) > high:
         raise DomainError(f"knots: coordinates beyond {high:g} are not supported, got {np.abs(points).max():g}")
-    if points.ndim == 1:
-        points = points[:, None]
+    points = points[:, None] if points.ndim == 1 else points
     if points.ndim != 2 or points.shape[1] not in (1, 2) or len(points) < 2:
         raise DomainError(f"knots: expected shape (n,), (n, 1) or (n, 2) with n > 1, got {np.shape(knots)}")
     if edge_normals not in get_args(EdgeNormals):

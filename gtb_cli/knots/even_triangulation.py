@@ -18,8 +18,7 @@ class Triangulation:
 
     def side(self, edge: int) -> IntArray:
         """Return the (N + 1,) vertices on an edge, both corners included; for d = 1 the end."""
-        following = self.boundary[(edge + 1) % len(self.boundary), : self.cells.shape[1] - 2]
-        return np.append(self.boundary[edge], following)
+        return np.append(self.boundary[edge], np.roll(self.boundary, -1, axis=0)[edge, : self.cells.shape[1] - 2])
 
     def faces(self, faces: Faces) -> IntArray:
         """Return the numbers of the faces of Δ in whose relative interior the vertices lie, (m,)."""
@@ -85,8 +84,7 @@ def triangulation(domain: Domain, resolution: int) -> Triangulation:
         return Triangulation(lines, np.stack([steps, steps + 1], axis=1), np.array([[0], [n]]))
     if len(v) == 4 and (v[1] == [v[2, 0], v[0, 1]]).all() and (v[3] == [v[0, 0], v[2, 1]]).all():
         return Triangulation(np.stack(np.meshgrid(*lines.T), axis=-1).reshape(-1, 2), *_squares(n))
-    make = {3: _triangle, 4: _quadrilateral}.get(len(v), _sectors)
-    return _with_exact_boundary(domain, *make(v, n))
+    return _with_exact_boundary(domain, *{3: _triangle, 4: _quadrilateral}.get(len(v), _sectors)(v, n))
 
 
 def central_triangulation(domain: Domain, resolution: int) -> Triangulation:

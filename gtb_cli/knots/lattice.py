@@ -126,8 +126,7 @@ def lattice_fault(domain: Domain) -> str:
         return f"{once}: {repeat}"
     found = {*map(tuple, places.tolist())}
     rows = (islice(_points(d.degree, len(d.steps) + 1), n + 1) for d in directions)
-    wanted = (sum(parts, ()) for parts in product(*rows))
-    missing = next(place for place in wanted if place not in found)
+    missing = next(place for parts in product(*rows) if (place := sum(parts, ())) not in found)
     steps = np.concatenate([np.vstack([np.zeros(domain.knots[:1].shape), d.steps]) for d in directions])
     knot = domain.vertices[0] + np.array(missing) @ steps
     return f"{once} without ({', '.join(f'{x:.6g}' for x in knot)})"

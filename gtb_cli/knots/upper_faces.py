@@ -181,9 +181,8 @@ class UpperFace:
             return True
         allowed = lifted.floor
         if self._rounding:
-            place = (lifted.points[knot] - self._origin) / self._extent
-            shares = self._inverse[0] + place @ self._inverse[1:]
-            allowed += self._rounding * (1.0 + float(np.abs(shares).sum()))
+            place = np.insert((lifted.points[knot] - self._origin) / self._extent, 0, 1.0)
+            allowed += self._rounding * (1.0 + float(np.abs(place @ self._inverse).sum()))
         return allowed > 0 and drop / (self._plane[-2] << lifted.bits) <= allowed
 
     def affine(self) -> tuple[list[float], float]:

@@ -166,9 +166,8 @@ def _rotation(outer: Table) -> tuple[FloatArray | None, FloatArray]:
     if doubt and outer.values.faults.doubt is None:
         outer.values.faults.doubt = (*table.path, "degrees"), f"takes degrees: {doubt}"
     if isinstance(entries.get("axis"), list):
-        given = table.coordinates("axis", (2, 3), COORDINATE)
-        direction = np.zeros(3) if given is None else np.append(given, 0.0)[:3]
-        if given is not None and not given.any():
+        before, direction = table.values.faults.count, _vector(table, "axis")
+        if not direction.any() and table.values.faults.count == before:
             table.fault("axis", "must not be 0")
     else:
         letter = table.choice("axis", AXES, "a direction of 3 coordinates, ")
@@ -213,7 +212,7 @@ def carried_out(
             beside = [name for name in (*named, *source) if name not in copy.names]
             others = [name for name in beside if not name.startswith(f"{copy.original}-")][:1000]
             hint = suggestion(copy.original, others) if faults.count < faults.SHOWN else ""
-            hint = hint or "".join([", there are ", ", ".join(map(shown, others[:10]))] * bool(others))
+            hint = hint or (others and f", there are {', '.join(map(shown, others[:10]))}") or ""
             faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{hint}")
     source = {name: number for name, number in source.items() if name not in named}
     needs = {n: [source[copy.original]] if copy.original in source else [] for n, copy in copies.items()}

@@ -155,10 +155,8 @@ def place(path: Path) -> str:
 def shown(value: object) -> str:
     """Describe a value for a message, in a few words."""
     match value:
-        case None:
-            return "null"
-        case bool():
-            return "true" if value else "false"
+        case None | bool():
+            return {None: "null", True: "true", False: "false"}[value]
         case str() | int() | float():
             text = repr(value).removesuffix(".0")
             return text if len(text) <= 60 else f"{text[:40]}... ({len(text)} characters)"
@@ -188,8 +186,7 @@ def read(data: bytes | str, source: str, format: SpecFormat | None = None) -> Do
             ways_out = {"file": ": gtb import (extra gtb-cli[cad]) makes one", "mesh": "; gtb view shows meshes"}
             raise SpecError(Fault(f"is {kind}, and a spec is expected{ways_out.get(kind[-4:], '')}", source))
     text = _decode(data, source)
-    if format is None:
-        format = "json" if text.lstrip()[:1] == "{" else "toml"
+    format = format or ("json" if text.lstrip()[:1] == "{" else "toml")
     if not text.strip():
         raise SpecError(Fault("is empty", source))
     repeated = _measure(text, source, format)

@@ -141,9 +141,12 @@ def from_dict(data: Mapping[str, Any]) -> Patch | Model:
     SpecError
         See `load`; the messages have key paths.
     """
-    document = Document(_plain(data), "", "json", ())
-    faults = Faults(document, "from_dict")
-    result = read_spec(Values(faults, Budget()), _nothing_included, document.data, None, None, NO_LET, lambda *_: None)
+
+    def include(name: str, let: Let, place: Path) -> tuple[Patch, ...]:
+        raise SpecError(f"{name}: plain data have no folder from which files could be taken")
+
+    faults = Faults(Document(plain := _plain(data), "", "json", ()), "from_dict")
+    result = read_spec(Values(faults, Budget()), include, plain, None, None, NO_LET, lambda *_: None)
     if result is None or faults.count:
         raise error_about([faults])
     return result
@@ -159,10 +162,6 @@ def _plain(value: object) -> object:
         case list() | tuple():
             return [_plain(entry) for entry in value]
     return value
-
-
-def _nothing_included(name: str, let: Let, place: Path) -> tuple[Patch, ...]:
-    raise SpecError(f"{name}: plain data have no folder from which files could be taken")
 
 
 def stem_of(source: str) -> str | None:

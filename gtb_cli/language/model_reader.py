@@ -45,8 +45,7 @@ def _model(reader: Reader, include: Include, data: dict[str, Any], name: str | N
     table.unknown_keys(MODEL_KEYS, dict.fromkeys(PATCH_KEYS, "belongs in one of the [[patches]]"))
     title = table.name(name)
     length: Any = data.get("weld")
-    is_percentage = isinstance(length, str) and length.rstrip().endswith("%")
-    if is_percentage:
+    if is_percentage := isinstance(length, str) and length.rstrip().endswith("%"):
         length = length.rstrip()[:-1]
     distance = values.number(length, ("weld",), POSITIVE) if "weld" in data else None
     included, owners = _included(values, include, data)

@@ -144,8 +144,7 @@ def _knots(table: Table) -> tuple[FloatArray | None, int | None]:
 
 def _points(table: Table, key: str, n: int | None) -> FloatArray | None:
     """Read (n, 3) control points, or another row of points as long; z is 0 where it is not given."""
-    is_list = _is_list(table, key, n)
-    points = table.values.tuples(table.entries[key], (*table.path, key), (2, 3)) if is_list else None
+    points = table.values.tuples(table.entries[key], (*table.path, key), (2, 3)) if _is_list(table, key, n) else None
     return np.pad(points, [(0, 0), (0, 3 - points.shape[1])]) if points is not None and len(points) == n else None
 
 

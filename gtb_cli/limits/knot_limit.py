@@ -83,10 +83,9 @@ def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
     for corner, members in zip(shape.vertices, shape.faces.knots[shape.faces.corners], strict=True):
         if not (members & stays).any():
             k = int(np.flatnonzero(members)[0])
-            place = ", ".join(f"{x:g}" for x in corner)
-            what = "end" if shape.dimension == 1 else "corner"
-            why = f"no other knot stays at its {what} ({place})"
-            raise DomainError(f"merging knot {k} -> {targets[k]} changes the hull: {why}")
+            place = f"{'end' if shape.dimension == 1 else 'corner'} ({', '.join(f'{x:g}' for x in corner)})"
+            fault = f"merging knot {k} -> {targets[k]} changes the hull"
+            raise DomainError(f"{fault}: no other knot stays at its {place}")
     return targets
 
 
@@ -164,8 +163,7 @@ class KnotLimit:
                 shares = speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT)
                 if np.linalg.matrix_rank(shares, rtol=parallel_ratio) < 2:
                     continue
-            units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
-            speeds = read_only(speeds / np.array(units))
+            speeds = read_only(speeds / np.array([column[column > 0].min(initial=np.inf) for column in speeds.T]))
             films.append(Film(face, members, speeds, along, patch.log_products[members], patch.control_points[members]))
         return tuple(films)
 

@@ -150,5 +150,4 @@ def _between(lines: FloatArray) -> FloatArray:
         for node in range(1, ORDER):
             value += flat[node : node + count] * inner_weights[node, place]
         values[:count, place] = value
-    nodes = lines.shape[-1] - ORDER
-    return values.reshape(*lines.shape, STRIDE)[..., :nodes, :].reshape(*lines.shape[:-1], -1)
+    return values.reshape(*lines.shape, STRIDE)[..., :-ORDER, :].reshape(*lines.shape[:-1], -1)

@@ -41,8 +41,7 @@ def scaled_exponentials(e: FloatArray) -> FloatArray:
 
 def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray) -> FloatArray:
     """Return sums of weights and of weighted (n, k) values, up to a common factor: (d, m) → (1 + k, m)."""
-    factors = np.concatenate([np.ones((1, len(values))), values.T])
-    return np.asarray(factors @ exponentials(knots, log_weights, s))
+    return np.asarray(np.concatenate([np.ones((1, len(values))), values.T]) @ exponentials(knots, log_weights, s))
 
 
 def shares(e: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """Pictures of basis functions: over t, or as graphs over Δ."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.plots.look import Axes, Look, subscript
+from gtb_cli.plots.look import Axes, AxesOf, Look, subscript
 from gtb_cli.plots.palette import FAINT, INK, line_style
 from gtb_cli.plots.scene import GRAPH_HEIGHT, HALO, HIDDEN_STRENGTH, View, note, space_views
 from gtb_cli.plots.shape_figures import triangles_of, with_normals
@@ -64,9 +64,7 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
             note(ax, subscript("a", i), (place, 0.0), beside, color="#555555")
 
 
-def draw_bases(
-    axes_of: Callable[[list[str]], list[Axes]], variants: Sequence[Patch], look: Look, names: Sequence[str]
-) -> None:
+def draw_bases(axes_of: AxesOf, variants: Sequence[Patch], look: Look, names: Sequence[str]) -> None:
     """Draw basis functions of a surface, or of variants of it, as graphs over Δ, each on axes of its own scale."""
     indices = chosen(look, variants[0])
     symbol = "β" if look.unnormalised else "T"

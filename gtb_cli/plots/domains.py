@@ -107,8 +107,7 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
             scene.note(ax, f"{height:.4g}", (x, height), (-5 if rising else 5, 4), ha="right" if rising else "left")
             scene.note(ax, subscript("a", i), (x, floor), (0, -15), annotation_clip=False)
     ax.margins(x=0.07)
-    ceiling = float(heights.max()) + 0.14 * (float(np.ptp(heights)) or 1.0)
-    ax.set(ylim=(floor, ceiling), xticks=[], ylabel="λ")
+    ax.set(ylim=(floor, float(heights.max()) + 0.14 * (float(np.ptp(heights)) or 1.0)), xticks=[], ylabel="λ")
     ax.spines["bottom"].set_visible(False)
 
 

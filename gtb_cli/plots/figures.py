@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
 from gtb_cli.plots.bases import draw_bases, draw_basis
 from gtb_cli.plots.domains import draw_all_decompositions, draw_decomposition, draw_domain, draw_lifted
-from gtb_cli.plots.look import Axes, Figure, Look, empty_figure, panels, settings, subscript, with_numbers
+from gtb_cli.plots.look import Axes, AxesOf, Figure, Look, empty_figure, panels, settings, subscript, with_numbers
 from gtb_cli.plots.net_lines import is_flat
 from gtb_cli.plots.panels import Approach, Frames, default_values, figure_of_distances, figure_of_members
 from gtb_cli.plots.shape_figures import draw_curves, draw_mesh, draw_surfaces
@@ -85,7 +86,7 @@ def plot(
     if makes_figure(found, picture):
         raise DomainError(f"ax: {picture.what!r} makes a figure of its own")
     with settings():
-        _draw_on(ax, found, picture)
+        _draw_on(lambda _: [ax], found, picture)
         return ax
 
 
@@ -153,7 +154,7 @@ def makes_figure(thing: Patch | Model | Mesh, picture: Picture) -> bool:
 
 def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
     """Draw a spec or a mesh."""
-    what, look, _, vary = picture
+    what, look = picture.what, picture.look
     if what in ("sequence", "distance"):
         frames = frames_of_picture(thing, picture)
         members = range(len(frames.meshes))
@@ -162,19 +163,16 @@ def figure_of(thing: Patch | Model | Mesh, picture: Picture) -> Figure:
         figure = empty_figure(look)
         if what == "decompositions" and isinstance(thing, Patch):
             draw_all_decompositions(figure, thing)
-        elif makes_figure(thing, picture) and isinstance(thing, Patch):
-            variants, names = _variants(thing, vary) if vary else ([thing], [""])
-            if what == "basis":
-                draw_bases(lambda titles: panels(figure, titles), variants, _with_index(look, vary), names)
-            else:
-                draw_surfaces(panels(figure, names), variants, look, stripes=what == "stripes")
+        elif makes_figure(thing, picture):
+            _draw_on(partial(panels, figure), thing, picture)
         else:
             in_space = what in ("mesh", "surface", "stripes")
             if what == "curve" and not isinstance(thing, Mesh):
                 in_space = not is_flat([patch.control_points for patch in thing.patches])
             elif what == "basis" or (what == "decomposition" and look.lifted):
                 in_space = default_picture(thing) == "surface"
-            _draw_on(figure.add_axes((0.0, 0.0, 1.0, 1.0)) if in_space else with_numbers(figure), thing, picture)
+            ax = figure.add_axes((0.0, 0.0, 1.0, 1.0)) if in_space else with_numbers(figure)
+            _draw_on(lambda _: [ax], thing, picture)
         return figure
 
 
@@ -186,28 +184,28 @@ def frames_of_picture(thing: Patch | Model | Mesh, picture: Picture, kind: str |
     return picture.approach.frames(thing, resolution, x=xs, steps=steps, distances=picture.what == "distance")
 
 
-def _draw_on(ax: Axes, thing: Patch | Model | Mesh, picture: Picture) -> None:
+def _draw_on(axes_of: AxesOf, thing: Any, picture: Picture) -> None:
+    """Draw a thing that has this picture, as `_check` has seen, on axes for some titles."""
     what, look, approach, vary = picture
     if isinstance(thing, Mesh):
-        draw_mesh(ax, thing, look)
-    elif what in ("surface", "stripes"):
-        draw_surfaces([ax], [thing], look, stripes=what == "stripes")
-    elif what == "curve" and vary is None:
-        draw_curves(ax, thing.patches, look)
-    elif isinstance(thing, Patch):
-        if what == "domain":
-            draw_domain(ax, thing, look)
-        elif what == "decomposition":
-            draw = draw_lifted if look.lifted and thing.dimension == 2 else draw_decomposition
-            draw(ax, regular_decomposition(thing.knots, heights_of(thing, approach.lifting)), look)
-        elif thing.dimension == 2:
-            draw_bases(lambda _: [ax], [thing], look, [""])
-        else:
-            variants, names = _variants(thing, vary) if vary else ([thing], [])
-            if what == "basis":
-                draw_basis(ax, variants, _with_index(look, vary), names)
-            else:
-                draw_curves(ax, variants, look, names)
+        draw_mesh(axes_of([""])[0], thing, look)
+        return
+    variants, names = _variants(thing, vary) if vary else ([thing], [""])
+    if vary and not look.index:
+        look = replace(look, index=(vary.knot,))  # the function of the knot that varies
+    if what in ("surface", "stripes"):
+        draw_surfaces(axes_of(names), variants, look, stripes=what == "stripes")
+    elif what == "curve":
+        draw_curves(axes_of(names)[0], [curve for each in variants for curve in each.patches], look, names * bool(vary))
+    elif what == "basis" and thing.dimension == 2:
+        draw_bases(axes_of, variants, look, names)
+    elif what == "basis":
+        draw_basis(axes_of(names)[0], variants, look, names * bool(vary))
+    elif what == "domain":
+        draw_domain(axes_of(names)[0], thing, look)
+    else:
+        draw = draw_lifted if look.lifted and thing.dimension == 2 else draw_decomposition
+        draw(axes_of(names)[0], regular_decomposition(thing.knots, heights_of(thing, approach.lifting)), look)
 
 
 def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
@@ -221,11 +219,6 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
     variants = [patch.replace(**{vary.key: np.where(varies, value, numbers)}) for value in vary.values]
     symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
     return variants, [re.sub(r"sqrt\((\d+)\)", r"√\1", f"{symbol} = {text}") for text in vary.texts]
-
-
-def _with_index(look: Look, vary: Variation | None) -> Look:
-    """Return a look that shows the function of the knot that varies, if none was chosen."""
-    return replace(look, index=(vary.knot,)) if vary is not None and not look.index else look
 
 
 def default_picture(thing: Patch | Model | Mesh) -> str:

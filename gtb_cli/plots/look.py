@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ExportError
-from gtb_cli.plots.palette import INK
 from gtb_cli.vocabulary import CAMERA_LIMITS, COLOUR_MAPS, SIZE_LIMITS, STRETCH_LIMITS
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 else:
     Axes = Figure = Any  # matplotlib is imported where something is drawn
 
+AxesOf: TypeAlias = Callable[[Sequence[str]], list[Axes]]  # axes for some titles
 CurvatureKind: TypeAlias = Literal["gaussian", "mean"]
 MAX_PIXELS = 60_000_000
 
@@ -39,8 +40,8 @@ class Camera:
     stretch: tuple[float, ...] = (1.0, 1.0, 1.0)
 
     def __post_init__(self) -> None:
-        _numbers("camera", (self.azimuth, self.elevation), CAMERA_LIMITS)
-        object.__setattr__(self, "stretch", _numbers("stretch", self.stretch, STRETCH_LIMITS))
+        numbers_in("camera", (self.azimuth, self.elevation), CAMERA_LIMITS)
+        object.__setattr__(self, "stretch", numbers_in("stretch", self.stretch, STRETCH_LIMITS))
 
     @property
     def axes(self) -> FloatArray:
@@ -51,7 +52,7 @@ class Camera:
         return np.array([right, up, [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]])
 
 
-def _numbers(name: str, given: object, limits: Sequence[tuple[float, float]]) -> tuple[float, ...]:
+def numbers_in(name: str, given: object, limits: Sequence[tuple[float, float]]) -> tuple[float, ...]:
     """Return as many numbers as there are limits, each within its own."""
     try:
         values = np.asarray(given)
@@ -82,8 +83,8 @@ class Look:
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
-            object.__setattr__(self, "camera", Camera(*_numbers("camera", self.camera, CAMERA_LIMITS)))
-        object.__setattr__(self, "size", _numbers("size", self.size, SIZE_LIMITS))
+            object.__setattr__(self, "camera", Camera(*numbers_in("camera", self.camera, CAMERA_LIMITS)))
+        object.__setattr__(self, "size", numbers_in("size", self.size, SIZE_LIMITS))
         object.__setattr__(self, "index", tuple(np.atleast_1d(np.asarray(self.index, dtype=object)).tolist()))
         given = [(name, getattr(self, name)) for name in ("resolution", "dpi")] + [("index", k) for k in self.index]
         for name, value in given:
@@ -110,31 +111,12 @@ class Look:
 
 def settings() -> AbstractContextManager[None]:
     """Return a context with the settings of these pictures; `ExportError` if matplotlib is not installed."""
-    # Settings of matplotlib, not the user's own: the same figure gives the same bytes. Text stays text in SVG and PDF.
-    chosen = {
-        "font.family": ["DejaVu Sans"],
-        "font.size": 9,
-        "text.usetex": False,
-        **dict.fromkeys(("text.color", "axes.labelcolor"), INK),
-        **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), "#444444"),
-        **dict.fromkeys(("axes.facecolor", "figure.facecolor", "savefig.facecolor"), "white"),
-        **dict.fromkeys(("axes.spines.top", "axes.spines.right", "path.simplify", "savefig.transparent"), False),
-        **dict.fromkeys(("xtick.labelsize", "ytick.labelsize"), 8),
-        "axes.linewidth": 0.7,
-        "axes.titlesize": 9.5,
-        "axes.unicode_minus": True,
-        "axes.formatter.useoffset": True,
-        "savefig.bbox": None,
-        "svg.fonttype": "none",
-        "svg.hashsalt": "gtb",
-        "pdf.fonttype": 42,
-        "pdf.compression": 9,
-    }
     try:
         import matplotlib.figure
     except ModuleNotFoundError:
         raise ExportError("pictures need matplotlib, which is not installed: pip install matplotlib") from None
-    return matplotlib.rc_context(chosen)
+    style = Path(__file__).with_name("gtb.mplstyle")
+    return matplotlib.rc_context(matplotlib.rc_params_from_file(style, use_default_template=False))
 
 
 def empty_figure(look: Look) -> Figure:

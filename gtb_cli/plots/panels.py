@@ -117,8 +117,7 @@ def read_frames(path: str) -> Frames:
         if os.path.basename(name) != name:
             raise SpecError(f"{record}: {name!r} is not the name of a file in its folder")
         _refuse_pipe(os.path.join(os.path.dirname(record), name))
-    folder = os.path.dirname(record)
-    meshes = tuple(read_mesh(os.path.join(folder, name)) for name in names)
+    meshes = tuple(read_mesh(os.path.join(os.path.dirname(record), name)) for name in names)
     if len({mesh.is_curve for mesh in meshes}) > 1:
         raise SpecError(f"{record}: curves and surfaces are mixed")
     return Frames(key, values, meshes)

@@ -30,8 +30,7 @@ class Raster:
     def values(self, faces: IntArray, scalars: FloatArray) -> FloatArray:
         """Interpolate (m, …) values at the triangles' corners at the covered pixels, row by row: (p, …)."""
         covered = self.triangle >= 0
-        corners = scalars[faces[self.triangle[covered]]]
-        return np.asarray(np.einsum("pk...,pk->p...", corners, self.weights[covered]))
+        return np.asarray(np.einsum("pk...,pk->p...", scalars[faces[self.triangle[covered]]], self.weights[covered]))
 
 
 def rasterised(points: FloatArray, faces: IntArray, width: int, height: int) -> Raster:
@@ -58,8 +57,7 @@ def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> 
     a, b, c = plane[:, 0], plane[:, 1], plane[:, 2]
     doubled = planar_cross(b - a, c - a)
     low = np.ceil(plane.min(axis=1) - 0.5).clip(0).astype(np.int64)
-    high = np.floor(plane.max(axis=1) - 0.5).clip(None, [width - 1, height - 1]).astype(np.int64)
-    spans = high - low + 1
+    spans = np.floor(plane.max(axis=1) - 0.5).clip(None, [width - 1, height - 1]).astype(np.int64) - low + 1
     used = np.flatnonzero((spans > 0).all(axis=1) & (doubled != 0))
     boxes = spans.prod(axis=1)
     found = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 3)))]

@@ -63,8 +63,7 @@ def draw_surfaces(axes: Sequence[Axes], shapes: Sequence[Patch | Model], look: L
         if with_net:
             draw_net(view, shape.patches, look)
         if look.labels and not stripes:
-            middles = [view.seen(path)[len(path) // 2, :2] for path in free]
-            view.names([name for name, *_ in free_edges(shape)], middles)
+            view.names([name for name, *_ in free_edges(shape)], [view.seen(path)[len(path) // 2, :2] for path in free])
         view.triad()
 
 

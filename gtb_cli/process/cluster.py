@@ -7,17 +7,17 @@ import socket
 import threading
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import CancelledError, Future, wait
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeAlias
 
 from gtb_cli.errors import GtbError
 from gtb_cli.process.processes import R, T, in_order
 
+Warn: TypeAlias = Callable[[str], None]
 CONNECTION_SECONDS = 10.0  # seconds within which a scheduler must answer
 
 
-def in_cluster(
-    function: Callable[[T], R], tasks: Iterable[T], address: str, warn: Callable[[str], None]
-) -> Generator[R]:
+def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str, warn: Warn) -> Generator[R]:
     """Yield ``function(task)`` for each task, in their order, computed by the workers of a Dask cluster.
 
     `address` is where the scheduler is, such as ``tcp://127.0.0.1:8786``, or its scheduler file. If a worker dies,
@@ -80,8 +80,7 @@ def _scheduler(address: str) -> str:
         import json
 
         try:
-            with open(address, encoding="utf-8") as file:
-                address = json.load(file)["address"]
+            address = json.loads(Path(address).read_text(encoding="utf-8"))["address"]
         except (ValueError, KeyError, TypeError):
             raise ValueError("this is not a scheduler file of Dask") from None
     # HOST:PORT; an address that contains colons stands in brackets
@@ -91,7 +90,7 @@ def _scheduler(address: str) -> str:
     raise ValueError("expected tcp://HOST:PORT, tls://HOST:PORT, or a scheduler file")
 
 
-def _awaited(future: Future[R], client: Any, address: str, warn: Callable[[str], None]) -> R:
+def _awaited(future: Future[R], client: Any, address: str, warn: Warn) -> R:
     """Wait for a result, unless no worker is left to compute it."""
     while not wait([future], 5.0).done:  # seconds between two checks that there are workers
         if client.status != "running":
@@ -103,7 +102,7 @@ def _awaited(future: Future[R], client: Any, address: str, warn: Callable[[str],
         raise GtbError(f"--cluster {address}: the scheduler has gone") from None
 
 
-def _wait_for_workers(client: Any, address: str, warn: Callable[[str], None]) -> None:
+def _wait_for_workers(client: Any, address: str, warn: Warn) -> None:
     """Wait until there is a worker: none has joined yet, or the last one has gone."""
     seconds = 60.0
     if client.ncores():
@@ -115,7 +114,7 @@ def _wait_for_workers(client: Any, address: str, warn: Callable[[str], None]) ->
         raise GtbError(f"--cluster {address}: no workers within {seconds:g} seconds") from None
 
 
-def _check_workers(client: Any, address: str, warn: Callable[[str], None]) -> None:
+def _check_workers(client: Any, address: str, warn: Warn) -> None:
     """Refuse workers with other programs than this process; warn if their processors may round differently."""
     from gtb_cli.process.versions import PACKAGES, versions
 

@@ -23,8 +23,7 @@ MAX_JOBS = 64  # largest number of worker processes
 
 def processors() -> int:
     """Return the number of processors that this process may use."""
-    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(count, MAX_JOBS)
+    return min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, MAX_JOBS)
 
 
 def in_order(
@@ -59,8 +58,7 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
     from multiprocessing import active_children, get_context
 
     # A copy of this process has already imported everything; copies are safe only on Linux.
-    context = get_context("fork" if sys.platform == "linux" else "spawn")
-    executor = ProcessPoolExecutor(jobs, context, _start_worker)
+    executor = ProcessPoolExecutor(jobs, get_context("fork" if sys.platform == "linux" else "spawn"), _start_worker)
 
     def submitted(task: T) -> Future[R]:
         try:

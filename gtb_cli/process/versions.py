@@ -49,8 +49,7 @@ def _checksum_of_arithmetic() -> str:
         results = [np.exp(x), np.log(x), np.sin(x), np.tan(x), x**0.37, np.hypot(x, 1.3), np.add.reduce(1 / x), x @ x]
         results += [square @ square, square @ x[:90], np.linalg.solve(square + np.eye(90), x[:90])]
         results += [np.linalg.svd(square[:40, :40])[1], np.einsum("i,ij,j", x[:90], square, x[:90])]
-    core = getattr(np, "_core", None) or np.core
-    features = getattr(core._multiarray_umath, "__cpu_features__", {})
+    features = getattr(np._core._multiarray_umath, "__cpu_features__", {})  # type: ignore[attr-defined]
     found = hashlib.sha256(repr(sorted(name for name, used in features.items() if used)).encode())
     for result in results:
         found.update(np.asarray(result, dtype="<f8").tobytes())

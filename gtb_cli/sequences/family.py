@@ -100,9 +100,7 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
 
 def _sides(polygon: tuple[int, ...]) -> list[tuple[int, ...]]:
     """Return the knots at the ends of each edge of a polygon, or the two ends of a segment one by one."""
-    if len(polygon) == 2:
-        return [(polygon[0],), (polygon[1],)]
-    return [*border_of(polygon)]
+    return [(polygon[0],), (polygon[1],)] if len(polygon) == 2 else [*border_of(polygon)]
 
 
 def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Sequence[Patch]) -> Joints:

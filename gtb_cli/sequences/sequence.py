@@ -75,8 +75,7 @@ class MeshSequence:
         for first in range(0, len(self), together):
             members = range(first, min(first + together, len(self)))
             meshes = [self._mesh(self._family.samplers[k]) for k in members]
-            unknown = [(None, None, None, "")] * len(members)
-            found = unknown if measurement is None else measurement.distances(members)
+            found = [(None, None, None, "")] * len(members) if measurement is None else measurement.distances(members)
             for k, mesh, (plain, filmed, error, doubt) in zip(members, meshes, found, strict=True):
                 yield Member(self.values[k], mesh, plain, filmed if self._family.filmed else None, error, doubt)
 

@@ -24,9 +24,8 @@ def gathered(name: str, made: Callable[..., object], *options: Option, takes: ob
     def decorator(function: Function) -> Function:
         @functools.wraps(function)
         def command(**values: Any) -> object:
-            given = {key: values.pop(key) for key in names if key in values}
             try:
-                values[name] = made(**given)
+                values[name] = made(**{key: values.pop(key) for key in names if key in values})
             except DomainError as error:
                 raise click.UsageError(f"--{error}") from None
             return function(**values)

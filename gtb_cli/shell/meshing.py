@@ -33,8 +33,7 @@ class MeshOptions:
     def refuse(self, reason: str, *names: str) -> None:
         """Raise a usage error with a reason if one of these options is given."""
         for name in names:
-            holder = self if name in ("uv", "ascii") else self.recipe
-            if getattr(holder, name):
+            if getattr(self if name in ("uv", "ascii") else self.recipe, name):
                 raise click.UsageError(f"--{name.replace('attributes', 'attribute')} {reason}")
 
     @property

@@ -123,9 +123,7 @@ class AttributeName(click.Choice):  # type: ignore[type-arg]
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Read a name; whether the patch has that basis function is checked later."""
         text = str(value).removeprefix(BASIS)
-        if text != value and text.isascii() and text.isdecimal():
-            return value
-        return super().convert(value, param, ctx)
+        return value if text != value and text.isascii() and text.isdecimal() else super().convert(value, param, ctx)
 
 
 def named_files(kind: click.Path) -> list[str]:

@@ -120,8 +120,7 @@ class Pages:
         quick = "quick" in query
         if not quick and not self._known((numbers, False)):  # a quick picture, and one that is there, wait for none
             quick = self._turns[False].locked() or not self._known((numbers, True))
-        seen = self.state(numbers, quick)
-        if quick and seen.error:  # which the whole one need not have
+        if (seen := self.state(numbers, quick)).error and quick:  # which the whole one need not have
             seen = self.state(numbers)
         news: dict[str, Any] = {"version": seen.version, "error": seen.error}
         return news if seen.data is None or query.get("have") == [str(seen.version)] else news | {"data": seen.data}

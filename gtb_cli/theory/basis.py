@@ -64,8 +64,7 @@ def unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray
     """
     n = len(domain.knots)
     if u is None and domain.dimension == 1:
-        angle = np.pi * (2 * np.arange(n, 0, -1) - 1) / (2 * n)
-        u = domain.center + domain.size / 2 * np.cos(angle)[:, None]
+        u = domain.center + domain.size / 2 * np.cos(np.pi * (2 * np.arange(n, 0, -1) - 1) / (2 * n))[:, None]
     elif u is None:
         u = domain.knots + 0.1 * (domain.center - domain.knots)
     parameters, _ = domain.grid(u)

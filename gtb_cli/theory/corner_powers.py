@@ -54,8 +54,7 @@ def corner_knots(domain: Domain, log_weights: FloatArray, points: FloatArray, co
     """Return the knots, merged where places are equal, with points in units of their extent; and the extent."""
     exponents, gaps, own = exponents_at(domain, corner)
     place = alike(exponents.T, gaps)
-    factors = np.column_stack([np.ones(len(place)), exponents, points - points[own]])
-    tops, sums = summed(place, log_weights, factors)
+    tops, sums = summed(place, log_weights, np.column_stack([np.ones(len(place)), exponents, points - points[own]]))
     means, logs, here = sums[:, 1:] / sums[:, :1], tops + np.log(sums[:, 0]), place[own]
     means, logs = np.delete(means - means[here], here, axis=0), np.delete(logs - logs[here], here)
     rounding = coordinate_rounding(points)
@@ -78,8 +77,7 @@ def alike(columns: FloatArray, gaps: Iterable[float]) -> IntArray:
     for values, gap in zip(columns, gaps, strict=True):
         # A gap splits each group found so far.
         order = np.lexsort((values, group))
-        begins = (np.diff(values[order]) > gap) | (np.diff(group[order]) > 0)
-        group[order] = np.concatenate([[0], np.cumsum(begins)])
+        group[order] = np.concatenate([[0], np.cumsum((np.diff(values[order]) > gap) | (np.diff(group[order]) > 0))])
     return group
 
 

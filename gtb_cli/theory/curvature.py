@@ -77,8 +77,7 @@ def _about(points: FloatArray, rounding: FloatArray, local: Local, terms: Terms,
     # equals the leading knot's is as near as p is.
     d = deltas @ normal - (normal * p).sum(axis=1, keepdims=True)
     near = 8 * EPS * np.sqrt((p**2).sum(axis=1, keepdims=True))
-    moved = (deltas != 0).any(axis=2, keepdims=True)
-    d[np.abs(d) <= np.where(moved, rounding[:, :, None] + near, near)] = 0.0
+    d[np.abs(d) <= np.where((deltas != 0).any(axis=2, keepdims=True), rounding[:, :, None] + near, near)] = 0.0
     xi_xi, xi_eta, eta_eta = (total * (x * d).sum(axis=1) for x in terms.second)
     square, product = lengths[2] ** 2, (first * second).sum(axis=1)
     gaussian = (xi_xi * eta_eta - xi_eta**2) / square

@@ -178,11 +178,9 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
         for layer in layers(shape.heights[:, edge]):
             if not len(rows):
                 break
-            t = shares(logarithms(layer, rows))
-            towards = cleared(deltas[:, layer].swapaxes(1, 2) @ t - position, rounding)
+            towards = cleared(deltas[:, layer].swapaxes(1, 2) @ shares(logarithms(layer, rows)) - position, rounding)
             found = result[:, rows]
-            missing = led[:, rows, None] & np.isnan(found)
-            result[:, rows] = np.where(missing, _unit_cross(tangent, towards)[0], found)
+            result[:, rows] = np.where(led[:, rows, None] & np.isnan(found), _unit_cross(tangent, towards)[0], found)
             todo = (np.isnan(result[:, rows, 0]) & led[:, rows]).any(axis=0)
             rows, tangent, position = rows[todo], tangent[:, :, todo], position[:, :, todo]
     for patch, normals, coordinates in zip(patches, result, s, strict=True):

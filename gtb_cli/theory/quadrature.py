@@ -66,8 +66,7 @@ def quadrature(patch: Patch, order: int = 24) -> Quadrature:
         along, inwards = np.tile((v + following) / 2, (2, 1)) - corners, middle - corners
         r, phi = distance[:, None, None], distance[:, None]
         places = corners[:, None, None] + r * ((1 - phi) * along[:, None, None] + phi * inwards[:, None, None])
-        areas = np.abs(planar_cross(along, inwards))
-        weights = (areas[:, None, None] * (steps * distance)[:, None] * steps).ravel()
+        weights = (np.abs(planar_cross(along, inwards))[:, None, None] * (steps * distance)[:, None] * steps).ravel()
     places = places.reshape(-1, shape.dimension)
     # Places that floats cannot tell from an edge move towards the middle, until they can. Their distances are found by
     # differences, as a sum over all coordinates would lose digits far from the origin.

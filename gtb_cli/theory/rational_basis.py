@@ -39,9 +39,7 @@ class RationalBasis:
         linear one was not found to `RESIDUAL`.
         """
         check_word("parametrization", parametrization, ("toric", "linear"))
-        if parametrization == "toric":
-            return toric_locations(self.domain, u, faces)
-        return self.linear.locations(u, faces)
+        return toric_locations(self.domain, u, faces) if parametrization == "toric" else self.linear.locations(u, faces)
 
     @cached_property
     def linear(self) -> LinearParametrization:
@@ -142,8 +140,7 @@ class LinearParametrization:
         for number, members in groups(self._nearest(heights[:, inside])):
             rows, system = inside[members], self._systems[number]
             own = None if numbers is None else numbers[rows]
-            places = system.rows(p.take(rows, axis=0), heights.take(rows, axis=1))
-            s = system.moments.inverse(places, within, None, own)
+            s = system.moments.inverse(system.rows(p.take(rows, axis=0), heights.take(rows, axis=1)), within, None, own)
             yield Location(left[rows], shape.faces[INTERIOR], system.moments.knots, s)
 
     def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray]:

@@ -5,14 +5,17 @@ import re
 import shutil
 import tomllib
 from collections.abc import Iterator
+from keyword import kwlist
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 import pytest
 
+from gtb_cli.language import expression, includes, keys_and_values, names, patch_reader as reader
 from gtb_cli.language.patch_reader import COPY_KEYS, INCLUDE_KEYS, MODEL_KEYS, PATCH_KEYS, RIBBONS
 from gtb_cli.language.schema import page, schema
+from gtb_cli.theory.basis import COEFFICIENTS
 from gtb_cli.vocabulary import TEMPLATES
 from tests.shell import SPECS, gtb
 from tests.specs import BAD_SPECS, GOOD_SPECS, Case, bad_specs
@@ -26,15 +29,27 @@ def data(path: Path) -> object:
     return json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
 
 
-def test_is_a_schema_and_plain_json() -> None:
+def test_is_a_schema() -> None:
     jsonschema.Draft202012Validator.check_schema(schema())
-    assert json.loads(json.dumps(schema())) == schema()
 
 
 def test_names_every_key_and_no_other() -> None:
     properties = schema()["properties"]
     assert set(properties) == PATCH_KEYS | MODEL_KEYS | {*RIBBONS}
     assert set(properties["patches"]["items"]["properties"]) == PATCH_KEYS | COPY_KEYS | {*RIBBONS}
+
+
+def test_its_limits_are_those_of_the_reader() -> None:
+    kinds, keys = schema()["$defs"], schema()["properties"]
+    number, name, grid = kinds["let"]["propertyNames"], kinds["name"], kinds["knots"]["anyOf"][2]
+    assert number["not"]["enum"] == [*expression.FUNCTIONS, *expression.CONSTANTS, expression.COUNTER, *kwlist]
+    assert (number["pattern"], grid["pattern"]) == (f"^{names.NAME_PATTERN}$", f"^{reader.GRID}$")
+    assert (number["maxLength"], kinds["let"]["maxProperties"]) == (names.MAX_NUMBER_NAME, names.MAX_NAMES)
+    assert (name["maxLength"], keys["include"]["maxItems"]) == (keys_and_values.MAX_NAME, includes.MAX_FILES)
+    assert (keys["patches"]["maxItems"], kinds["numbers"]["maxItems"]) == (reader.MAX_PATCHES, reader.MAX_KNOTS)
+    assert kinds["expression"]["maxLength"] == expression.MAX_CHARACTERS
+    assert name["not"]["pattern"] == keys_and_values.CONTROL_CHARACTERS
+    assert kinds["coefficients"]["anyOf"][0]["enum"] == [*COEFFICIENTS]
 
 
 def test_a_misspelled_key_is_the_only_fault() -> None:
