@@ -70,14 +70,32 @@ class Values:
         return self._budget.points >= 0
 
     def tuples(self, entries: list[object], path: Path, sizes: tuple[int, ...]) -> FloatArray | None:
-        """Read pairs or triples of coordinates, all of the same size: that of most of them."""
-        given = [len(entry) for entry in entries if isinstance(entry, list) and len(entry) in sizes]
+        """Read pairs or triples of coordinates, all of the same size: that of most of them; an arc stands for four."""
+        lengths = [3 if is_arc(entry) else len(entry) for entry in entries if is_arc(entry) or isinstance(entry, list)]
+        given = [length for length in lengths if length in sizes]
         if given:
             sizes = (max(dict.fromkeys(given), key=given.count),)
         else:
             entries = entries[:1]  # one fault, not one for each
-        rows = [self.coordinates(entry, (*path, i), sizes, COORDINATE) for i, entry in enumerate(entries)]
+        rows = list[FloatArray | None]()
+        for i, entry in enumerate(entries):
+            place = (*path, i)
+            is_row = is_arc(entry) and 3 in sizes
+            rows += self._arc(str(entry), place) if is_row else [self.coordinates(entry, place, sizes, COORDINATE)]
         return None if not rows or any(row is None for row in rows) else np.array(rows)
+
+    def _arc(self, text: str, path: Path) -> list[FloatArray] | list[None]:
+        """Read the four control points of a circle's arc, or of one that is less round, about the z axis."""
+        given = [self.number(part, path, COORDINATE) for part in text.strip(" \t")[4:-1].split(",")]
+        if None in given:
+            return [None]
+        if len(given) not in (3, 4) or not 0 < abs(given[2]) <= math.pi:
+            expected = "arc(radius, height, angle) or arc(radius, height, angle, roundness), to 180*deg"
+            self.faults.add(path, f"must be {expected}, got {shown(text)}{self._note}")
+            return [None]
+        r, z, angle, roundness = (*given, 1.0)[:4]
+        c, s, q = math.cos(angle), math.sin(angle), roundness * 4 / 3 * math.tan(angle / 4)
+        return [np.array([r * x, r * y, z]) for x, y in ((1, 0), (1, q), (c + q * s, s - q * c), (c, s))]
 
     def coordinates(self, entry: object, path: Path, sizes: tuple[int, ...], check: Check) -> FloatArray | None:
         """Read a list of one of the given sizes."""
@@ -187,6 +205,11 @@ class Table:
         if key not in self.entries:
             return None
         return self.values.coordinates(self.entries[key], (*self.path, key), sizes, check)
+
+
+def is_arc(entry: object) -> bool:
+    """Tell whether an entry of a list of points stands for the four of an arc."""
+    return isinstance(entry, str) and re.fullmatch(r"[ \t]*arc\(.*\)[ \t]*", entry) is not None
 
 
 def decimal_commas(entries: list[object], expected: int) -> str:

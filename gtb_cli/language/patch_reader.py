@@ -10,7 +10,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.language.document import shown
-from gtb_cli.language.keys_and_values import COORDINATE, POSITIVE, SCALE, Check, Table, Values, decimal_commas
+from gtb_cli.language.keys_and_values import COORDINATE, POSITIVE, SCALE, Check, Table, Values, decimal_commas, is_arc
 from gtb_cli.language.scanner import Path
 from gtb_cli.theory.basis import COEFFICIENTS
 from gtb_cli.theory.patch import Patch
@@ -161,8 +161,8 @@ def _is_list(table: Table, key: str, n: int | None) -> bool:
     entries = table.entries[key]
     if not isinstance(entries, list):
         table.fault(key, f"must be a list with an entry for each knot, got {shown(entries)}")
-    elif n is not None and len(entries) != n:
-        table.fault(key, f"must have {n} entries, one for each knot, got {len(entries)}{decimal_commas(entries, n)}")
+    elif n is not None and (count := len(entries) + 3 * sum(map(is_arc, entries))) != n:
+        table.fault(key, f"must have {n} entries, one for each knot, got {count}{decimal_commas(entries, n)}")
     return isinstance(entries, list)
 
 
