@@ -86,8 +86,9 @@ class Values:
 
     def _arc(self, text: str, path: Path) -> list[FloatArray] | list[None]:
         """Read the four control points of a circle's arc, or of one that is less round, about the z axis."""
-        given = [self.number(part, path, COORDINATE) for part in text.strip(" \t")[4:-1].split(",")]
-        if None in given:
+        parts = text.strip(" \t")[4:-1].split(",")
+        given = [number for part in parts if (number := self.number(part, path, COORDINATE)) is not None]
+        if len(given) < len(parts):
             return [None]
         if len(given) not in (3, 4) or not 0 < abs(given[2]) <= math.pi:
             expected = "arc(radius, height, angle) or arc(radius, height, angle, roundness), to 180*deg"
