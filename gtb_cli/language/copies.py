@@ -166,8 +166,9 @@ def _rotation(outer: Table) -> tuple[FloatArray | None, FloatArray]:
     if doubt and outer.values.faults.doubt is None:
         outer.values.faults.doubt = (*table.path, "degrees"), f"takes degrees: {doubt}"
     if isinstance(entries.get("axis"), list):
-        before, direction = table.values.faults.count, _vector(table, "axis")
-        if not direction.any() and table.values.faults.count == before:
+        given = table.coordinates("axis", (2, 3), COORDINATE)
+        direction = np.zeros(3) if given is None else np.append(given, 0.0)[:3]
+        if given is not None and not given.any():
             table.fault("axis", "must not be 0")
     else:
         letter = table.choice("axis", AXES, "a direction of 3 coordinates, ")

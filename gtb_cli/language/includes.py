@@ -60,16 +60,14 @@ def sources(path: str, format: SpecFormat | None = None) -> tuple[str, ...]:
     Each file stands once, as the folder of `path` and what the including files write (``..`` is left, as it leads
     elsewhere after a link); hardly more than `MAX_FILES`. A file that cannot be read includes nothing.
     """
-    found = {os.path.realpath(path): path}
-    waiting = [path]
-    while waiting and len(found) <= MAX_FILES:
-        file = waiting.pop(0)
-        for name in _included(file, format if file == path else None):
+    found, files = {os.path.realpath(path)}, [path]
+    for file in files:  # which grows
+        for name in _included(file, format if file == path else None) if len(found) <= MAX_FILES else ():
             below = os.path.join(os.path.dirname(file), name)
             if (real := os.path.realpath(below)) not in found:
-                found[real] = below
-                waiting.append(below)
-    return tuple(found.values())
+                found.add(real)
+                files.append(below)
+    return tuple(files)
 
 
 def _included(path: str, format: SpecFormat | None) -> list[str]:

@@ -84,8 +84,7 @@ def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
         if not (members & stays).any():
             k = int(np.flatnonzero(members)[0])
             place = f"{'end' if shape.dimension == 1 else 'corner'} ({', '.join(f'{x:g}' for x in corner)})"
-            fault = f"merging knot {k} -> {targets[k]} changes the hull"
-            raise DomainError(f"{fault}: no other knot stays at its {place}")
+            raise DomainError(f"merging knot {k} -> {targets[k]} changes the hull: no other knot stays at its {place}")
     return targets
 
 

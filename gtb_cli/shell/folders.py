@@ -97,8 +97,7 @@ def files_in(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
         here = status.st_dev, status.st_ino
         if here in above:  # a link to a folder that contains it
             continue
-        count += 1
-        if count > MAX_FOLDERS:
+        if (count := count + 1) > MAX_FOLDERS:
             raise GtbError(f"{folder}: has more than {MAX_FOLDERS} folders in it; do links lead to each other?")
         for name in [name for name in names if name[0] != "."]:
             inner, file = os.path.join(place, name), os.path.join(path, name)
