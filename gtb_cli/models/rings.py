@@ -1,14 +1,16 @@
-"""Rings of copies that do not close: turned by another angle than a part of a full turn, or with one copy too few."""
+"""Rings of copies that do not close: turned by a wrong angle, about a wrong axis, or with one copy too few or many."""
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import count, takewhile
+from itertools import combinations, count, takewhile
 
 import numpy as np
 
+from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
-from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_name
+from gtb_cli.models.same_edges import find_joints
+from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_curve, edge_name
 from gtb_cli.theory.patch import Patch
 
 SAME_ANGLE = 1e-6  # degrees within which two angles are one
@@ -50,6 +52,60 @@ def open_turns(patches: Sequence[Patch]) -> list[str]:
             cure = f"by {degrees:.4g} degrees each: {closed:.4g} (360/{len(ring)}) makes a ring"
             lines.append((cure, f"{patches[ring[0]].name} and {len(ring) - 1} copies are turned {cure}"))
     return one_of_alike(lines)
+
+
+def wrong_axes(patches: Sequence[Patch], weld: float | None) -> list[str]:
+    """Name the axes about which a patch and its copies would close a ring, where they are not joined as they are."""
+
+    def are_joined(three: Sequence[Patch], weld: float | None = None) -> bool:
+        found = find_joints(three, weld)
+        pairs = {(joint.first[0], joint.second[0]) for joint in found.shared}
+        return {(0, 1), (1, 2)} <= pairs and not found.crowded
+
+    lines = []
+    for ring, degrees in _rings_of_copies(patches):
+        first, *others = (patches[k] for k in ring)
+        is_whole = len(ring) > 2 and abs(360 / len(ring) - degrees) <= SAME_ANGLE
+        is_whole = is_whole and abs(_turn(*others[:2]) - degrees) <= SAME_ANGLE
+        for axis, name in enumerate("xyz" if is_whole and not are_joined([first, *others[:2]], weld) else ""):
+            points = [_turned(first.control_points, axis, k * degrees) for k in range(3)]
+            if are_joined([first.replace(control_points=each) for each in points]):
+                cure = f"turned about the {name} axis, they close a ring"
+                lines.append((cure, f"{first.name} and {len(others)} copies are not joined: {cure}"))
+    return one_of_alike(lines)
+
+
+def crowds(joints: Joints, patches: Sequence[Patch]) -> list[tuple[str, str]]:
+    """Name the edges that are one curve with more than one other, and say why, or nothing where it is not known."""
+    found, alike = [], 1e-9  # of the size of patches in one place
+    copies: dict[tuple[int, int], int] = {}  # how many close a ring, by a patch and another one that lies there again
+    for ring, degrees in _rings_of_copies(patches) if joints.crowded else ():
+        if (parts := round(360 / degrees)) > 1 and abs(360 / parts - degrees) <= SAME_ANGLE:
+            copies |= dict.fromkeys(zip(ring, ring[parts:], strict=False), parts - 1)
+    for refs in joints.crowded:
+        why = ""
+        for p, edge in refs:
+            places, curve = patches[p].control_points, edge_curve(patches[p], edge)
+            apart = np.abs(places[:, None] - curve.points).max(axis=2).min(axis=1).max()
+            if sum(ref[0] == p for ref in refs) > 1 and apart <= CURVE_TOLERANCE * curve.size:
+                why = f"all control points of {patches[p].name} are those of one edge: is its height 0?"
+        for pair in combinations(dict.fromkeys(ref[0] for ref in refs), 2):
+            one, other = (patches[p] for p in pair)
+            points = one.control_points, other.control_points
+            if points[0].shape == points[1].shape and np.abs(points[1] - points[0]).max() < alike * np.ptp(points):
+                why = f"{other.name} lies where {one.name} is"
+                why += f", {copies[pair]} copies close the ring" if pair in copies else ""
+        found.append((f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve", why))
+    return found
+
+
+def _turned(points: FloatArray, axis: int, degrees: float) -> FloatArray:
+    """(m, 3) points turned about a coordinate axis."""
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    turned, cosine, sine = points.copy(), math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    turned[:, one] = cosine * points[:, one] - sine * points[:, other]
+    turned[:, other] = sine * points[:, one] + cosine * points[:, other]
+    return turned
 
 
 def _rings_of_copies(patches: Sequence[Patch]) -> Iterator[tuple[list[int], float]]:

@@ -142,7 +142,10 @@ class Recipe:
 
             folds += crossings_of(mesh, stored, coarse)
         if maker is not None and folds and not faults:
-            folds[-1] += f"; {maker.smaller(surface, size, held)}"
+            from gtb_cli.models.openings import gaps_of
+
+            if not (isinstance(spec, Model) and gaps_of(spec)):  # else these are the cause
+                folds[-1] += f"; {maker.smaller(surface, size, held)}"
         if self.require:
             from gtb_cli.tessellation.requirements import require
 
