@@ -270,9 +270,14 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             small = found["bed_area"] < 0.01 * found["size"][0] * found["size"][1]  # as at rounded feet
             size += f", only area {area:.3g}{square} on the bed" * small
         if kind in ("stl", "3mf") and is_open:
+            from gtb_cli.filling.holes import model_rings
+            from gtb_cli.models.model import Model
+
             refused = ", which slicers do not read" if kind == "3mf" else ""
-            why = "not closed: more than two faces meet at edges" if len(mesh.crowded_sides) else ""
-            size += f", {why or f'open{refused}: --thickness D makes a solid'}"
+            way = f"open{refused}: --thickness D makes a solid"
+            if isinstance(spec, Model) and len(rings := model_rings(spec)) == 1:
+                way += f', and --fill "{rings[0].names[0]}=g0" a lid'
+            size += ", not closed: more than two faces meet at edges" if len(mesh.crowded_sides) else f", {way}"
         lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
         return Made(size, warnings, [b"".join(blocks)] if whole else blocks, facts, lines)
 

@@ -173,7 +173,8 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
         shown = ring[: max_names if len(ring) <= max_names else few]
         names = [edge_name(patches, refs[row]) for row in shown]
         rest = f" and {len(ring) - len(shown)} more" if len(ring) > len(shown) else ""
-        rest += "; `fill` with `hole` can fill it" if len(patches) > 1 and len(ring) > 2 else ""
+        is_hole = len(patches) > 1 and len(ring) > 2
+        rest += "; `fills` EDGE=g0 can close it by a lid, without =g0 smoothly" if is_hole else ""
         lines.append(f"{names[0]} is open" + (f", in a ring with {', '.join(names[1:])}{rest}" if names[1:] else ""))
     if len(lines) > max_rings:
         lines[max_rings:] = [f"{len(lines) - max_rings} more rings of edges are open"]
