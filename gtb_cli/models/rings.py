@@ -6,7 +6,6 @@ from itertools import combinations, count, takewhile
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.same_edges import find_joints
@@ -65,10 +64,12 @@ def wrong_axes(patches: Sequence[Patch], weld: float | None) -> list[str]:
     lines = []
     for ring, degrees in _rings_of_copies(patches):
         first, *others = (patches[k] for k in ring)
+        angles = np.radians([0.0, degrees, 2 * degrees])
         is_whole = len(ring) > 2 and abs(360 / len(ring) - degrees) <= SAME_ANGLE
         is_whole = is_whole and abs(_turn(*others[:2]) - degrees) <= SAME_ANGLE
         for axis, name in enumerate("xyz" if is_whole and not are_joined([first, *others[:2]], weld) else ""):
-            points = [_turned(first.control_points, axis, k * degrees) for k in range(3)]
+            turns = [np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]]) for a in angles]
+            points = [first.control_points @ np.roll(turn, (axis, axis), (0, 1)) for turn in turns]
             if are_joined([first.replace(control_points=each) for each in points]):
                 cure = f"turned about the {name} axis, they close a ring"
                 lines.append((cure, f"{first.name} and {len(others)} copies are not joined: {cure}"))
@@ -77,7 +78,7 @@ def wrong_axes(patches: Sequence[Patch], weld: float | None) -> list[str]:
 
 def crowds(joints: Joints, patches: Sequence[Patch]) -> list[tuple[str, str]]:
     """Name the edges that are one curve with more than one other, and say why, or nothing where it is not known."""
-    found, alike = [], 1e-9  # of the size of patches in one place
+    found, few, alike = [], 9, 1e-9  # patches that are compared, and parts of their size within which they are one
     copies: dict[tuple[int, int], int] = {}  # how many close a ring, by a patch and another one that lies there again
     for ring, degrees in _rings_of_copies(patches) if joints.crowded else ():
         if (parts := round(360 / degrees)) > 1 and abs(360 / parts - degrees) <= SAME_ANGLE:
@@ -89,7 +90,7 @@ def crowds(joints: Joints, patches: Sequence[Patch]) -> list[tuple[str, str]]:
             apart = np.abs(places[:, None] - curve.points).max(axis=2).min(axis=1).max()
             if sum(ref[0] == p for ref in refs) > 1 and apart <= CURVE_TOLERANCE * curve.size:
                 why = f"all control points of {patches[p].name} are those of one edge: is its height 0?"
-        for pair in combinations(dict.fromkeys(ref[0] for ref in refs), 2):
+        for pair in combinations([*dict.fromkeys(ref[0] for ref in refs)][:few], 2):
             one, other = (patches[p] for p in pair)
             points = one.control_points, other.control_points
             if points[0].shape == points[1].shape and np.abs(points[1] - points[0]).max() < alike * np.ptp(points):
@@ -97,15 +98,6 @@ def crowds(joints: Joints, patches: Sequence[Patch]) -> list[tuple[str, str]]:
                 why += f", {copies[pair]} copies close the ring" if pair in copies else ""
         found.append((f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve", why))
     return found
-
-
-def _turned(points: FloatArray, axis: int, degrees: float) -> FloatArray:
-    """(m, 3) points turned about a coordinate axis."""
-    one, other = (axis + 1) % 3, (axis + 2) % 3
-    turned, cosine, sine = points.copy(), math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    turned[:, one] = cosine * points[:, one] - sine * points[:, other]
-    turned[:, other] = sine * points[:, one] + cosine * points[:, other]
-    return turned
 
 
 def _rings_of_copies(patches: Sequence[Patch]) -> Iterator[tuple[list[int], float]]:

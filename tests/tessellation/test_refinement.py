@@ -137,18 +137,8 @@ def test_the_surface_is_within_the_tolerance(name, part):
 
 
 REFUSED = {
-    "hopeless": (
-        lambda: patch(),
-        1e-10,
-        {},
-        r"1e-10 needs about \de\+\d+ faces, more than 5000000, as estimated with \d{4} of them; ",
-    ),
-    "too many": (
-        lambda: patch(),
-        1e-4,
-        {"max_faces": 500},
-        r"more than 500 faces; with \d+ samples are still up to 0\.\d+ from their",
-    ),
+    "hopeless": (patch, 1e-10, {}, r"1e-10 needs about \de\+\d+ faces, more than 5000000, as estimated with \d{4} "),
+    "too many": (patch, 1e-4, {"max_faces": 500}, r"500 faces; with \d+ samples are still up to 0\.\d+ from their"),
     "rounding": (lambda: bicubic(1.0, 1e7), 1e-9, {}, "below the rounding of coordinates of size 1e"),
 }
 
