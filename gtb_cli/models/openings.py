@@ -11,7 +11,7 @@ from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
-from gtb_cli.models.rings import closing_turn, crowds, missing_copies, wrong_axes
+from gtb_cli.models.rings import closing_turn, crowds, missing_copies, wrong_rings
 from gtb_cli.models.same_edges import find_joints
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
 from gtb_cli.theory.patch import Patch
@@ -196,8 +196,8 @@ def seam_remarks(model: Model) -> list[str]:
     if shrunk:
         size, ref = max(shrunk)
         lines.append(f"{len(shrunk)} edges were welded into points, up to {size:.3g} long ({edge_name(patches, ref)})")
-    lines += one_of_alike((why.partition(",")[2], f"{edges}: {why}") for edges, why in crowds(joints, patches) if why)
-    return lines + gaps_of(model)
+    many = one_of_alike((why.partition(",")[2], f"{edges}: {why}") for edges, why in crowds(joints, patches) if why)
+    return lines + (gaps_of(model) or many)
 
 
 def gaps_of(model: Model) -> list[str]:
@@ -211,7 +211,7 @@ def unjoined_seams(model: Model, are_touching: bool = False) -> list[str]:
     Like seams share a line.
     """
     patches, part = model.patches, parts_of(model.joints, len(model.patches))
-    if lines := wrong_axes(patches, model.weld):
+    if lines := wrong_rings(patches, model.weld):
         return lines
     misses = near_misses(model.joints, patches)
     if are_touching:

@@ -53,8 +53,8 @@ def open_turns(patches: Sequence[Patch]) -> list[str]:
     return one_of_alike(lines)
 
 
-def wrong_axes(patches: Sequence[Patch], weld: float | None) -> list[str]:
-    """Name the axes about which a patch and its copies would close a ring, where they are not joined as they are."""
+def wrong_rings(patches: Sequence[Patch], weld: float | None) -> list[str]:
+    """Name copies after a whole turn, and axes about which copies that are not joined would close a ring."""
 
     def are_joined(three: Sequence[Patch], weld: float | None = None) -> bool:
         found = find_joints(three, weld)
@@ -64,10 +64,14 @@ def wrong_axes(patches: Sequence[Patch], weld: float | None) -> list[str]:
     lines = []
     for ring, degrees in _rings_of_copies(patches):
         first, *others = (patches[k] for k in ring)
-        angles = np.radians([0.0, degrees, 2 * degrees])
-        is_whole = len(ring) > 2 and abs(360 / len(ring) - degrees) <= SAME_ANGLE
-        is_whole = is_whole and abs(_turn(*others[:2]) - degrees) <= SAME_ANGLE
-        for axis, name in enumerate("xyz" if is_whole and not are_joined([first, *others[:2]], weld) else ""):
+        parts, angles = round(360 / degrees), np.radians([0.0, degrees, 2 * degrees])
+        if parts > len(ring) or abs(360 / parts - degrees) > SAME_ANGLE:
+            continue
+        if parts < len(ring) and _are_one(first, others[parts - 1]):
+            cure = f"{parts - 1} copies close the ring"
+            lines.append((cure, f"{others[parts - 1].name} lies where {first.name} is: {cure}"))
+        is_ring = 2 < parts == len(ring) and abs(_turn(*others[:2]) - degrees) <= SAME_ANGLE
+        for axis, name in enumerate("xyz" if is_ring and not are_joined([first, *others[:2]], weld) else ""):
             turns = [np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]]) for a in angles]
             points = [first.control_points @ np.roll(turn, (axis, axis), (0, 1)) for turn in turns]
             if are_joined([first.replace(control_points=each) for each in points]):
@@ -78,11 +82,7 @@ def wrong_axes(patches: Sequence[Patch], weld: float | None) -> list[str]:
 
 def crowds(joints: Joints, patches: Sequence[Patch]) -> list[tuple[str, str]]:
     """Name the edges that are one curve with more than one other, and say why, or nothing where it is not known."""
-    found, few, alike = [], 9, 1e-9  # patches that are compared, and parts of their size within which they are one
-    copies: dict[tuple[int, int], int] = {}  # how many close a ring, by a patch and another one that lies there again
-    for ring, degrees in _rings_of_copies(patches) if joints.crowded else ():
-        if (parts := round(360 / degrees)) > 1 and abs(360 / parts - degrees) <= SAME_ANGLE:
-            copies |= dict.fromkeys(zip(ring, ring[parts:], strict=False), parts - 1)
+    found, few = [], 9  # patches that are compared
     for refs in joints.crowded:
         why = ""
         for p, edge in refs:
@@ -90,14 +90,16 @@ def crowds(joints: Joints, patches: Sequence[Patch]) -> list[tuple[str, str]]:
             apart = np.abs(places[:, None] - curve.points).max(axis=2).min(axis=1).max()
             if sum(ref[0] == p for ref in refs) > 1 and apart <= CURVE_TOLERANCE * curve.size:
                 why = f"all control points of {patches[p].name} are those of one edge: is its height 0?"
-        for pair in combinations([*dict.fromkeys(ref[0] for ref in refs)][:few], 2):
-            one, other = (patches[p] for p in pair)
-            points = one.control_points, other.control_points
-            if points[0].shape == points[1].shape and np.abs(points[1] - points[0]).max() < alike * np.ptp(points):
-                why = f"{other.name} lies where {one.name} is"
-                why += f", {copies[pair]} copies close the ring" if pair in copies else ""
+        for one, other in combinations([*{ref[0]: patches[ref[0]] for ref in refs}.values()][:few], 2):
+            why = f"{other.name} lies where {one.name} is" if _are_one(one, other) else why
         found.append((f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve", why))
     return found
+
+
+def _are_one(one: Patch, other: Patch) -> bool:
+    """Tell whether two patches are in one place, to a part of their size."""
+    here, there, alike = one.control_points, other.control_points, 1e-9
+    return here.shape == there.shape and bool(np.abs(there - here).max() < alike * np.ptp([here, there]))
 
 
 def _rings_of_copies(patches: Sequence[Patch]) -> Iterator[tuple[list[int], float]]:

@@ -63,7 +63,7 @@ def panels(axis: str, count: int, height: float = 1.0, knots: Sequence[Sequence[
     ("patches", "line"),
     [
         (panels("x", 6), "panel and 5 copies are not joined: turned about the z axis, they close a ring"),
-        (panels("z", 7), "panel-6 lies where panel is, 5 copies close the ring"),
+        (panels("z", 7), "panel-6 lies where panel is: 5 copies close the ring"),
         ([*panels("z", 6), panels("z", 1, height=0)[0].replace(name="lip")], "all control points of lip are those"),
         (panels("z", 6, knots=[*SQUARE[:4], [-0.5, 0.5]]), "; with knot 4, now a corner, inside the hull"),
     ],
