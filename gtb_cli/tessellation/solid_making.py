@@ -12,7 +12,7 @@ from gtb_cli.models.rings import crowds
 from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs
 from gtb_cli.solids.rims import with_flat_rims
 from gtb_cli.solids.solidity import crossing_remarks, where
-from gtb_cli.solids.thickening import thicken
+from gtb_cli.solids.thickening import folded_faces, thicken
 from gtb_cli.solids.tube import folded_segments, tube
 from gtb_cli.tessellation.remarks import offset_folds, sharpest_bend, thin_wall
 from gtb_cli.tessellation.requirements import places_of_folds, require
@@ -87,7 +87,7 @@ class WallMaker:
         def is_solid(thickness: float, surface: Mesh = surface) -> bool:
             with suppress(DomainError, RequirementError):
                 wall = thicken(surface, thickness)
-                if offset_folds(self.spec, surface, wall, thickness):
+                if len(folded_faces(wall)) or sharpest_bend(self.spec, surface, thickness)[0] < math.inf:
                     return False
                 wall, _ = self._rimmed(wall, thickness)
                 stored, coarse = held(wall)
