@@ -237,7 +237,7 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
     """Make a mesh and the bytes of its file; these as one block, which a process can send to another, if `whole`."""
 
     def made(path: str) -> Made:
-        from gtb_cli.formats.export import held
+        from gtb_cli.formats.export import held, standing
 
         spec = task.spec
         assert spec is not None
@@ -248,7 +248,6 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         assurance, kept = options.recipe.assurance(spec), {"certified": "everywhere", "sampled": "where measured"}
         facts: dict[str, object] = {}
         if task.sums is not None:
-            from gtb_cli.formats.export import standing
             from gtb_cli.meshes.measures import measure
             from gtb_cli.process.versions import versions
 
@@ -257,22 +256,28 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             facts = {**asked, **measures, "inputs": task.sums, "warnings": warnings}
             facts["versions"] = versions()  # here, which may be another machine than that of the manifest
         is_open = options.recipe.leaves_open(spec)
-        stored = None if is_open else held(mesh, kind, options.ascii)[0]
+        turned = standing(mesh, kind, options.up) if FORMATS[kind].up == "z" else mesh  # readers turn y up back
+        stored = None if is_open else held(turned, kind, options.ascii)[0]
         unit = options.unit or (DEFAULT_UNIT if kind == "3mf" else None)
         size = summary(mesh, stored, remarks, unit) + (f", within the tolerance {kept[assurance]}" if assurance else "")
-        size += options.recipe.direction(spec, mesh)
+        size += options.recipe.direction(spec, turned if kind in ("stl", "3mf") else mesh)  # slicers take z for up
         if kind in ("stl", "3mf") and options.recipe.thickness is not None:
             from gtb_cli.meshes.measures import in_unit
             from gtb_cli.solids.printability import printability
 
-            found = printability(mesh, "z", 0)
+            found = printability(turned, "z", 0)
             area, square = in_unit(found["bed_area"], 2, unit)
             small = found["bed_area"] < 0.01 * found["size"][0] * found["size"][1]  # as at rounded feet
             size += f", only area {area:.3g}{square} on the bed" * small
         if kind in ("stl", "3mf") and is_open:
+            from gtb_cli.filling.holes import model_rings
+            from gtb_cli.models.model import Model
+
             refused = ", which slicers do not read" if kind == "3mf" else ""
-            why = "not closed: more than two faces meet at edges" if len(mesh.crowded_sides) else ""
-            size += f", {why or f'open{refused}: --thickness D makes a solid'}"
+            way = f"open{refused}: --thickness D makes a solid"
+            if isinstance(spec, Model) and len(rings := model_rings(spec)) == 1:
+                way += f', and --fill "{rings[0].names[0]}=g0" a lid'
+            size += ", not closed: more than two faces meet at edges" if len(mesh.crowded_sides) else f", {way}"
         lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
         return Made(size, warnings, [b"".join(blocks)] if whole else blocks, facts, lines)
 

@@ -21,9 +21,9 @@ def new(template: str, sides: int | None, streams: Streams) -> None:
 
     Print a spec with comments, to start from; it can be meshed as it is, and names the command that does so.
 
-    TEMPLATE is a thing to print, in millimetres: a bowl, a ring (of arcs) or a shade with N sides, a joint for N rods,
-    or a handle. Or it shows the keys: curve, triangle, rectangle, pentagon, n-gon with N sides, and model. No file is
-    overwritten.
+    TEMPLATE is a thing to print, in millimetres: a bowl, a ring (of arcs, as a vase or pot) or a shade with N sides, a
+    joint for N rods, or a handle. Or it shows the keys: curve, triangle, rectangle, pentagon, n-gon with N sides, and
+    model. No file is overwritten.
     """
     from gtb_cli.language.starter import template as text_of
 

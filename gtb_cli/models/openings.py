@@ -11,7 +11,8 @@ from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
-from gtb_cli.models.rings import closing_turn, missing_copies
+from gtb_cli.models.rings import closing_turn, crowds, missing_copies, wrong_rings
+from gtb_cli.models.same_edges import find_joints
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
 from gtb_cli.theory.patch import Patch
 
@@ -86,11 +87,31 @@ def _petals(joints: Joints, curves: dict[EdgeRef, Curve], known: list[Miss], pat
         if gap > tolerance and told.isdisjoint(keys):
             told |= keys
             here, there = curves[first].points, curves[second].points
-            why = f"it meets {{}} at one end only, {gap:.3g} apart at the other"
+            knot = _outer_knot(patches, first, second)
+            why = f"it meets {{}} at one end only, {gap:.3g} apart at the other{knot}"
             if len(here) == len(there) and np.abs(here[:, None] - there).max(axis=2).min(axis=1).max() <= tolerance:
                 why = "same control points as {}, but in another order"
             found.append((first, second, why))
     return found
+
+
+def _outer_knot(patches: Sequence[Patch], one: EdgeRef, other: EdgeRef) -> str:
+    """Say which knot, a corner at one of two edges, makes them one if it moves inside the hull of the others.
+
+    Patches with the same knots change together. It begins with a semicolon, for the end of a line; nothing without one.
+    """
+    pair = [patches[one[0]], patches[other[0]]]
+    before = len(find_joints(pair).shared)
+    for p, edge in (one, other):
+        knots, corners = patches[p].knots, patches[p].domain.vertices
+        alike = [np.array_equal(patch.knots, knots) for patch in pair]
+        for corner in (edge, (edge + 1) % len(corners)) if len(corners) > 3 else ():
+            is_moved = (knots == corners[corner]).all(axis=1)
+            inside = np.where(is_moved[:, None], np.delete(corners, corner, axis=0).mean(axis=0), knots)
+            moved = [patch.replace(knots=inside) if same else patch for patch, same in zip(pair, alike, strict=True)]
+            if len(find_joints(moved).shared) > before:
+                return f"; with knot {is_moved.argmax()}, now a corner, inside the hull of the others they are one"
+    return ""
 
 
 def parts_of(joints: Joints, count: int) -> IntArray:
@@ -123,7 +144,8 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
 
 
 def _cure(edge: Curve, distance: float) -> str:
-    return f"{WELD} {above(distance)} joins them" if distance <= 2 * FAR_WELD * edge.size else ""
+    is_far = distance > 2 * FAR_WELD * edge.size
+    return "" if is_far else f"{WELD} {above(distance)} joins them, with no finer `tolerance`"
 
 
 def above(distance: float) -> str:
@@ -151,7 +173,8 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
         shown = ring[: max_names if len(ring) <= max_names else few]
         names = [edge_name(patches, refs[row]) for row in shown]
         rest = f" and {len(ring) - len(shown)} more" if len(ring) > len(shown) else ""
-        rest += "; `fill` with `hole` can fill it" if len(patches) > 1 and len(ring) > 2 else ""
+        is_hole = len(patches) > 1 and len(ring) > 2
+        rest += "; `fills` EDGE=g0 can close it by a lid, without =g0 smoothly" if is_hole else ""
         lines.append(f"{names[0]} is open" + (f", in a ring with {', '.join(names[1:])}{rest}" if names[1:] else ""))
     if len(lines) > max_rings:
         lines[max_rings:] = [f"{len(lines) - max_rings} more rings of edges are open"]
@@ -173,7 +196,8 @@ def seam_remarks(model: Model) -> list[str]:
     if shrunk:
         size, ref = max(shrunk)
         lines.append(f"{len(shrunk)} edges were welded into points, up to {size:.3g} long ({edge_name(patches, ref)})")
-    return lines + gaps_of(model)
+    many = one_of_alike((why.partition(",")[2], f"{edges}: {why}") for edges, why in crowds(joints, patches) if why)
+    return lines + (gaps_of(model) or many)
 
 
 def gaps_of(model: Model) -> list[str]:
@@ -187,6 +211,8 @@ def unjoined_seams(model: Model, are_touching: bool = False) -> list[str]:
     Like seams share a line.
     """
     patches, part = model.patches, parts_of(model.joints, len(model.patches))
+    if lines := wrong_rings(patches, model.weld):
+        return lines
     misses = near_misses(model.joints, patches)
     if are_touching:
         tolerance = CURVE_TOLERANCE * diagonal_of(patches)

@@ -1,14 +1,15 @@
-"""Rings of copies that do not close: turned by another angle than a part of a full turn, or with one copy too few."""
+"""Rings of copies that do not close: turned by a wrong angle, about a wrong axis, or with one copy too few or many."""
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import count, takewhile
+from itertools import combinations, count, takewhile
 
 import numpy as np
 
 from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
-from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_name
+from gtb_cli.models.same_edges import find_joints
+from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_curve, edge_name
 from gtb_cli.theory.patch import Patch
 
 SAME_ANGLE = 1e-6  # degrees within which two angles are one
@@ -50,6 +51,55 @@ def open_turns(patches: Sequence[Patch]) -> list[str]:
             cure = f"by {degrees:.4g} degrees each: {closed:.4g} (360/{len(ring)}) makes a ring"
             lines.append((cure, f"{patches[ring[0]].name} and {len(ring) - 1} copies are turned {cure}"))
     return one_of_alike(lines)
+
+
+def wrong_rings(patches: Sequence[Patch], weld: float | None) -> list[str]:
+    """Name copies after a whole turn, and axes about which copies that are not joined would close a ring."""
+
+    def are_joined(three: Sequence[Patch], weld: float | None = None) -> bool:
+        found = find_joints(three, weld)
+        pairs = {(joint.first[0], joint.second[0]) for joint in found.shared}
+        return {(0, 1), (1, 2)} <= pairs and not found.crowded
+
+    lines = []
+    for ring, degrees in _rings_of_copies(patches):
+        first, *others = (patches[k] for k in ring)
+        parts, angles = round(360 / degrees), np.radians([0.0, degrees, 2 * degrees])
+        if parts > len(ring) or abs(360 / parts - degrees) > SAME_ANGLE:
+            continue
+        if parts < len(ring) and _are_one(first, others[parts - 1]):
+            cure = f"{parts - 1} copies close the ring"
+            lines.append((cure, f"{others[parts - 1].name} lies where {first.name} is: {cure}"))
+        is_ring = 2 < parts == len(ring) and abs(_turn(*others[:2]) - degrees) <= SAME_ANGLE
+        for axis, name in enumerate("xyz" if is_ring and not are_joined([first, *others[:2]], weld) else ""):
+            turns = [np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]]) for a in angles]
+            points = [first.control_points @ np.roll(turn, (axis, axis), (0, 1)) for turn in turns]
+            if are_joined([first.replace(control_points=each) for each in points]):
+                cure = f"turned about the {name} axis, they close a ring"
+                lines.append((cure, f"{first.name} and {len(others)} copies are not joined: {cure}"))
+    return one_of_alike(lines)
+
+
+def crowds(joints: Joints, patches: Sequence[Patch]) -> list[tuple[str, str]]:
+    """Name the edges that are one curve with more than one other, and say why, or nothing where it is not known."""
+    found, few = [], 9  # patches that are compared
+    for refs in joints.crowded:
+        why = ""
+        for p, edge in refs:
+            places, curve = patches[p].control_points, edge_curve(patches[p], edge)
+            apart = np.abs(places[:, None] - curve.points).max(axis=2).min(axis=1).max()
+            if sum(ref[0] == p for ref in refs) > 1 and apart <= CURVE_TOLERANCE * curve.size:
+                why = f"all control points of {patches[p].name} are those of one edge: is its height 0?"
+        for one, other in combinations([*{ref[0]: patches[ref[0]] for ref in refs}.values()][:few], 2):
+            why = f"{other.name} lies where {one.name} is" if _are_one(one, other) else why
+        found.append((f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve", why))
+    return found
+
+
+def _are_one(one: Patch, other: Patch) -> bool:
+    """Tell whether two patches are in one place, to a part of their size."""
+    here, there, alike = one.control_points, other.control_points, 1e-9
+    return here.shape == there.shape and bool(np.abs(there - here).max() < alike * np.ptp([here, there]))
 
 
 def _rings_of_copies(patches: Sequence[Patch]) -> Iterator[tuple[list[int], float]]:

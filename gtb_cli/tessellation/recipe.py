@@ -142,7 +142,10 @@ class Recipe:
 
             folds += crossings_of(mesh, stored, coarse)
         if maker is not None and folds and not faults:
-            folds[-1] += f"; {maker.smaller(surface, size, held)}"
+            from gtb_cli.models.openings import gaps_of
+
+            if not (isinstance(spec, Model) and gaps_of(spec)):  # else these are the cause
+                folds[-1] += f"; {maker.smaller(surface, size, held)}"
         if self.require:
             from gtb_cli.tessellation.requirements import require
 
@@ -167,7 +170,7 @@ class Recipe:
         try:
             mesh = tessellate(spec, n, tolerance, kind, normals=normals, max_faces=most, rounding=rounding)
         except ToleranceError as error:
-            if around == 1:
+            if around == 1 or f"more than {most}" not in str(error):  # as a weld may be beyond the tolerance
                 raise
             more = "the solid has both sides" if around == 2 else f"the tube has {around} faces around each segment"
             raise ToleranceError(f"{error}: {more}") from None

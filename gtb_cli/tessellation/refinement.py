@@ -13,6 +13,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cro
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
+from gtb_cli.models.openings import above
 from gtb_cli.tessellation.chords import ChordProofs
 from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.edge_splitting import Subdivision
@@ -116,7 +117,11 @@ class _Refinement:
             needed = float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())
             # Until a sixteenth of the cells are there, spikes may be taken for what is usual.
             if needed > (2.0 if now < needed / 16 else 1.0) * self.max_cells:
-                why = f"needs about {needed:.1g} {kind}, more than {self.max_cells}"
+                fewer = above(self.asked * (2 * needed / self.max_cells) ** (1 if self.mesh.is_surface else 2))
+                raise ToleranceError(
+                    f"tolerance: {self.asked:g} needs about {needed:.1g} {kind}, more than {self.max_cells}, "
+                    f"as estimated with {now} of them; {fewer} needs fewer"
+                )
         halved = rows_of(edges, chosen)
         if not why and (halved.widths < min_edge * self.sizes.take(halved.patch)).any():
             why = "is not reached where parameters are too close to tell apart"

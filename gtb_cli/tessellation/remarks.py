@@ -1,7 +1,6 @@
 """Remarks on meshes: crowded vertices, coarse seams, offsets that fold, and walls that are too thin."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -47,8 +46,7 @@ def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
 def offset_folds(spec: Patch | Model, mesh: Mesh, solid: Mesh, thickness: float) -> str:
     """Say where the offset of a surface folds in its solid with a thickness; nothing if it does not."""
     folded = folded_faces(solid)
-    turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
-    radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
+    radius, place = sharpest_bend(spec, mesh, thickness)
     facts = [where(surface_of(solid), folded)] if len(folded) else []
     if radius < math.inf:
         near = point_text(place, mesh.bounds)
@@ -69,18 +67,17 @@ def thin_wall(solid: Mesh, thickness: float) -> list[str]:
     return [f"the wall near {point_text(place, solid.bounds)} is {share:.0%} of the thickness or less, {why}"]
 
 
-def sharpest_bend(
-    patches: Sequence[Patch], turned: Sequence[bool], thickness: float, cells: int
-) -> tuple[float, FloatArray]:
-    """Find the smallest radius of curvature at which the offset of surfaces folds, inf if there is none, and its place.
+def sharpest_bend(spec: Patch | Model, mesh: Mesh, thickness: float) -> tuple[float, FloatArray]:
+    """Find the smallest radius of curvature at which the offset of a surface folds, inf without one, and its place.
 
-    The normals of patches that are `turned` are reversed. Samples are closer together than the cells of the mesh, at
-    most 48 along an edge: a narrower fold may be missed. An offset by D is regular if 1 − D κ > 0 for each principal
-    curvature κ towards it. Elsewhere it counts if it is nearer than D by 2 %: not if κ is infinite only at an edge.
+    Samples are closer together than the cells of the mesh, at most 48 along an edge: a narrower fold
+    may be missed. An offset by D is regular if 1 − D κ > 0 for each principal curvature κ towards it. Elsewhere it
+    counts if it is nearer than D by 2 %: not if κ is infinite only at an edge.
     """
-    sparsest, densest, per_patch = 16, 48, cells / len(patches)
+    sparsest, densest, per_patch = 16, 48, len(mesh.cells) / len(spec.patches)
     radius, place = math.inf, np.full(3, np.nan)
-    for patch, is_turned in zip(patches, turned, strict=True):
+    turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
+    for patch, is_turned in zip(spec.patches, turned, strict=True):
         domain = patch.domain
         count = min(max(sparsest, math.ceil(2 * math.sqrt(per_patch / cell_count(domain, 1)))), densest)
         part = triangulation(domain, count)

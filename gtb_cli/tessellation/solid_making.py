@@ -1,24 +1,22 @@
 """Tubes around curves and walls beside surfaces, what is wrong with them, and which smaller size is solid."""
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
-from itertools import combinations
 from typing import TypeAlias
-
-import numpy as np
 
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
+from gtb_cli.models.rings import crowds
 from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs
 from gtb_cli.solids.rims import with_flat_rims
 from gtb_cli.solids.solidity import crossing_remarks, where
-from gtb_cli.solids.thickening import thicken
+from gtb_cli.solids.thickening import folded_faces, thicken
 from gtb_cli.solids.tube import folded_segments, tube
-from gtb_cli.tessellation.remarks import offset_folds, thin_wall
+from gtb_cli.tessellation.remarks import offset_folds, sharpest_bend, thin_wall
 from gtb_cli.tessellation.requirements import places_of_folds, require
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import RESOLUTION, Parametrization, Rim
@@ -26,7 +24,7 @@ from gtb_cli.vocabulary import RESOLUTION, Parametrization, Rim
 Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 # A tube or a wall; faults of the surface, which no other thickness mends; folds; and where the wall is thin
 Solid: TypeAlias = tuple[Mesh, list[str], list[str], list[str]]
-FEW_CELLS, MANY_CELLS = 5_000, 20_000  # up to which there is time for eight tries, and from which on only for one
+FEW_CELLS, MANY_CELLS = 5_000, 20_000  # up to which there is time for six tries, and from which on only for one
 
 
 @frozen
@@ -75,14 +73,8 @@ class WallMaker:
 
     def solid(self, surface: Mesh, thickness: float) -> Solid:
         """Make the wall of a thickness."""
-        for refs in self.spec.joints.crowded if isinstance(self.spec, Model) else ():
-            names = ", ".join(edge_name(self.spec.patches, ref) for ref in refs)
-            why = "is one turned about a wrong axis?"
-            for one, other in combinations({ref[0]: self.spec.patches[ref[0]] for ref in refs}.values(), 2):
-                points = one.control_points, other.control_points
-                if points[0].shape == points[1].shape and np.abs(points[1] - points[0]).max() < 1e-9 * np.ptp(points):
-                    why = f"{other.name} lies where {one.name} is"
-            raise DomainError(f"thickness: {names} are one curve, where at most two may meet: {why}")
+        for edges, why in crowds(self.spec.joints, self.spec.patches) if isinstance(self.spec, Model) else ():
+            raise DomainError(f"thickness: {edges}, where at most two may meet{why and f': {why}'}")
         wall = thicken(surface, thickness)
         places = offset_folds(self.spec, surface, wall, thickness)
         folds = [f"with {self._words(thickness)} the offset folds: {places}"] * bool(places)
@@ -95,7 +87,7 @@ class WallMaker:
         def is_solid(thickness: float, surface: Mesh = surface) -> bool:
             with suppress(DomainError, RequirementError):
                 wall = thicken(surface, thickness)
-                if offset_folds(self.spec, surface, wall, thickness):
+                if len(folded_faces(wall)) or sharpest_bend(self.spec, surface, thickness)[0] < math.inf:
                     return False
                 wall, _ = self._rimmed(wall, thickness)
                 stored, coarse = held(wall)
@@ -107,15 +99,17 @@ class WallMaker:
             return "no thickness is solid, as the surface passes through itself"
         if abs(thickness) <= CROSSING_DEPTH * (size := max(surface.bounds[1] - surface.bounds[0])):
             return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
-        tolerances, cells = [min(abs(thickness) / share, size / 500) for share in (50, 10)], len(surface.cells)
+        radius, cells = sharpest_bend(self.spec, surface, thickness)[0], len(surface.cells)
+        tolerances = [min(abs(thickness) / share, size / 500) for share in (50, 10)]
         ways = [(f"`tolerance` {each:.1g}", None, float(f"{each:.1g}"), cells) for each in tolerances]
-        even = f"`resolution` {RESOLUTION}", RESOLUTION, None, max(2 * cells, MANY_CELLS)
-        for way, n, tolerance, most in (*ways, even):
+        coarse = RESOLUTION // 2  # finer meshes that are hopeless take many seconds
+        even = f"`resolution` {coarse}", coarse, None, max(2 * cells, FEW_CELLS)
+        for way, n, tolerance, most in (*ways, even) if radius == math.inf else ():  # else no fineness helps
             with suppress(ToleranceError):
                 other = tessellate(self.spec, n, tolerance, normals=True, max_faces=most)
                 if len(other.cells) != cells and is_solid(thickness, other):
                     return f"it hangs on the fineness: with {way} it was tried and is solid"
-        found = _smaller(thickness, is_solid, cells, self._words)
+        found = _smaller(math.copysign(min(abs(thickness), radius), thickness), is_solid, cells, self._words)
         is_other = cells < MANY_CELLS and is_solid(-thickness)
         return found + f"; on the other side {self._words(-thickness)} is solid" * is_other
 
@@ -137,7 +131,7 @@ def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
 def _smaller(value: float, is_solid: Callable[[float], bool], cells: int, words: Callable[[float], str]) -> str:
     """Name the largest of a few smaller values that make a solid, or say that none does."""
     # The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
-    tries = 8 if cells < FEW_CELLS else 4 if cells < MANY_CELLS else 1
+    tries = 6 if cells < FEW_CELLS else 4 if cells < MANY_CELLS else 1
     low, high, tried = 0.0, value, 0
     while tried < (tries if low else min(tries, 4)):
         middle = float(f"{(low + high) / 2 if low else high / 2 ** (tried + 1):.3g}")

@@ -1,10 +1,14 @@
 """Why models are open, a line for each reason; and seams that are welded."""
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gtb_cli.bezier.elevation import elevate
-from gtb_cli.errors import ToleranceError
+from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import near_misses, obstacles, seam_remarks
 from gtb_cli.models.same_edges import find_joints
@@ -32,8 +36,10 @@ def pair(weight: float = 1.0, knot: float = 0.5, shift: float = 0.0) -> Model:
                     "against 1 2 1"),
         (pair(1.0, 0.75), "one edge 1 is open: same ends and control points as two edge 3, but knots at 0 0.5 1 "
                           "against 0 0.75 1 of the edge"),
-        (pair(shift=0.015), "one edge 1 is open: 0.015 from two edge 3, `weld` 0.02 joins them"),
-        (pair(shift=1.5e-4), "one edge 1 is open: 0.00015 from two edge 3, `weld` 0.0002 joins them"),
+        (pair(shift=0.015), "one edge 1 is open: 0.015 from two edge 3, `weld` 0.02 joins them, with no finer "
+                             "`tolerance`"),
+        (pair(shift=1.5e-4), "one edge 1 is open: 0.00015 from two edge 3, `weld` 0.0002 joins them, with no finer "
+                              "`tolerance`"),
     ],
 )  # fmt: skip
 def test_a_pair_of_open_edges_has_a_line_that_says_what_differs(model, line):
@@ -42,6 +48,32 @@ def test_a_pair_of_open_edges_has_a_line_that_says_what_differs(model, line):
     assert len(lines) == 2  # and the ring around both
     assert lines[1].startswith("one edge 0 is open, in a ring with ")
     assert seam_remarks(model) == [line.replace("is open", "is not joined")]
+    if weld := re.search(r"`weld` (\S+) joins", line):
+        Recipe(weld=float(weld[1]), tolerance=float(weld[1]), require="one-piece").mesh(model)
+
+
+def panels(axis: str, count: int, height: float = 1.0, knots: Sequence[Sequence[float]] = SQUARE[:4]) -> list[Patch]:
+    """Upright panels: a sixth of a ring around the z axis, and copies of it turned about an axis."""
+    points = np.array([[2, 0, 0], [1, 3**0.5, 0], [1, 3**0.5, height], [2, 0, height], [1.5, 0.5, 0.5]])[: len(knots)]
+    turned = [Rotation.from_euler(axis, 60 * k, degrees=True).apply(points) for k in range(count)]
+    return [Patch(knots, each, name=f"panel-{k}" if k else "panel") for k, each in enumerate(turned)]
+
+
+@pytest.mark.parametrize(
+    ("patches", "line"),
+    [
+        (panels("x", 6), "panel and 5 copies are not joined: turned about the z axis, they close a ring"),
+        (panels("z", 7), "panel-6 lies where panel is: 5 copies close the ring"),
+        ([*panels("z", 6), panels("z", 1, height=0)[0].replace(name="lip")], "all control points of lip are those"),
+        (panels("z", 6, knots=[*SQUARE[:4], [-0.5, 0.5]]), "; with knot 4, now a corner, inside the hull"),
+    ],
+)
+def test_mistakes_of_rings_are_named_where_mending_them_closes_the_ring(patches, line):
+    assert line in " ".join(seam_remarks(Model(patches)))
+    with pytest.raises((DomainError, RequirementError), match=line):
+        Recipe(4, thickness=0.1, require="solid").mesh(Model(patches))
+    assert seam_remarks(Model(panels("z", 6))) == []
+    assert re.search(r", between panel and panel-\d$", Recipe(4, thickness=0.1).mesh(Model(panels("x", 6)))[1][-1])
 
 
 def test_an_edge_whose_points_are_in_reversed_order_says_so():
@@ -66,7 +98,8 @@ def test_true_openings_have_a_line_each():
 def test_a_ring_of_three_edges_can_be_filled():
     corners = np.eye(3)
     sides = [Patch([[0, 0], [1, 0], [0, 1]], [corners[k - 1], corners[k], [0, 0, 0]]) for k in range(3)]
-    assert [line[-30:] for line in obstacles(find_joints(sides), sides)] == ["`fill` with `hole` can fill it"]
+    cure = "; `fills` EDGE=g0 can close it by a lid, without =g0 smoothly"
+    assert [line.endswith(cure) for line in obstacles(find_joints(sides), sides)] == [True]
 
 
 # welding
