@@ -17,20 +17,21 @@ VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers
 
 
 def unlike_values(
-    a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = ()
+    a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = (), place: str = ""
 ) -> tuple[tuple[str, ...], str]:
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
     are others (no slots, but how far places are apart), they are compared in faces that both meshes have, and else at
-    places of vertices that both have, which have to be half of those of one. Also tells where that was.
+    places of vertices that both have, which have to be half of those of one: what differs there begins with `place`.
+    Also tells where that was.
     """
     doubtful = {*a.doubtful, *b.doubtful} if isinstance(slots, float) else set[str]()
     skipped = {FACETS, *left_out, *doubtful}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
     keys, where = list[list[IntArray]](), "vertices in the same place"
     nowhere = f", {', '.join(sorted(doubtful))} nowhere" if doubtful else ""
-    remarks = _remarks(a, b, here, there, slots, keys)
+    remarks = _remarks(a, b, here, there, slots, keys, place)
     if keys:
         many, is_there = int(keys[1][0].max()) + 1, np.bincount(keys[1][1]) > 0
         met, fewest = int(is_there[:many].sum()), min(many, int(is_there.sum()))
@@ -39,11 +40,17 @@ def unlike_values(
     if not remarks or isinstance(slots, float):
         return remarks, where + nowhere
     cells = numbered_places(a.mesh.vertices)[1][a.mesh.cells]  # faces that are there twice may share no vertices
-    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), where
+    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), [], place), where
 
 
 def _remarks(
-    a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float, keys: list[list[IntArray]]
+    a: KnownMesh,
+    b: KnownMesh,
+    here: Values,
+    there: Values,
+    slots: Slots | float,
+    keys: list[list[IntArray]],
+    place: str,
 ) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
     remarks, on_request = [], {NORMALS: {"obj", "ply"}, TEXTURE: {"obj", "ply", "glb", "3mf"}}
@@ -67,8 +74,9 @@ def _remarks(
                 step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
                 one, other = (each[::step] for each in slots)
             held, others_held = rows[of.ravel()[one]], others[others_of.ravel()[other]]
-            nowhere = [f"{name}: cannot be compared, as no vertices are in the same place"]
-            remarks += _unlike(name, held, others_held, a.mesh.cells.ravel()[one], step == 1) if len(one) else nowhere
+            remarks += [] if len(one) else [f"{name}: cannot be compared, as no vertices are in the same place"]
+            found = _unlike(name, held, others_held, a.mesh.cells.ravel()[one], step == 1) if len(one) else []
+            remarks += [f"{place}{each}" for each in found]
         elif a.format == b.format or (name in on_request and on_request[name] >= {a.format, b.format}):
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
