@@ -196,7 +196,7 @@ def read_glb(data: bytes) -> FileArrays:
     points = np.concatenate([np.empty((0, 3)), *vertices])
     extras = tree.get("asset", {}).get("extras")
     extras = extras if isinstance(extras, dict) else {}
-    unit, is_z_up = extras.get("unit", ""), extras.get("up") == "z"
+    unit, is_z_up = str(extras.get("unit", "")), extras.get("up") == "z"
     points /= UNITS.get(unit, 1.0)
     if not is_z_up:
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.file_arrays import mark_of
+from gtb_cli.vocabulary import UNITS
 
 HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its content
 
@@ -40,7 +41,7 @@ def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     if description not in chunks:
         raise GtbError("has no description (no chunk JSON)")
     try:
-        tree = json.loads(chunks[description])
+        tree = json.loads(chunks[description].decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise GtbError(f"its description is not JSON: {error}") from None
     if not isinstance(tree, dict):
@@ -140,6 +141,11 @@ class Scene:
             if told := self._told(said):
                 of_nodes.append(told | {"node": labels[number]})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
+        asset, read = self.tree.get("asset", {}), {"unit": UNITS, "up": ("y", "z")}  # what `read_glb` knows
+        extras = asset.get("extras")
+        if isinstance(extras, dict):
+            extras = {key: value for key, value in extras.items() if str(value) not in read.get(key, ())}
+        found["asset"] = {"extensions": asset.get("extensions"), "extras": extras or None}
         tables = ("textures", "images") if self.tree.keys() & {"extensions", "extensionsUsed"} else ()
         numbers = [(name, k) for name in tables for k in range(len(self.tree.get(name, ())))]
         found["named"] = [self._mark(*each) for each in numbers if each not in self._marks]  # perhaps by a bare number

@@ -158,7 +158,8 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
         rows, others = (each / reduce(np.hypot, each.T)[:, None] for each in (rows, others))
     gone = np.logical_xor(*((each == ABSENT) | np.isnan(each) for each in (rows, others))).any(axis=1)
     if gone.any():
-        return [f"{name}: at {gone.sum()} corners in one of them only, first at vertex {vertex[np.argmax(gone)]}"]
+        corners = f"{gone.sum()} corner{'s' * int(gone.sum() > 1)}"
+        return [f"{name}: at {corners} in one of them only, first at vertex {vertex[np.argmax(gone)]}"]
     apart = np.where((rows == others) | np.isnan(rows), 0.0, np.abs(rows - others))
     if name == NORMALS:
         chords = np.linalg.norm(apart, axis=1)

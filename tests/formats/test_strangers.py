@@ -108,3 +108,14 @@ def test_further_files_in_a_3mf_archive(name, unseen):
             written.writestr(unseen or name, content)
         found.append(decode_mesh(file.getvalue(), "a"))
     assert difference(*found).values == (not unseen) * ("other data: further parts: not the same",)
+
+
+def test_pictures_in_a_3mf_archive_are_found_by_names_with_escapes():
+    for name in ("Textures/a b.png", "textures/A%20b.png"):
+        found = []
+        for content in (b"a", b"b"):
+            file = io.BytesIO(archive(f'<texture2d path="/Textures/a%20b.png"/><object id="1">{TRIANGLE}</object>'))
+            with zipfile.ZipFile(file, "a") as written:
+                written.writestr(name, content)
+            found.append(decode_mesh(file.getvalue(), "a"))
+        assert difference(*found).values == ("other data: extensions: not the same",)
