@@ -211,7 +211,8 @@ def read_glb(data: bytes) -> FileArrays:
         if 4 * count * len(others) > (most := max(20 * len(binary), 100_000_000)):
             raise GtbError(f"has more than {most} numbers of attributes in all nodes together")
         for name, parts in sorted(others.items()):
-            label = known.get(name) or unreserved(name.lower().strip("_"), found)
+            label = known.get(name) or unreserved(name.lower().strip("_"), ())
+            label = unreserved(name, found) if label in found else label  # other names differ in more than case
             found[label] = _values(tree, binary, name, parts, count, is_z_up), corners
         if mark := scene.further():
             found[f"{OTHER}description"] = np.array([mark]), np.zeros(corners.shape, dtype=np.int64)

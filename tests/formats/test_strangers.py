@@ -6,6 +6,7 @@ import json
 import zipfile
 from collections.abc import Iterator
 from functools import reduce
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,11 @@ def test_few_bytes_of_glb_cannot_stand_for_many():
         edited(**{"bufferViews.0.byteStride": 4})
     with pytest.raises(GtbError, match="expected 4 numbers, got 3"):
         edited(**{"materials.0": {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0]}}})
+
+
+def test_names_of_attributes_may_differ_in_case_only():
+    names = [f"_{''.join(letters)}" for letters in product(*zip("abcdefghij", "ABCDEFGHIJ", strict=True))]
+    assert len(edited(**{f"HELD.{name}": 2 for name in names}).values()) == 2 + len(names)
 
 
 @pytest.mark.parametrize("name", ["3D/Textures/a.png", "Metadata/model_settings.config", "further.model"])
