@@ -90,6 +90,10 @@ class Scene:
     def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
         self.tree, self.binary = tree, binary
         self.placed = [*_placed_nodes(tree)]
+        self.asset, known = tree.get("asset", {}), {"unit": UNITS, "up": ("y", "z")}
+        extras = self.asset.get("extras")  # said are those that gtb writes
+        said = extras.items() if isinstance(extras, dict) else ()
+        self.said = {key: value for key, value in said if key in known and str(value) in known[key]}
         self._marks: dict[tuple[str, Any], Any] = {}
         self._left = 4 * len(binary) + (1 << 28)  # bytes that marks may stand for: views of a buffer may overlap
 
@@ -141,11 +145,9 @@ class Scene:
             if told := self._told(said):
                 of_nodes.append(told | {"node": labels[number]})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
-        asset, read = self.tree.get("asset", {}), {"unit": UNITS, "up": ("y", "z")}  # what `read_glb` knows
-        extras = asset.get("extras")
-        if isinstance(extras, dict):
-            extras = {key: value for key, value in extras.items() if str(value) not in read.get(key, ())}
-        found["asset"] = {"extensions": asset.get("extensions"), "extras": extras or None}
+        extras = self.asset.get("extras")
+        extras = without(extras, {*self.said}) if self.said else extras
+        found["asset"] = {"extensions": self.asset.get("extensions"), "extras": extras}
         tables = ("textures", "images") if self.tree.keys() & {"extensions", "extensionsUsed"} else ()
         numbers = [(name, k) for name in tables for k in range(len(self.tree.get(name, ())))]
         found["named"] = [self._mark(*each) for each in numbers if each not in self._marks]  # perhaps by a bare number

@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection
 from functools import reduce
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, TEXTURE,
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
+
+Keys: TypeAlias = list[list[IntArray]]  # numbers of corners of both meshes, as `_numbers` returns them
 
 
 def unlike_values(
@@ -29,7 +32,7 @@ def unlike_values(
     doubtful = {*a.doubtful, *b.doubtful} if isinstance(slots, float) else set[str]()
     skipped = {FACETS, *left_out, *doubtful}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
-    keys, where = list[list[IntArray]](), "vertices in the same place"
+    keys, where = Keys(), "vertices in the same place"
     nowhere = f", {', '.join(sorted(doubtful))} nowhere" if doubtful else ""
     remarks = _remarks(a, b, here, there, slots, keys, place)
     if keys:
@@ -44,13 +47,7 @@ def unlike_values(
 
 
 def _remarks(
-    a: KnownMesh,
-    b: KnownMesh,
-    here: Values,
-    there: Values,
-    slots: Slots | float,
-    keys: list[list[IntArray]],
-    place: str,
+    a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float, keys: Keys, place: str
 ) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
     remarks, on_request = [], {NORMALS: {"obj", "ply"}, TEXTURE: {"obj", "ply", "glb", "3mf"}}
@@ -83,7 +80,7 @@ def _remarks(
 
 
 @np.errstate(all="ignore")  # of huge meshes
-def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
+def _numbers(a: Mesh, b: Mesh, reach: float) -> Keys:
     """Number corners of two meshes by places and directions, which other triangles of a surface keep, and by places.
 
     Last come the corners of common faces, in pairs.
@@ -98,7 +95,7 @@ def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
     return [[each.ravel() for each in both], [each.ravel() for each in places], [*common_faces(*places)]]
 
 
-def _met(keys: list[list[IntArray]], *values: tuple[FloatArray, IntArray]) -> Slots:
+def _met(keys: Keys, *values: tuple[FloatArray, IntArray]) -> Slots:
     """Pair corners of common faces, others with the same number: each value with the nearest there; at places last."""
     from scipy.spatial import cKDTree
 
