@@ -96,7 +96,7 @@ def _folded(points: FloatArray) -> tuple[BoolArray, FloatArray]:
 def _ears(points: FloatArray, effort: int) -> tuple[list[list[int]], int]:
     """Cut ears, corners with no other one in their triangle, off a plane polygon; none if it has not enough.
 
-    What is left of the effort is returned, too: a convex corner takes as many steps as there are others, and a constant.
+    What is left of the effort is returned, too: convex corners take as many steps as there are others, and a constant.
     """
     rest, found, at, tried = np.arange(len(points)), list[list[int]](), 0, 0
     rounding = 1e-9 * float(np.ptp(points, axis=0).max()) ** 2  # of areas: last digits make no other ears
