@@ -16,10 +16,10 @@ _ledger: int | None = None  # descriptor of a file with their names, for a proce
 def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
     """Write `blocks` to a file in an existing folder: the result is the whole new file or the untouched old one.
 
-    A symbolic link is followed. The new file keeps the mode of the old one, and its owner and group if the system lets
-    this process give files away; without an old one it gets the usual mode. A path that is not a regular file
-    (`/dev/null`, a FIFO, `/dev/stdout`) is written to directly. Raises an `ExportError` with the name and the system's
-    reason, and a `BrokenPipeError` if `path` is a pipe whose reader has closed it.
+    A symbolic link is followed within its folder only. The new file keeps the mode of the old one, and its owner and
+    group if the system lets this process give files away; without an old one it gets the usual mode. A path that is not
+    a regular file (`/dev/null`, a FIFO, `/dev/stdout`) is written to directly. Raises an `ExportError` with the name
+    and the system's reason, and a `BrokenPipeError` if `path` is a pipe whose reader has closed it.
     """
     shown = os.fspath(path)
     try:
@@ -207,11 +207,27 @@ def _check_path(path: str) -> None:
         raise ExportError(f"cannot write {path!r}: a path holds no NUL character")
 
 
+def place_outside(path: str) -> str:
+    """Return where a link leads that leads out of the folder in which it stands; nothing for any other path."""
+    if not os.path.islink(path):
+        return ""
+    folder, place = os.path.realpath(os.path.dirname(path)), os.path.realpath(path)
+    return place if os.path.commonpath([folder, place]) != folder else ""
+
+
+def refuse_link_out(path: str) -> None:
+    """Refuse a link out of its folder, as somebody else may have made it, unless to a stream, a device or a folder."""
+    is_file = (place := place_outside(path)) and (os.path.isfile(place) or not os.path.exists(place))
+    if is_file and _descriptor(path) is None:
+        raise ExportError(f"cannot write {path}: it is a link that leads out of its folder, to {place}")
+
+
 def _target(path: str) -> str | None:
-    """Return the regular file that `path` names, links followed, or None if it must be written to directly."""
+    """Return the regular file that `path` names, or None if it must be written to directly."""
     _check_path(path)
     if _descriptor(path) is not None:
         return None
+    refuse_link_out(path)
     try:
         status = os.stat(path)
     except FileNotFoundError:

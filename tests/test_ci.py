@@ -134,8 +134,11 @@ def test_the_action_tells_what_changed_in_a_summary_and_beside_files(checkout):
 
 
 def test_the_action_names_a_missing_folder_in_one_line_whatever_its_name(tmp_path):
-    result = action(tmp_path, SPECS="a.toml\n::warning::b.toml", GOLDEN="a,b:c%", OPTIONS="-n 8\n--no-such")
-    assert result.status == 2
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "changes.txt").symlink_to("secret")  # through which nothing may be written
+    wrong = {"GOLDEN": "a,b:c%", "OPTIONS": "-n 8\n--no-such", "REPORT": "report"}
+    result = action(tmp_path, SPECS="a.toml\n::warning::b.toml", **wrong)
+    assert (result.status, [*(tmp_path / "report").iterdir()]) == (2, [])
     (said,) = [line for line in result.text.splitlines() if line.startswith("::")]
     assert said.startswith("::error file=a%2Cb%3Ac%25,title=gtb diff::a,b:c%25 is not a folder: gtb mesh ")
     assert "a.toml ::warning::b.toml" in said

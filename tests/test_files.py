@@ -15,6 +15,7 @@ import pytest
 from gtb_cli import files
 from gtb_cli.errors import DomainError, ExportError
 from gtb_cli.files import StagedFiles, replace_file
+from gtb_cli.shell.streams import refuse_overwriting
 
 
 def breaking(error: BaseException):
@@ -127,17 +128,33 @@ def test_the_file_is_flushed_before_it_is_renamed(tmp_path, monkeypatch):
 @pytest.mark.parametrize("exists", [True, False])
 def test_a_symbolic_link_is_followed(tmp_path, exists):
     (tmp_path / "far").mkdir()
-    (tmp_path / "near").mkdir()
-    real, link = tmp_path / "far" / "real.obj", tmp_path / "near" / "link.obj"
+    real, link = tmp_path / "far" / "real.obj", tmp_path / "link.obj"
     if exists:
         real.write_text("old")
         real.chmod(0o640)
-    link.symlink_to("../far/real.obj")
+    link.symlink_to("far/real.obj")
     replace_file(link, [b"new"])
     assert link.is_symlink()
     assert real.read_text() == "new"
     assert not exists or stat.S_IMODE(real.stat().st_mode) == 0o640
     assert os.listdir(tmp_path / "far") == ["real.obj"]
+
+
+@pytest.mark.parametrize("name", ["real", "new", "folder/real"])
+def test_nothing_is_written_through_a_link_out_of_its_folder(tmp_path, name):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "real").write_text("mine")
+    (tmp_path / "out" / "folder").symlink_to(tmp_path)
+    (tmp_path / "out" / "near").symlink_to(f"../{name}" if name != "folder/real" else name)
+    link, told = tmp_path / "out" / "link.html", f"leads out of its folder, to {tmp_path / os.path.basename(name)}"
+    link.symlink_to("near")
+    with pytest.raises(ExportError, match=re.escape(told)):
+        replace_file(link, [b"new"])
+    with pytest.raises(ExportError, match=re.escape(told)):
+        refuse_overwriting([], [str(link)])
+    replace_file(tmp_path / "out" / "folder" / "other", [b"new"])  # a folder that is a link is the user's own
+    texts = {path.name: path.read_text() for path in tmp_path.iterdir() if path.is_file()}
+    assert texts == {"real": "mine", "other": "new"}
 
 
 @pytest.mark.parametrize(

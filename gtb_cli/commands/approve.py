@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from functools import partial
 
 import click
 
@@ -12,6 +13,7 @@ from gtb_cli.shell.folders import files_in
 from gtb_cli.shell.gathering import gathered
 from gtb_cli.shell.messages import Console
 from gtb_cli.shell.options import INPUT, console_option, difference_option, ignore_option
+from gtb_cli.shell.several import attempted
 from gtb_cli.shell.streams import opened
 from gtb_cli.shell.watching import stamp
 from gtb_cli.verdicts.comparing import Comparing
@@ -113,28 +115,27 @@ def _take_over(
     changes, errors = list[str](), list[str | Fault]()
     with StagedFiles() as files:
         for verdict in taken:
-            target = verdict.paths[0]
-            try:
-                content = _new_content(*folders, verdict)
-                if stamp(verdict.paths[1]) != stamps.get(verdict.paths[1]):
-                    raise GtbError(Fault("was changed after it was compared", verdict.paths[1]))
-                changes.append(f"{target}: {_changed(verdict, content, comparing)}")
-            except GtbError as error:
-                errors += error.args
-            if not errors:
+            target, source = verdict.paths
+            found = attempted(source, partial(_read, folders=folders, verdict=verdict, comparing=comparing))
+            if isinstance(found, GtbError):
+                errors += found.args
+            elif stamp(source) != stamps.get(source):
+                errors.append(Fault("was changed after it was compared", source))
+            elif not errors:
+                changes.append(f"{target}: {found[1]}")
                 try:
                     files.make_folder(os.path.dirname(target))
                 except OSError as error:
                     raise GtbError(f"cannot make the folder {error.filename}: {error.strerror}") from None
-                files.add(target, [content])
+                files.add(target, [found[0]])
         if errors:
             raise GtbError(*errors, Fault("nothing was taken over", folders[0]))
     return changes
 
 
-def _new_content(golden: str, out: str, verdict: Verdict) -> bytes:
-    """Read a new file, unless it may not take the place of the old one."""
-    target, source = verdict.paths
+def _read(source: str, folders: tuple[str, str], verdict: Verdict, comparing: Comparing) -> tuple[bytes, str]:
+    """Read a new file, unless it may not take the place of the old one, and say what changes."""
+    (golden, out), target = folders, verdict.paths[0]
     if suffix_of(target) != suffix_of(source):
         raise GtbError(f"{source}: is a file of another kind than {target}")
     if os.path.realpath(target) != os.path.join(os.path.realpath(golden), os.path.relpath(target, golden)):
@@ -145,7 +146,8 @@ def _new_content(golden: str, out: str, verdict: Verdict) -> bytes:
     if not os.path.isfile(source):  # reading a pipe would wait for its writer
         raise GtbError(*(verdict.errors or [Fault("is not a file", source)]))
     with opened(source) as file:
-        return file.read()
+        content = file.read()
+    return content, _changed(verdict, content, comparing)
 
 
 def _changed(verdict: Verdict, content: bytes, comparing: Comparing) -> str:

@@ -37,13 +37,15 @@ def named_files(known: KnownMesh, path: str) -> dict[str, bytes | str]:
 
 
 def _text(path: str) -> bytes:
-    return read_file(path, min(MAX_STREAM_BYTES, os.path.getsize(path)))
+    """Read a library; a backslash continues its lines, which may end in any way."""
+    found = read_file(path, min(MAX_STREAM_BYTES, os.path.getsize(path)))
+    return found.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
 
 
 def _digest(path: str) -> bytes:
     try:
-        if path.lower().endswith(".mtl"):  # text, whose lines may end otherwise
-            return hashlib.sha256(_text(path).replace(b"\r", b"")).digest()
+        if path.lower().endswith(".mtl"):
+            return hashlib.sha256(_text(path)).digest()
         return sha256_of(path)
     except OSError as error:
         raise GtbError(f"{path}: {error.strerror or error}") from None

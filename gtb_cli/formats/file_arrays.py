@@ -41,8 +41,9 @@ class FileArrays:
 def unreserved(name: str, taken: Container[str]) -> str:
     """Return the name under which values with a name of their own are known: no other values have it."""
     reserved = (NORMALS, TEXTURE, FACETS, GROUPS, COLOURS)
-    is_free = name not in reserved and name not in taken and not name.startswith((OBJECTS, MATERIALS, SETTINGS, OTHER))
-    return name if is_free else unreserved(f"attribute {name}", taken)
+    while name in reserved or name in taken or name.startswith((OBJECTS, MATERIALS, SETTINGS, OTHER)):
+        name = f"attribute {name}"
+    return name
 
 
 def mark_of(*contents: str | bytes) -> list[float]:

@@ -194,13 +194,11 @@ def read_glb(data: bytes) -> FileArrays:
         raise GtbError("has both triangles and lines: expected one of them")
     width = 2 if cells[2] else 3
     points = np.concatenate([np.empty((0, 3)), *vertices])
-    extras = tree.get("asset", {}).get("extras")
-    extras = extras if isinstance(extras, dict) else {}
-    unit, is_z_up = extras.get("unit", ""), extras.get("up") == "z"
+    unit, is_z_up = scene.said.get("unit", ""), scene.said.get("up") == "z"
     points /= UNITS.get(unit, 1.0)
     if not is_z_up:
         points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-    space = f"{unit if unit in UNITS else 'no unit'}, {'z' if is_z_up else 'y'} up"
+    space = f"{unit or 'no unit'}, {'z' if is_z_up else 'y'} up"
     points += 0.0  # not -0
     corners = np.concatenate([np.empty((0, width), dtype=np.int32), *cells[width]])
 
@@ -211,7 +209,8 @@ def read_glb(data: bytes) -> FileArrays:
         if 4 * count * len(others) > (most := max(20 * len(binary), 100_000_000)):
             raise GtbError(f"has more than {most} numbers of attributes in all nodes together")
         for name, parts in sorted(others.items()):
-            label = known.get(name) or unreserved(name.lower().strip("_"), found)
+            label = known.get(name) or unreserved(name.lower().strip("_"), ())
+            label = unreserved(name, found) if label in found else label  # other names differ in more than case
             found[label] = _values(tree, binary, name, parts, count, is_z_up), corners
         if mark := scene.further():
             found[f"{OTHER}description"] = np.array([mark]), np.zeros(corners.shape, dtype=np.int64)

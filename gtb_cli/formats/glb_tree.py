@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.file_arrays import mark_of
+from gtb_cli.vocabulary import UNITS
 
 HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its content
 
@@ -40,7 +41,7 @@ def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     if description not in chunks:
         raise GtbError("has no description (no chunk JSON)")
     try:
-        tree = json.loads(chunks[description])
+        tree = json.loads(chunks[description].decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise GtbError(f"its description is not JSON: {error}") from None
     if not isinstance(tree, dict):
@@ -89,6 +90,10 @@ class Scene:
     def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
         self.tree, self.binary = tree, binary
         self.placed = [*_placed_nodes(tree)]
+        self.asset, known = tree.get("asset", {}), {"unit": UNITS, "up": ("y", "z")}
+        extras = self.asset.get("extras")  # said are those that gtb writes
+        said = extras.items() if isinstance(extras, dict) else ()
+        self.said = {key: value for key, value in said if key in known and str(value) in known[key]}
         self._marks: dict[tuple[str, Any], Any] = {}
         self._left = 4 * len(binary) + (1 << 28)  # bytes that marks may stand for: views of a buffer may overlap
 
@@ -140,6 +145,9 @@ class Scene:
             if told := self._told(said):
                 of_nodes.append(told | {"node": labels[number]})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
+        extras = self.asset.get("extras")
+        extras = without(extras, {*self.said}) if self.said else extras
+        found["asset"] = {"extensions": self.asset.get("extensions"), "extras": extras}
         tables = ("textures", "images") if self.tree.keys() & {"extensions", "extensionsUsed"} else ()
         numbers = [(name, k) for name in tables for k in range(len(self.tree.get(name, ())))]
         found["named"] = [self._mark(*each) for each in numbers if each not in self._marks]  # perhaps by a bare number

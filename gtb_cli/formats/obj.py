@@ -18,6 +18,7 @@ from gtb_cli.meshes.mesh import COLOURS, LIBRARIES, MATERIALS, NORMALS, OBJECTS,
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 STATES = b"s mg usemap bevel c_interp d_interp lod".split()  # keywords of what holds for the cells behind them
+FILES = b"maplib shadow_obj trace_obj".split()  # keywords of files that are used whatever the materials
 
 
 def read_obj(data: bytes, block: int = BLOCK_BYTES) -> FileArrays:
@@ -103,10 +104,12 @@ class _ObjLines:
         """Read the lines of each keyword together; nothing is changed if one of them is wrong."""
         places, names = _sorted(lines)
         points, starts = np.empty((0, 3)), [self.cell_count] * len(names)
-        further, most = points[:, 3:], 7  # numbers of a vertex: coordinates, and a colour with its opacity
+        further, most = points[:, 3:], 16  # numbers of a vertex: coordinates, a weight, a colour, a normal, …
         if places[b"v"]:
             numbers, counts = _numbers(b"v", lines, places[b"v"], np.float64)
-            points, further = np.split(padded(numbers, counts, min(int(counts.max()), most), np.nan), [3], axis=1)
+            if counts.max() > most:
+                raise GtbError(f"a vertex has at most {most} numbers, got {counts.max()}")
+            points, further = np.split(padded(numbers, counts, int(counts.max()), np.nan), [3], axis=1)
             if fault := faulty_point(points):
                 raise MeshError(f"a vertex {fault[1]}")
         cells = {}
@@ -159,8 +162,9 @@ class _ObjLines:
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
         lone = [int(k) - 1 for k in re.findall(r"(?<= )[0-9]{1,18}\b", "".join(re.findall("^p( .*)", told, re.M)))]
         told += "".join(f" {x + 0:.7g}" for k in lone if 0 <= k < len(vertices) for x in vertices[k].tolist())
-        libraries = tuple(name for keyword, name, _ in self.names if keyword == b"mtllib" and materials)
-        for label, text in ((f"{OTHER}points and settings", told), (LIBRARIES, "\n".join(libraries))):
+        read = [*FILES, b"mtllib"] if materials or named(b"usemap") else FILES
+        libraries = tuple(name for keyword, name, _ in self.names if keyword in read)
+        for label, text in ((f"{OTHER}points", told), (LIBRARIES, "\n".join(libraries))):
             marks[label] = [(mark_of(text), 0, self.cell_count)] if text else []
         cells = np.concatenate(self.cells[b"l"] or [np.empty((0, 3), dtype=np.int32), *self.cells[b"f"]])
         width = max((part.shape[1] for part in self.further), default=0)
@@ -170,7 +174,8 @@ class _ObjLines:
             numbers = np.concatenate([np.empty((0, width)), *further])
             if width < 2 and (np.isnan(numbers) | (numbers == 1)).all():  # weights are 1 unless another one is said
                 return {}
-            return {COLOURS if width > 1 else "weights of vertices": (numbers, cells)}
+            label = COLOURS if width < 5 else "further numbers of vertices"
+            return {label if width > 1 else "weights of vertices": (numbers, cells)}
 
         steps = partial(half_step, self.words)
         return FileArrays(
@@ -180,8 +185,6 @@ class _ObjLines:
 
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, bytes, str]]]:
     """Return the places of vertices and cells by keyword, and of names with theirs; a tab after one becomes a blank."""
-    # Keywords of single points, and of anything but geometry
-    further_keywords = set(b"p maplib shadow_obj trace_obj".split())
     # Keywords of free-form curves and surfaces
     free_form_keywords = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
     known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}  # the last with any blank
@@ -196,10 +199,10 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
         if (kind := (keyword + b" ")[:2] if keyword in MIN_NUMBERS else keyword) in known:
             known[kind].append(place)
             lines[place] = keyword + b" " + rest
-        elif keyword in (b"g", b"o", b"usemtl", b"mtllib", *STATES):
+        elif keyword in (b"g", b"o", b"usemtl", b"mtllib", *FILES, *STATES):
             name = b" ".join(rest.split()).decode("utf-8", "backslashreplace")
             names.append((place, keyword, "" if keyword in STATES and name in ("0", "off") else name))
-        elif keyword in further_keywords:
+        elif keyword == b"p":
             names.append((place, b"p", b" ".join(lines[place].split()).decode("utf-8", "backslashreplace")))
         elif keyword in free_form_keywords:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")

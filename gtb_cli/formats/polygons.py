@@ -96,21 +96,24 @@ def _folded(points: FloatArray) -> tuple[BoolArray, FloatArray]:
 def _ears(points: FloatArray, effort: int) -> tuple[list[list[int]], int]:
     """Cut ears, corners with no other one in their triangle, off a plane polygon; none if it has not enough.
 
-    What is left of the effort is returned, too: a corner takes as many steps as there are others, and a constant.
+    What is left of the effort is returned, too: convex corners take as many steps as there are others, and a constant.
     """
-    rest, found, at, tried = [*range(len(points))], list[list[int]](), 0, 0
+    rest, found, at, tried = np.arange(len(points)), list[list[int]](), 0, 0
     rounding = 1e-9 * float(np.ptp(points, axis=0).max()) ** 2  # of areas: last digits make no other ears
     while len(rest) > 2 and tried < 2 * len(rest) and effort > 0:
-        effort -= 500 + len(rest)
-        ear = [rest[at - 1], rest[at], rest[(at + 1) % len(rest)]]
-        p, others = points[ear], points[rest]
-        sides = np.stack([planar_cross(p[k] - p[k - 1], others - p[k - 1]) for k in range(3)])
+        ear = rest[[at - 1, at, (at + 1) % len(rest)]].tolist()
+        p = points[ear]
         least = rounding if tried < len(rest) else -rounding  # first those with an area, away from other corners
-        within = (sides >= -least).all(axis=0) & (others != p[:, None]).any(axis=2).all(axis=0)
         tried += 1
-        if planar_cross(p[1] - p[0], p[2] - p[0]) >= least and not within.any():
+        if planar_cross(p[1] - p[0], p[2] - p[0]) < least:
+            effort, at = effort - 100, (at + 1) % len(rest)
+            continue
+        effort -= 500 + len(rest)
+        others = points[rest]
+        sides = np.stack([planar_cross(p[k] - p[k - 1], others - p[k - 1]) for k in range(3)])
+        within = (sides >= -least).all(axis=0) & (others != p[:, None]).any(axis=2).all(axis=0)
+        if not within.any():
             found.append(ear)
-            del rest[at]
-            at, tried = at - 1, 0
+            rest, at, tried = np.delete(rest, at), at - 1, 0
         at = (at + 1) % len(rest)
     return (found if len(rest) == 2 else []), effort

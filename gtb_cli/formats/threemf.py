@@ -5,6 +5,7 @@ trimesh's exporter needs lxml and networkx, and writes random identifiers.
 
 import hashlib
 import math
+import posixpath
 import re
 import zipfile
 import zlib
@@ -14,6 +15,7 @@ from html import escape
 from io import BytesIO
 from itertools import cycle
 from typing import Any, NamedTuple, TypeAlias
+from urllib.parse import unquote
 from xml.parsers import expat
 
 import numpy as np
@@ -133,6 +135,7 @@ class _Reader:
             raise GtbError("is a ZIP archive without the model of a 3MF file")
         has_links = _LINKS in archive.namelist()
         told = archive.read(_LINKS) if has_links and archive.getinfo(_LINKS).file_size < 1 << 20 else b""
+        told = told.replace(b"\0", b"")  # of UTF-16
         is_other = has_links and (told.count(b"/01/3dmodel") != 1 or name.encode() not in told)
         if is_other or len({*archive.namelist()}) < len(archive.namelist()):
             raise GtbError(f"has a part twice, or {_LINKS} names another model than {name}")
@@ -158,7 +161,7 @@ class _Reader:
         for other in sorted({*archive.namelist()} - {name}):
             with archive.open(other) as part:
                 digests[other] = hashlib.file_digest(part, "sha256").hexdigest()  # type: ignore[arg-type]
-        self.parts = {f"/{other}".lower(): digest for other, digest in digests.items()}  # by what elements call them
+        self.parts = {_name_of(other): digest for other, digest in digests.items()}  # by what elements call them
         # Lists of parts, and pictures of what is compared
         plain = re.compile(r"\[Content_Types\]\.xml$|.*(\.rels|/)$|(?!3D/).*\.(png|jpe?g)$", re.IGNORECASE)
         self.others = "".join(f"{other} {digest}\n" for other, digest in digests.items() if not plain.match(other))
@@ -202,7 +205,10 @@ class _Reader:
         if self.foreign:
             self.note(name, given)
         elif name == "vertex":
-            self.meshes[self.id].vertices.extend((float(given["x"]), float(given["y"]), float(given["z"])))
+            vertices = self.meshes[self.id].vertices
+            vertices.extend((float(given["x"]), float(given["y"]), float(given["z"])))
+            if len(given) > 3:
+                self.note(f"vertex {len(vertices)}", given, "x", "y", "z")
         elif name == "triangle":
             mesh = self.meshes[self.id]
             first = given.get("p1", mesh.part[1][0])
@@ -215,6 +221,7 @@ class _Reader:
             mesh.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
         elif name == "model":
             self.unit = given.get("unit", self.unit)
+            self.note(name, given, "unit", "lang", "requiredextensions", "recommendedextensions", "schemaLocation")
         elif name in ("basematerials", "colorgroup"):
             self.material = given["id"]
             self.materials[self.material] = []
@@ -225,6 +232,7 @@ class _Reader:
                 raise GtbError(f"expected a colour such as #D97706, got {said:.40}")
             colour = bytes.fromhex(said[1:].ljust(8, "f"))
             self.materials[self.material].append((given["name"] if name == "base" else "", colour))
+            self.note(name, given, "name", "displaycolor", "color")
             self.order[self.material] = f"{mark_of(f'{self.order[self.material]} {self.materials[self.material][-1]}')}"
         elif name == "object":
             self.id = given["id"]
@@ -243,7 +251,9 @@ class _Reader:
             (self.items if name == "item" else self.components[self.id]).append(link)
             self.note(f"{name} {len(self.items)}", given, *_KNOWN)
             self.extensions.update((self.meshes[self.id].name if name == "component" else "").encode())
-        elif name not in _PLAIN:
+        elif name in _PLAIN:
+            self.note(name, given, "xmlns", *["name", "type", "preserve"] * (name == "metadata"))
+        else:
             self.foreign = self.depth
             self.extended |= {f"{len(self.meshes)}"} if self.depth > 4 else set()
             self.note(name, given)
@@ -255,7 +265,7 @@ class _Reader:
         for key in sorted(plain.keys() - {"id", "identifier", "UUID", *known}):
             ids = plain[key].split() if key.endswith(("id", "ids")) else []
             value = " ".join(self.order.get(each, each) for each in ids) or plain[key]
-            told[key] = value + self.parts.get(value.lower(), "")
+            told[key] = value + self.parts.get(_name_of(value), "")
         if told or not known:
             self.extensions.update(f"{name} {told}".encode())
 
@@ -336,6 +346,11 @@ class _Reader:
         looks = [(start, *self.look(part)) for start, part in mesh.parts]
         links = [(self.order.get(link, link), place.tolist(), said) for link, place, said in self.components[key]]
         return mark_of(bytes(mesh.vertices), bytes(mesh.corners), f"{mesh.name} {mesh.kind} {looks} {links}")
+
+
+def _name_of(part: str) -> str:
+    """Return the name of a part as it is compared: an absolute path in lower case, without escapes."""
+    return posixpath.normpath("/" + unquote(part).lstrip("/")).lower()
 
 
 _LOOK, _SPECIAL = f"{MATERIALS}3MF", f"{OBJECTS} that are not printed, or support"

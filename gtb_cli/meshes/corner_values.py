@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection
 from functools import reduce
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,22 +16,25 @@ from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, TEXTURE,
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
 
+Keys: TypeAlias = list[list[IntArray]]  # numbers of corners of both meshes, as `_numbers` returns them
+
 
 def unlike_values(
-    a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = ()
+    a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = (), place: str = ""
 ) -> tuple[tuple[str, ...], str]:
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
     are others (no slots, but how far places are apart), they are compared in faces that both meshes have, and else at
-    places of vertices that both have, which have to be half of those of one. Also tells where that was.
+    places of vertices that both have, which have to be half of those of one: what differs there begins with `place`.
+    Also tells where that was.
     """
     doubtful = {*a.doubtful, *b.doubtful} if isinstance(slots, float) else set[str]()
     skipped = {FACETS, *left_out, *doubtful}
     here, there = ({name: held for name, held in each.values().items() if name not in skipped} for each in (a, b))
-    keys, where = list[list[IntArray]](), "vertices in the same place"
+    keys, where = Keys(), "vertices in the same place"
     nowhere = f", {', '.join(sorted(doubtful))} nowhere" if doubtful else ""
-    remarks = _remarks(a, b, here, there, slots, keys)
+    remarks = _remarks(a, b, here, there, slots, keys, place)
     if keys:
         many, is_there = int(keys[1][0].max()) + 1, np.bincount(keys[1][1]) > 0
         met, fewest = int(is_there[:many].sum()), min(many, int(is_there.sum()))
@@ -39,11 +43,11 @@ def unlike_values(
     if not remarks or isinstance(slots, float):
         return remarks, where + nowhere
     cells = numbered_places(a.mesh.vertices)[1][a.mesh.cells]  # faces that are there twice may share no vertices
-    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), []), where
+    return _remarks(a, b, here, there, _paired_by_values(cells, here, there, slots), [], place), where
 
 
 def _remarks(
-    a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float, keys: list[list[IntArray]]
+    a: KnownMesh, b: KnownMesh, here: Values, there: Values, slots: Slots | float, keys: Keys, place: str
 ) -> tuple[str, ...]:
     old, new = (sorted({name for name, _, _ in each.mesh.groups}) for each in (a, b))
     remarks, on_request = [], {NORMALS: {"obj", "ply"}, TEXTURE: {"obj", "ply", "glb", "3mf"}}
@@ -67,15 +71,16 @@ def _remarks(
                 step = a.mesh.cells.shape[1] if all((each == each[:, :1]).all() for each in (of, others_of)) else 1
                 one, other = (each[::step] for each in slots)
             held, others_held = rows[of.ravel()[one]], others[others_of.ravel()[other]]
-            nowhere = [f"{name}: cannot be compared, as no vertices are in the same place"]
-            remarks += _unlike(name, held, others_held, a.mesh.cells.ravel()[one], step == 1) if len(one) else nowhere
+            remarks += [] if len(one) else [f"{name}: cannot be compared, as no vertices are in the same place"]
+            found = _unlike(name, held, others_held, a.mesh.cells.ravel()[one], step == 1) if len(one) else []
+            remarks += [f"{place}{each}" for each in found]
         elif a.format == b.format or (name in on_request and on_request[name] >= {a.format, b.format}):
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
 
 
 @np.errstate(all="ignore")  # of huge meshes
-def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
+def _numbers(a: Mesh, b: Mesh, reach: float) -> Keys:
     """Number corners of two meshes by places and directions, which other triangles of a surface keep, and by places.
 
     Last come the corners of common faces, in pairs.
@@ -90,7 +95,7 @@ def _numbers(a: Mesh, b: Mesh, reach: float) -> list[list[IntArray]]:
     return [[each.ravel() for each in both], [each.ravel() for each in places], [*common_faces(*places)]]
 
 
-def _met(keys: list[list[IntArray]], *values: tuple[FloatArray, IntArray]) -> Slots:
+def _met(keys: Keys, *values: tuple[FloatArray, IntArray]) -> Slots:
     """Pair corners of common faces, others with the same number: each value with the nearest there; at places last."""
     from scipy.spatial import cKDTree
 
@@ -150,7 +155,8 @@ def _unlike(name: str, rows: FloatArray, others: FloatArray, vertex: IntArray, a
         rows, others = (each / reduce(np.hypot, each.T)[:, None] for each in (rows, others))
     gone = np.logical_xor(*((each == ABSENT) | np.isnan(each) for each in (rows, others))).any(axis=1)
     if gone.any():
-        return [f"{name}: at {gone.sum()} corners in one of them only, first at vertex {vertex[np.argmax(gone)]}"]
+        corners = f"{gone.sum()} corner{'s' * int(gone.sum() > 1)}"
+        return [f"{name}: at {corners} in one of them only, first at vertex {vertex[np.argmax(gone)]}"]
     apart = np.where((rows == others) | np.isnan(rows), 0.0, np.abs(rows - others))
     if name == NORMALS:
         chords = np.linalg.norm(apart, axis=1)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import itemgetter
 from typing import Literal, TypeAlias
@@ -207,12 +207,21 @@ def difference(
             uncompared=("normals are not compared, as they turn with what is turned",) * bool(left_out) + overlaps,
         )
     lone, found = lone_faces(a.mesh, b.mesh, allowed), _decided(a.mesh, b.mesh, allowed)
+    moved, words = a, tuple[str, ...]()
+    if lone is None and a.mesh.vertices.shape == b.mesh.vertices.shape:  # cells may be missing, beside a motion
+        words = told_motion(a.mesh.vertices, b.mesh.vertices, allowed, spaces is None, may_mirror=False)
+        is_turned = any(word.startswith("turned") for word in words)  # and normals with it
+        doubtful = (*a.doubtful, *[NORMALS] * is_turned)
+        moved = replace(a, mesh=replace(a.mesh, vertices=b.mesh.vertices), doubtful=doubtful) if words else a
+        lone = lone_faces(moved.mesh, b.mesh, allowed) if words else None
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks, are_all = 0 if lone is None else lone.turned, tuple[str, ...](), True
     is_held = any(each.values().keys() - {FACETS} for each in (a, b))
     close = min(allowed, max(resolution, 1e-6 * diagonal))
     is_told = "attributes" not in ignore and (found.distance <= allowed or lone is not None)
-    values, where = ((), "no place") if "attributes" in ignore or kind == "surface" else unlike_values(a, b, close)
+    values, where = (), "no place"
+    if "attributes" not in ignore and kind != "surface":
+        values, where = unlike_values(moved if lone else a, b, close, place="" if is_told else "at the same places, ")
     crowd = ("sides of faces that only one has are not compared, as too many long ones lie across each other",)
     limit = f"only compared at {where}, as the faces are others"
     limit = "not compared, as surfaces were asked for" if kind == "surface" else limit
@@ -228,7 +237,7 @@ def difference(
         same_kind=same_kind,
         turned=turned,
         remarks=remarks,
-        words=() if lone is None else _told(lone, (a if lone.is_first else b).mesh),
+        words=() if lone is None else (*words, *_told(lone, (a if lone.is_first else b).mesh)),
         values=values,
         uncompared=(f"normals, texture coordinates, attributes and groups are {limit}",) * (is_told and is_held)
         + crowd * (not are_all)

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Collection
 
 from gtb_cli.errors import Fault, GtbError
+from gtb_cli.files import place_outside
 from gtb_cli.process.memory import shortage
 
 
@@ -107,9 +108,7 @@ def discreet(fault: Fault) -> Fault:
 def leads_out(path: str) -> bool:
     """Tell whether one of the links in a path leads out of the folder in which it stands."""
     while path.strip(os.sep):
-        if os.path.islink(path):
-            folder = os.path.realpath(os.path.dirname(path))
-            if os.path.commonpath([folder, os.path.realpath(path)]) != folder:
-                return True
+        if place_outside(path):
+            return True
         path = os.path.dirname(path)
     return False

@@ -9,7 +9,6 @@ import click
 
 from gtb_cli.errors import DomainError, ExportError, SpecError
 from gtb_cli.language.reading import Reading, assignment
-from gtb_cli.shell.faults import leads_out
 from gtb_cli.shell.gathering import Function, Option, gathered
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.messages import STANDARD, Console
@@ -134,11 +133,8 @@ def named_files(kind: click.Path) -> list[str]:
 
 
 def check_outputs(*inside: str) -> None:
-    """Refuse outputs of the running command, and files inside a folder, that are inputs or links out of the folder."""
+    """Refuse outputs of the running command, and files inside a folder, as `refuse_overwriting` does."""
     refuse_overwriting(named_files(INPUT), [*named_files(OUTPUT), *inside])
-    for output in inside:
-        if os.path.islink(output) and leads_out(output):
-            raise ExportError(f"cannot write {output}: it is a link that leads out of its folder")
 
 
 spec_argument = click.argument("spec", metavar="SPEC", type=INPUT)

@@ -153,9 +153,13 @@ def shown_input(path: str) -> str:
 def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
     """Refuse outputs, under whatever name, that are also another output, an input or a file that it includes.
 
-    Anything but a regular file, such as a terminal, may be both.
+    Anything but a regular file, such as a terminal, may be both. Links out of their folders are refused, too.
     """
+    from gtb_cli.files import refuse_link_out
+
     outputs = [output for output in outputs if output != STANDARD and not is_device(output)]
+    for output in outputs:
+        refuse_link_out(output)
     for alike in grouped((os.path.realpath(output), output) for output in outputs).values():
         if len(alike) > 1:
             raise click.UsageError(f"{alike[1]} would be written twice")

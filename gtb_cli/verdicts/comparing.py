@@ -207,5 +207,5 @@ def _are_equal_meshes(first: str, second: str) -> bool:
     if not is_mesh or not filecmp.cmp(first, second, shallow=False):
         return False
     with opened(first) as file:  # in another folder there may be other materials and pictures
-        names = re.compile(rb'mtllib|(?i:texturefile)|"uri"|\\u00')
+        names = re.compile(rb'mtllib|maplib|_obj|(?i:texturefile)|"uri"|\\u00')
         return os.path.dirname(first) == os.path.dirname(second) or not any(map(names.search, file))

@@ -262,6 +262,17 @@ def test_what_changes_while_it_is_compared_is_not_taken_over(tmp_path, monkeypat
     assert (tmp_path / "golden" / "x.txt").read_text() == "golden"
 
 
+def test_an_unexpected_error_is_of_one_file_and_those_of_others_are_said(tmp_path, monkeypatch):
+    for folder in ("golden", "out"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "a.ply").write_text(f"ply\n{folder}")
+        (tmp_path / folder / "b.obj").write_text(f"v 0 0 {folder}\n")
+    monkeypatch.setattr("gtb_cli.formats.ply.read_ply", lambda _: [][0])
+    said = gtb("approve", tmp_path / "golden", tmp_path / "out", status=2).err.splitlines()
+    told = "a.ply: internal error", "b.obj: line 1: 'out' is not a number", "golden: nothing was taken over"
+    assert [words in line for words, line in zip(told, said, strict=True)] == [True] * 3
+
+
 def test_signals_that_are_ignored_stay_ignored(start, tmp_path):
     mesh = ["mesh", PENTAGON, "-n", "100", "-o", tmp_path / "x.obj", "-q"]
     child = start(*mesh, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))

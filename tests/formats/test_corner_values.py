@@ -101,3 +101,17 @@ def test_references_may_count_back_and_leave_out(tmp_path):
     found = held(tmp_path / "a.obj")
     assert np.array_equal(found[TEXTURE][0], [[0, 0], [1, 0], [np.nan, np.nan]], equal_nan=True)
     assert np.array_equal(found[NORMALS][0], [[0, 0, 1], [0, 0, 1], 3 * [np.nan]], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "text", [b"mtllib\nKd 1 0 0\rmap_Kd p.png\r", b"mtllib\nmap_Kd \\\n p.png\n", b"maplib\nbump p.png"]
+)
+def test_each_byte_of_pictures_that_libraries_name_counts(tmp_path, text):
+    keyword, _, content = text.partition(b"\n")
+    for folder, picture in (("a", b"old"), ("b", b"new"), ("c", b"old")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "m.mtl").write_bytes(content if folder != "c" else content.replace(b"\r", b"\r\n"))
+        (tmp_path / folder / "p.png").write_bytes(picture)
+        (tmp_path / folder / "x.obj").write_bytes(keyword + b" m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemap q\nf 1 2 3\n")
+    a, b, c = (tmp_path / folder / "x.obj" for folder in "abc")
+    assert (diff(a, b).values, diff(a, c).same) == (("other data: libraries and pictures: not the same",), True)

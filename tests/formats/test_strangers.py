@@ -6,6 +6,7 @@ import json
 import zipfile
 from collections.abc import Iterator
 from functools import reduce
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -98,13 +99,21 @@ def test_few_bytes_of_glb_cannot_stand_for_many():
         edited(**{"materials.0": {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0]}}})
 
 
-@pytest.mark.parametrize("name", ["3D/Textures/a.png", "Metadata/model_settings.config", "further.model"])
+def test_names_of_attributes_may_differ_in_case_only():
+    names = [f"_{''.join(letters)}" for letters in product(*zip("abcdefghij", "ABCDEFGHIJ", strict=True))]
+    assert len(edited(**{f"HELD.{name}": 2 for name in names}).values()) == 2 + len(names)
+
+
+@pytest.mark.parametrize(
+    "name", ["3D/Textures/a.png", "Metadata/model_settings.config", "further.model", "Maps/a b.png", "maps/A%20b.png"]
+)
 @pytest.mark.parametrize("unseen", ["", "3D/_rels/3dmodel.model.rels", "Metadata/plate_1.png"])
 def test_further_files_in_a_3mf_archive(name, unseen):
     found = []
     for content in (b"a", b"b"):
-        file = io.BytesIO(archive(f'<object id="1">{TRIANGLE}</object>'))
+        file = io.BytesIO(archive(f'<texture2d path="/Maps/a%20b.png"/><object id="1">{TRIANGLE}</object>'))
         with zipfile.ZipFile(file, "a") as written:
             written.writestr(unseen or name, content)
         found.append(decode_mesh(file.getvalue(), "a"))
-    assert difference(*found).values == (not unseen) * ("other data: further parts: not the same",)
+    what = "extensions" if name.lower().startswith("maps") else "further parts"
+    assert difference(*found).values == (not unseen) * (f"other data: {what}: not the same",)

@@ -106,6 +106,22 @@ def test_a_few_vertices_that_make_a_mesh_a_hundred_times_as_large_are_told(far, 
     assert (difference(mesh, mesh).stray is not None) == is_told
 
 
+def test_values_of_what_moved_by_a_step_of_its_grid_are_not_called_others():
+    flat = plane(4)
+    held = {"x": flat.vertices[:, 0], "height": RNG.random(len(flat.vertices))}
+    one = known_exactly(replace(flat, attributes=held))
+    new = Mesh(flat.vertices + np.array([0.25, 0, 0]), np.delete(flat.cells, 5, axis=0), attributes=held)
+    found = difference(one, known_exactly(new))
+    assert found.words == ("moved by (0.25, 0, 0)", "1 face is missing, near (0.0833333333 1.33333333 0)")
+    assert found.values == ()
+    other = replace(new, attributes={**held, "x": held["x"] + 0.1})
+    assert difference(one, known_exactly(other)).values[0].startswith("x: up to 0.1 apart")
+    further = Mesh(np.vstack([new.vertices, [[9, 9, 9]]]), new.cells, attributes={k: [*v, 0] for k, v in held.items()})
+    found = difference(one, known_exactly(further))  # nothing tells which vertex was which
+    assert not found.words
+    assert found.values[-1].startswith("at the same places, x: up to 0.25 apart")
+
+
 def test_beyond_the_tolerance_another_order_or_other_faces_are_another_surface():
     for mesh, other in (
         (surface(9), moved(shuffled(surface(9))[0], 1e-3)),
