@@ -71,7 +71,7 @@ class Values:
 
     def tuples(self, entries: list[object], path: Path, sizes: tuple[int, ...]) -> FloatArray | None:
         """Read pairs or triples of coordinates, all of the same size: that of most of them; an arc stands for four."""
-        lengths = [3 if is_arc(entry) else len(entry) for entry in entries if is_arc(entry) or isinstance(entry, list)]
+        lengths = [len(entry) if isinstance(entry, list) else 3 * is_arc(entry) for entry in entries]
         given = [length for length in lengths if length in sizes]
         if given:
             sizes = (max(dict.fromkeys(given), key=given.count),)
