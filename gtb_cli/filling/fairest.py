@@ -32,7 +32,7 @@ BROKEN = 1e9  # of those, that no pull mends: rows of pulls would have no digits
 
 
 class Scored(NamedTuple):
-    """A surface of (n, 3) control points, and its score: the smaller, the fairer."""
+    """A surface of (n, 3) control points, and its score, a logarithm: the smaller, the fairer."""
 
     score: float
     points: FloatArray
@@ -61,14 +61,15 @@ class FairSearch:
             self._areas = 3 * self._zones[1, third]
 
     def scored(self, *surfaces: FloatArray) -> list[Scored]:
-        """Score by the product of powers of bending and of its variation, of what is seen and of all."""
+        """Score by powers of bending and of its variation, of what is seen and of all."""
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
         (inside,) = bendings(self._inside, self._places.areas, surfaces)
         outside = zip(*bendings(self._outside, np.stack([self._zones[0], self._places.areas]), surfaces), strict=True)
         both = [[together([seen, each]) for each in others] for seen, others in zip(inside, outside, strict=True)]
         figures = np.array([(b.energy, b.variation, d.energy, d.variation) for b, d in both])
         bent, varied, _, nearer = figures.T
-        scores = bent**self._power * varied * np.sqrt(nearer) * (bent > flat)
+        logs = np.log(np.maximum([bent, varied, nearer], 1e-300))
+        scores = np.where(bent > flat, [self._power, 1, 0.5] @ logs, -math.inf)
         return [Scored(*each) for each in zip(scores.tolist(), surfaces, inside, figures, strict=True)]
 
     def fairest(self) -> Iterator[Scored]:
@@ -110,7 +111,7 @@ class FairSearch:
             uneven = float(np.abs(wanted - ((rows @ best.points) * ways).sum(axis=1)).max())
             if found and bent > most_bent * found[0][1]:
                 break
-            found.append((best.score * max(1.0, uneven) ** 4, bent, surfaces))
+            found.append((best.score + 4 * math.log(max(1.0, uneven)), bent, surfaces))
             if uneven <= 1:
                 break
             strength = strength * min(max(2.0, uneven), 3.0) or min(0.1 * uneven, 1.0)
@@ -142,14 +143,14 @@ class FairSearch:
 
     def _again(self, one: Scored, made: Any, rounds: int = 3) -> list[Scored]:
         """Return what is fairest in a sharp surface's metric, or in that one's and so on; none if a figure rises."""
-        sharp, wild, enough = 4.0, 30.0, 0.99  # a sphere's curvature; bending of metrics that lead astray; of the score
+        sharp, wild, gain = 4.0, 30.0, 0.01  # a sphere's curvature; bending of metrics that lead astray; of the score
         bent = one.visible
         if not rounds or bent.curvature * math.sqrt(bent.area / (4 * math.pi)) < sharp or bent.energy > wild:
             return []
         second, third = forms(self._inside + self._outside, self._zones[1], one.points, (2, 3))
         (found,) = self.scored(made(third + MOST_BENT / bent.area * second))
-        found = found._replace(score=found.score * self._excess(found.points)[1])
-        if found.score > enough * one.score or (found.figures > one.figures).any():
+        found = found._replace(score=found.score + self._excess(found.points)[1])
+        if found.score > one.score - gain or (found.figures > one.figures).any():
             return []
         return self._again(found, made, rounds - 1) or [found]
 
@@ -162,7 +163,7 @@ class FairSearch:
         for step in (*steps, None):
             curved, excess = self._excess(one.points)
             beyond = beyond | (curved > MOST_CURVED)
-            calmer.append((one._replace(score=one.score * excess), made))
+            calmer.append((one._replace(score=one.score + excess), made))
             is_calm = len(calmer) > 4 and curved.max() <= MOST_CURVED / 1.5
             no_better = len(calmer) > 2 and calmer[-1][0].score > calmer[-2][0].score
             if step is None or not beyond.any() or curved.max() > BROKEN or is_calm or no_better:
@@ -173,10 +174,10 @@ class FairSearch:
         return min(calmer, key=lambda each: each[0].score)
 
     def _excess(self, points: FloatArray) -> tuple[FloatArray, float]:
-        """Return (r,) curvatures near corners, of 1 / the shorter edge, and the factor of scores for the largest."""
+        """Return (r,) curvatures near corners, of 1 / the shorter edge, and what the largest adds to scores."""
         layers = self._layers(points, range(len(self._domain.vertices)))
         curved = np.nan_to_num([near.curvatures.max() * near.edge for near in layers])
-        return curved, max(1.0, float(curved.max()) / MOST_CURVED) ** 8
+        return curved, 8 * math.log(max(1.0, float(curved.max()) / MOST_CURVED))
 
     def _layers(self, points: FloatArray, corners: Iterable[int], tables: bool = False) -> list[CornerLayer]:
         """Return places near corners."""
@@ -198,7 +199,7 @@ class FairSearch:
 
     def _led(self, one: Scored, strength: float = 0.0) -> list[Scored]:
         """Return the surface moved smoothly onto one that is known and bends more; none if it ends elsewhere."""
-        rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
+        rounds, stiffness, worst = 3, 1e-8, math.log(2)  # beyond the fairest's score: it ends elsewhere if it has more
         if (ways := self._known) is None:
             return []
         t, led = self._t, one.points
@@ -209,7 +210,7 @@ class FairSearch:
             led = self._least(form, origin=origin, pull=even)
         farther = np.abs([ways(t.T @ each) for each in (led, one.points)]).max(axis=(1, 2))
         (found,) = self.scored(led)
-        return [found] if farther[0] < farther[1] and found.score <= worst * one.score else []
+        return [found] if farther[0] < farther[1] and found.score <= one.score + worst else []
 
 
 def _value(energy: FloatArray, points: FloatArray) -> float:

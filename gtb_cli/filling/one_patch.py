@@ -222,13 +222,13 @@ def _attempt(
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     # By which the certificate is measured: digits on which they agree are said; no more places with many sides
     quadratures = [math.ceil(each * math.sqrt(min(1.0, 12 / len(sides)))) for each in (20, 36)]
-    much = 100.0  # times the score of the fairest: with less, other plans have little to win
+    much = math.log(100)  # beyond the score of the fairest: with less, other plans have little to win
     found = list[_Attempt]()
     for patch, score in _solved(edges, inner, fullness):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
         faults = (turns := len(sharp_turns(patch))) + 1000 * (folds + turned)
-        worse = bool(found) and score > much * found[0].score
+        worse = bool(found) and score > found[0].score + much
         found.append(_Attempt(faults, score, worse, folds, turns, raises, patch))
         if not found[-1].faults:
             break
