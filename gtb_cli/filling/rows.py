@@ -98,7 +98,7 @@ class Rows:
         points = final.least(points - origin, moves[self._count :])[0] + origin
         given = np.array([n is not None for n in self._normals])
         # Coefficients follow free rows, which pulls move on and on: equations hold after rounds without
-        for pulls in [pull] * (4 if pull else rounds) + [None] * (0 if given.all() else rounds):
+        for pulls in [pull] * (4 if pull else 0) + [None] * (rounds if given.all() else 2 * rounds):
             equations = CornerForms.of(points, self._net.log_weights, self._net.corners, given)
             points = final.moved(points, equations, *(pulls(points) if pulls else ()))
         return points
