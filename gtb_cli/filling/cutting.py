@@ -68,7 +68,7 @@ def fill_parts(
         return found and found[0][0]
     parts, remarks = found
     remarks += [f"part {k}: {remark}" for k, part in enumerate(parts) for remark in part.remarks]
-    names = "sides", "contacts", "corners", "corner_curvatures", "raises"
+    names = "sides", "contacts", "corners", "corner_curvatures", "corner_forced", "raises"
     lists: dict[str, Any] = {name: tuple(each for part in parts for each in getattr(part, name)) for name in names}
     return replace(
         parts[0],

@@ -16,6 +16,7 @@ from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import Bending, bendings
 from gtb_cli.filling.algebraic import ways_to_surface
 from gtb_cli.filling.certificate import hundredth_inside
+from gtb_cli.filling.hole_corners import forced_curvatures
 from gtb_cli.filling.rows import CROSSING
 from gtb_cli.filling.sides import edge_of
 from gtb_cli.filling.tangent_rows import EdgeRows
@@ -27,8 +28,9 @@ from gtb_cli.theory.patch import Patch
 
 VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary nothing is seen, or has a weight
 MOST_CURVED = 135.0  # largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores
+OF_FORCED = 1.15  # or of what the planes force there, if that is more
 MOST_BENT = 400.0  # largest weight of bending beside its variation, in units of 1 / area
-BROKEN = 1e9  # of those, that no pull mends: rows of pulls would have no digits left
+BROKEN = 1e7  # of these, that no pull mends: rows of pulls would have no digits left
 
 
 class Scored(NamedTuple):
@@ -51,6 +53,9 @@ class FairSearch:
         self._given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         self._power = 0 if self._given else BENDING_POWER
+        places = [int(np.abs(domain.vertices - at.knots[k]).sum(axis=1).argmin()) for k in range(len(edges))]
+        forced, lengths = forced_curvatures([each.curve for each in edges], [each.normals for each in edges])
+        self._most = np.maximum(MOST_CURVED, OF_FORCED * forced * lengths)[np.argsort(places)]
         # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
         self._zones = at.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
@@ -162,9 +167,9 @@ class FairSearch:
         beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[tuple[Scored, Any]]()
         for step in (*steps, None):
             curved, excess = self._excess(one.points)
-            beyond = beyond | (curved > MOST_CURVED)
+            beyond = beyond | (curved > 1)
             calmer.append((one._replace(score=one.score + excess), made))
-            is_calm = len(calmer) > 4 and curved.max() <= MOST_CURVED / 1.5
+            is_calm = len(calmer) > 4 and curved.max() <= 1 / 1.5
             no_better = len(calmer) > 2 and calmer[-1][0].score > calmer[-2][0].score
             if step is None or not beyond.any() or curved.max() > BROKEN or is_calm or no_better:
                 break
@@ -174,10 +179,10 @@ class FairSearch:
         return min(calmer, key=lambda each: each[0].score)
 
     def _excess(self, points: FloatArray) -> tuple[FloatArray, float]:
-        """Return (r,) curvatures near corners, of 1 / the shorter edge, and what the largest adds to scores."""
+        """Return (r,) curvatures near corners, of those that count as none, and what the largest adds to scores."""
         layers = self._layers(points, range(len(self._domain.vertices)))
-        curved = np.nan_to_num([near.curvatures.max() * near.edge for near in layers])
-        return curved, 8 * math.log(max(1.0, float(curved.max()) / MOST_CURVED))
+        curved = np.nan_to_num([near.curvatures.max() * near.edge for near in layers]) / self._most
+        return curved, 8 * math.log(max(1.0, float(curved.max())))
 
     def _layers(self, points: FloatArray, corners: Iterable[int], tables: bool = False) -> list[CornerLayer]:
         """Return places near corners."""
@@ -187,10 +192,11 @@ class FairSearch:
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> Sequence[FloatArray]:
         """Return rows, ways and zeros that pull curvature near corners to 0: the more there is, the more, by κ⁴."""
-        quiet = MOST_CURVED / 1.5  # squares have the energy's value; half of the places
+        corners = np.flatnonzero(beyond).tolist()
         value, parts = _value(energy, points), [also(points)] if also else []
-        for near in self._layers(points, np.flatnonzero(beyond).tolist(), tables=True):
-            each = np.flatnonzero(near.curvatures * near.edge <= BROKEN)[::2]
+        for near, most in zip(self._layers(points, corners, tables=True), self._most[corners].tolist(), strict=True):
+            quiet = most / 1.5  # squares have the energy's value; half of the places
+            each = np.flatnonzero(near.curvatures * near.edge <= BROKEN * most)[::2]
             curved = near.curvatures[each] * near.edge / quiet
             stiffness = np.sqrt(value / len(curved)) * np.maximum(curved, 1e-3) * near.edge / quiet
             rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))

@@ -24,7 +24,7 @@ from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.certificate import DISAGREEING, SPIKE, Filling, angles_to, contact, corner_bends, curvature_near
 from gtb_cli.filling.corner_equations import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
-from gtb_cli.filling.hole_corners import corners, end_normals
+from gtb_cli.filling.hole_corners import corners, end_normals, forced_curvatures
 from gtb_cli.filling.net import net
 from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, edge_of, loop, side_normals
@@ -113,7 +113,8 @@ def fill_loop(
     limits, turned = tuple(corner_limits(patch, edge) for edge in at), 0 if best.folds else best.sharp_turns
     measured = bending.scaled(size), nearer.scaled(size), best.errors, contacts, corner_angles, limits
     curved = tuple(np.array([curvature_near(best.patch, edge) for edge in at]) / size)
-    return Filling(patch, ordered, *measured, curved, best.raises, best.folds, turned, tuple(remarks))
+    forced = tuple((forced_curvatures([side.curve for side in unit], normals)[0] / size).tolist())
+    return Filling(patch, ordered, *measured, curved, forced, best.raises, best.folds, turned, tuple(remarks))
 
 
 def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], rounding: float) -> bool:

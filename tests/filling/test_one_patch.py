@@ -23,7 +23,7 @@ from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.corner_equations import CornerForms
 from gtb_cli.filling.fairest import FairSearch, Scored
 from gtb_cli.filling.fill import fill
-from gtb_cli.filling.hole_corners import corners, end_normals
+from gtb_cli.filling.hole_corners import corners, end_normals, forced_curvatures
 from gtb_cli.filling.hole_files import loop_from_text, read_loop
 from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.one_patch import fill_loop
@@ -38,7 +38,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.theory.corners import CornerLayer, corner_limits, limits_of_normals
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
-from tests.filling.loops import homogeneous, random_sides
+from tests.filling.loops import ARC, homogeneous, random_sides
 from tests.marks import long, mostly_long
 from tests.outputs import check_json
 from tests.shell import SPECS, gtb
@@ -255,7 +255,9 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert filling.bending.energy < {"planes": 0.75, "an edge only": 0.62, "edges only": 0.34}[kind]
     assert not filling.doubts
     sharp = replace(filling, corner_curvatures=(1.0, 1.0, 150.0, 400.0, math.nan))  # edges are some 1.2 long
-    assert re.search(r"the shorter edge is up to \S+ at corner 3, \(-0", sharp.doubts[0])
+    assert re.search(r"the shorter edge is up to \S+ at corner 3, \(-0[^f]*$", sharp.doubts[0])
+    sharp = replace(sharp, corner_forced=(0, 0, 0, 350, 0))
+    assert re.search(r"corner 3, .* the given planes' turning forces 3", sharp.doubts[0])
     found = [corner_limits(filling.patch, corner) for corner in range(5)]
     assert max(each.angle + abs(each.curvature_exponent) for each in found) < 1e-6
     assert max(each.curvature + 20 * each.folds for each in found) < 20
@@ -295,9 +297,23 @@ def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
     """Twice the curvature that counts as none costs 256 times the score; the first step may make it worse."""
     search, made = object.__new__(FairSearch), iter(range(1, 9))
     search._domain, search._least = SimpleNamespace(vertices=[0]), lambda *_, **__: next(made)
+    search._most = np.array([135.0])
     search._layers = lambda points, _: [SimpleNamespace(edge=1.0, curvatures=np.array([curved[points]]))]
     search.scored = lambda points: [Scored(math.log(scores[points] or 1e-9), points, None, None)]
     assert search._calmed(1.0, *search.scored(0))[0].points == taken
+
+
+def test_planes_force_curvature_near_corners():
+    """A sphere's turn by 1 / its radius along its edges, whatever the scale; planes that do not turn force none."""
+    radius, ways = 3.0, np.eye(3)
+    curves = [np.column_stack([ARC[:, :1] * ways[k] + ARC[:, 1:2] * ways[k - 2], ARC[:, 3]]) for k in range(3)]
+    curves = [curve * [radius, radius, radius, 1] for curve in curves]
+    normals = [points_and_tangents(curve, stations())[0] / radius for curve in curves]
+    forced, edges = forced_curvatures(curves, [*normals[:2], None])
+    assert forced == pytest.approx(1 / radius, rel=0.02)
+    assert (forced * radius).max() <= 1
+    assert edges == pytest.approx(radius * math.sqrt(2))
+    assert forced_curvatures(curves, [normals[0] * 0 + ways[0], None, None])[0].tolist() == [0, 0, 0]
 
 
 @pytest.mark.parametrize(("bump", "share"), [((1, 0), 0.45), ((2, 1), 0.95), ((3, 1), 0.95), ((4, 0), 0.95)])
@@ -307,6 +323,7 @@ def test_near_corners_curvature_is_seen_where_it_peaks(bump, share):
     points = np.column_stack([places / 24, (places == bump).all(axis=1)])
     search, patch = object.__new__(FairSearch), Patch(places, points, coefficients="binomial")
     search._domain, search._places = patch.domain, SimpleNamespace(log_weights=patch.log_products)
+    search._most = np.ones(4)
     assert search._excess(points)[0][0] > share * certificate.curvature_near(patch, 0)
 
 
@@ -326,6 +343,7 @@ def test_pulls_move_free_points_as_energies_do(count):
     np.testing.assert_allclose(force, held * (held @ force) / (held @ held), atol=1e-9)
     assert np.array_equal(np.delete(moved, free, axis=0), np.delete(points, free, axis=0))
     search = object.__new__(FairSearch)
+    search._most = np.array([135.0])
     search._layers = lambda *_, **__: []  # where no corner is curved, only what is pulled beside it counts
     assert search._pull([], np.eye(6), lambda _: (rows, ways, wanted), points)[2] == pytest.approx(wanted)
     near = CornerLayer(1.0, np.ones(3), np.array([1e12, np.nan, 180]), points[:3], rng.normal(size=(3, 3, 6)))
@@ -470,7 +488,7 @@ def test_plans_end_where_none_of_their_patches_can_win(score, more, monkeypatch)
     points[4:] += np.random.default_rng(0).normal(size=points[4:].shape)
 
     def patches(edges, *_):
-        for found in ((good.replace(control_points=points), 1.0), (good, score)):
+        for found in ((good.replace(control_points=points), 0.0), (good, math.log(score))):
             tried.append((len(edges[0].curve) - 2, len(edges[0].fields) == 1))
             yield found
 
