@@ -199,22 +199,17 @@ def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer
     first, last = layer * distances, (1 - sizes[-1]) * depths
     growth = ((last - first) / distances - len(steps_in)) / max(1, steps_in.sum())
     gaps_of_sides = distances * (1 + growth * steps_in[:, None])
-    rings = [_offset(vertices, first + gaps_of_sides[:k].sum(axis=0)) for k in range(len(sizes))]
-    coarser = 1.0
-    while True:
+    rings = np.array([_offset(vertices, first + gaps_of_sides[:k].sum(axis=0)) for k in range(len(sizes))])
+    ways = np.roll(rings, -1, axis=1) - rings
+    for coarser in 1.1 ** np.arange(50):
         steps = coarser * np.minimum(lengths / degrees, lengths.sum() / first_ring_steps)
-        counts = []
-        for ring, gap in zip(rings, gaps, strict=True):
-            sides = ((np.roll(ring, -1, axis=0) - ring) * along).sum(axis=1)
-            counts.append(np.maximum(1, np.rint(sides / np.maximum(gap, steps)).astype(np.int64)))
-        if coarser > 100 or sum(int(count.sum()) for count in counts) <= inner_knots:
+        steps = np.maximum(np.array(gaps)[:, None], steps)
+        counts = np.maximum(1, np.rint((ways * along).sum(axis=2) / steps)).astype(np.int64).ravel()
+        if counts.sum() <= inner_knots:
             break
-        coarser *= 1.1
-    knots = []
-    for ring, count in zip(rings, counts, strict=True):
-        for start, end, pieces in zip(ring, np.roll(ring, -1, axis=0), count.tolist(), strict=True):
-            knots.append(start + np.arange(pieces)[:, None] / pieces * (end - start))
-    found = np.concatenate([*knots, centre[None]])
+    shares = np.concatenate([np.arange(count) / count for count in counts.tolist()])
+    starts, ways = (np.repeat(each.reshape(-1, 2), counts, axis=0) for each in (rings, ways))
+    found = np.concatenate([starts + shares[:, None] * ways, centre[None]])
     above = ((found[:, None] - vertices) * inward).sum(axis=2)
     return np.asarray(found[(above >= (layer - 1e-6) * distances).all(axis=1)])
 
