@@ -187,14 +187,12 @@ def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer
     centre, widest = vertices.mean(axis=0), float(distances.max())
     depths = ((centre - vertices) * inward).sum(axis=1)
     depth = float(depths.min())
-    while True:
-        gaps, sizes = [widest], [1 - layer * widest / depth]
-        while (size := sizes[-1] - gaps[-1] / depth) > last_size:
-            sizes.append(size)
-            gaps.append(gaps[-1] + gap_growth * widest)
+    for growth in gap_growth * 1.2 ** np.arange(50):
+        gaps = widest * (1 + growth * np.arange(inner_knots))
+        sizes = 1 - (layer * widest + np.cumsum(gaps) - gaps) / depth
+        sizes = sizes[: max(1, np.count_nonzero(sizes > last_size))]
         if len(sizes) * len(vertices) <= inner_knots:
             break
-        gap_growth *= 1.2
     steps_in = np.arange(len(sizes) - 1)
     first, last = layer * distances, (1 - sizes[-1]) * depths
     growth = ((last - first) / distances - len(steps_in)) / max(1, steps_in.sum())
@@ -203,7 +201,7 @@ def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer
     ways = np.roll(rings, -1, axis=1) - rings
     for coarser in 1.1 ** np.arange(50):
         steps = coarser * np.minimum(lengths / degrees, lengths.sum() / first_ring_steps)
-        steps = np.maximum(np.array(gaps)[:, None], steps)
+        steps = np.maximum(gaps[: len(sizes), None], steps)
         counts = np.maximum(1, np.rint((ways * along).sum(axis=2) / steps)).astype(np.int64).ravel()
         if counts.sum() <= inner_knots:
             break

@@ -42,7 +42,6 @@ class Rows:
                 tangential += [self._move(net.seconds[side], shift / row[:, 3:]) for shift in second.tangential]
         self._owners, self._count = np.array(owners, dtype=np.int64), len(moves)
         self._moves = np.array(moves + tangential).reshape(-1, len(net.knots), 3)
-        self._usual = self._bounds(set(), CROSSING)
 
     def _move(self, members: IntArray, values: FloatArray) -> FloatArray:
         move = np.zeros_like(self._given)
@@ -80,7 +79,7 @@ class Rows:
             points, moves = self._at(factors)
             factors = factors + form.least(points - origin, moves)[1][: self._count]
         turning, soft = set[int](), None
-        table, least = self._usual if np.all(share == CROSSING) else self._bounds(turning, share)
+        table, least = self._bounds(turning, share)
         for number in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             # At these, ways to first control points do not turn one way, as without a fold
