@@ -128,18 +128,10 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
     with np.errstate(divide="ignore"):
         of_ahead, of_back = ((most_sum - 0.5) / np.maximum(slope, 0.0) for slope in (ahead, back))
     found = np.minimum(even.min(), np.minimum(of_ahead, np.roll(of_back, -1)))
-    for _ in range(50):  # lowered until the ends of rows are in the neighbours' layers; mostly they are at once
-        old = found.copy()
-        for k in range(len(found)):
-            for one, other, size in ((k, k - 1, before[k]), (k - 1, k, steps[k])):
-                room = spacing * size / 2 * sine[k] - cosine[k] * found[other]
-                if layer * found[one] > room:
-                    shrunk = room / (layer * found[one])
-                    found[one] *= shrunk
-                    if cosine[k] > 0:
-                        found[other] *= shrunk
-        if np.allclose(old, found, rtol=1e-10):
-            break
+    for _ in range(50):  # lowered, at wide corners, until the ends of rows are in the neighbours' layers
+        of_ahead = spacing / 2 * before * sine - cosine * np.roll(found, 1)
+        of_back = np.roll(spacing / 2 * steps * sine - cosine * found, -1)
+        found = np.minimum(found, np.minimum(of_ahead, of_back) / layer)
     # Knots p, q, r, t about a corner bound a convex region, and p + r and q + t lie in the second layer.
     for _ in range(100):  # down to an eighth; a few rounds are enough
         p, q, r, t = corner_places(vertices, degrees, found)[:, 1:5].swapaxes(0, 1)
