@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from gtb_cli.arrays import unit
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.fairing.energy import energy_samples
+from gtb_cli.fairing.energy import energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds, most_curved, sharp_turns
 from gtb_cli.fairing.variation import Bending
@@ -32,6 +32,7 @@ from gtb_cli.filling.sides import HoleSide, bezier_form, edge_of, points_and_tan
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
+from gtb_cli.knots.domain import domain
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
@@ -303,17 +304,21 @@ def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
     assert search._calmed(1.0, *search.scored(0))[0].points == taken
 
 
-def test_planes_force_curvature_near_corners():
-    """A sphere's turn by 1 / its radius along its edges, whatever the scale; planes that do not turn force none."""
-    radius, ways = 3.0, np.eye(3)
-    curves = [np.column_stack([ARC[:, :1] * ways[k] + ARC[:, 1:2] * ways[k - 2], ARC[:, 3]]) for k in range(3)]
-    curves = [curve * [radius, radius, radius, 1] for curve in curves]
+def test_planes_force_curvature_near_corners(monkeypatch):
+    """A sphere's turn by 1 / its radius along its edges; what planes force is not pulled down."""
+    radius, ways = 3.0, np.diag([3.0, 3, 3, 1])
+    curves = [ARC[:, :1] * ways[k] + ARC[:, 1:2] * ways[(k + 1) % 3] + ARC[:, 3:] * ways[3] for k in range(3)]
     normals = [points_and_tangents(curve, stations())[0] / radius for curve in curves]
     forced, edges = forced_curvatures(curves, [*normals[:2], None])
-    assert forced == pytest.approx(1 / radius, rel=0.02)
-    assert (forced * radius).max() <= 1
+    assert forced * radius == pytest.approx(0.99, abs=0.01)
     assert edges == pytest.approx(radius * math.sqrt(2))
-    assert forced_curvatures(curves, [normals[0] * 0 + ways[0], None, None])[0].tolist() == [0, 0, 0]
+    monkeypatch.setattr(net, "_even_weights", lambda found: found.log_weights)
+    edges = [edge_rows(side, side_normals(side), ONCE) for side in random_sides(6, 2)]
+    shape = net.net(edges)
+    at = samples(region := domain(shape.knots, "unit"), shape.log_weights, 4, 0.1)
+    most = FairSearch(region, at, np.ones(at.s.shape[1]), None, edges, is_led=False)._most
+    assert most[np.abs(region.vertices - shape.knots[2]).sum(axis=1).argmin()] == pytest.approx(1.15 * 236, rel=0.01)
+    assert sorted(most)[:-1] == [135] * 5
 
 
 @pytest.mark.parametrize(("bump", "share"), [((1, 0), 0.45), ((2, 1), 0.95), ((3, 1), 0.95), ((4, 0), 0.95)])
