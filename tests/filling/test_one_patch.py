@@ -258,7 +258,7 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     sharp = replace(filling, corner_curvatures=(1.0, 1.0, 150.0, 400.0, math.nan))  # edges are some 1.2 long
     assert re.search(r"the shorter edge is up to \S+ at corner 3, \(-0[^f]*$", sharp.doubts[0])
     sharp = replace(sharp, corner_forced=(0, 0, 0, 350, 0))
-    assert re.search(r"corner 3, .* the given planes' turning forces 3", sharp.doubts[0])
+    assert re.search(r"corner 3, .* the given planes' turning forces 3.8", sharp.doubts[0])
     found = [corner_limits(filling.patch, corner) for corner in range(5)]
     assert max(each.angle + abs(each.curvature_exponent) for each in found) < 1e-6
     assert max(each.curvature + 20 * each.folds for each in found) < 20
