@@ -191,6 +191,7 @@ FILLED: dict[str, Kind] = {
             "corner": INTEGER,
             "at": POINT,
             **_each("angle angle_near curvature curvature_exponent curvature_near", (NUMBER, None)),
+            "curvature_forced": NUMBER,
             "folds": BOOLEAN,
         }
     ],

@@ -195,6 +195,7 @@ def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dic
                 "curvature": known(limits.curvature),
                 "curvature_exponent": known(limits.curvature_exponent),
                 "curvature_near": known(near),
+                "curvature_forced": part.corner_forced[k],
                 "folds": limits.folds,
             }
             for part in filling.parts or (filling,)

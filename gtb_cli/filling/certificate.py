@@ -72,6 +72,8 @@ class Filling:
         The limits of the patch's own normals and curvatures at each corner, in closed form.
     corner_curvatures : tuple of float
         The largest curvature from a tenth to a millionth of the shorter edge from each corner; NaN where it has none.
+    corner_forced : tuple of float
+        What every surface with the given planes has there at least: how fast they turn along the sides; 0 without any.
     raises : tuple of int
         Number of times that the degree of each side was raised.
     folds : int
@@ -99,6 +101,7 @@ class Filling:
     corner_angles: FloatArray
     corners: tuple[CornerLimits, ...]
     corner_curvatures: tuple[float, ...]
+    corner_forced: tuple[float, ...]
     raises: tuple[int, ...]
     folds: int
     sharp_turns: int
@@ -141,9 +144,11 @@ class Filling:
             edges = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
             # Where a corner has no plane, what differs is told
             near = np.nan_to_num(part.corner_curvatures) * [each.angle <= PLANE_DEGREES for each in part.corners]
-            if (most := (curved := near * np.minimum(edges, np.roll(edges, 1))).max()) > BOUND:
-                where = f"corner {curved.argmax()}, {self.at(ends[curved.argmax()])}"
-                said.append(f"the patch's curvature times the shorter edge is up to {most:.2g} at {where}")
+            curved, forced = np.array([near, part.corner_forced]) * np.minimum(edges, np.roll(edges, 1))
+            if (most := curved[k := int(curved.argmax())]) > BOUND:
+                where = f"corner {k}, {self.at(ends[k])}"
+                why = f", where the given planes' turning forces {forced[k]:.2g}" * bool(forced[k] > BOUND / 2)
+                said.append(f"the patch's curvature times the shorter edge is up to {most:.2g} at {where}{why}")
         return said
 
     @property

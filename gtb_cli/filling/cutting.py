@@ -68,7 +68,7 @@ def fill_parts(
         return found and found[0][0]
     parts, remarks = found
     remarks += [f"part {k}: {remark}" for k, part in enumerate(parts) for remark in part.remarks]
-    names = "sides", "contacts", "corners", "corner_curvatures", "raises"
+    names = "sides", "contacts", "corners", "corner_curvatures", "corner_forced", "raises"
     lists: dict[str, Any] = {name: tuple(each for part in parts for each in getattr(part, name)) for name in names}
     return replace(
         parts[0],
@@ -193,15 +193,10 @@ def _direction(corner: Corner, towards: FloatArray) -> FloatArray:
 def _field(curve: FloatArray, start: Corner, end: Corner, leave: FloatArray, arrive: FloatArray) -> FloatArray:
     """Return (96, 3) directions to the left of a cubic, polynomials of degree 3 with the planes of its ends."""
     t = np.concatenate([[0.0], stations(), [1.0]])
-    points = bernstein(3, t) @ curve
     tangents = unit(bernstein(2, t) @ np.diff(curve, axis=0))
     frame = [np.cross(start.normal, leave)]
-    for k in range(len(t) - 1):  # by two reflections (W. Wang and others, 2008)
-        step = points[k + 1] - points[k]
-        side, ahead = (v - 2 * (step @ v) / (step @ step) * step for v in (frame[-1], tangents[k]))
-        step = tangents[k + 1] - ahead
-        square = float(step @ step)
-        frame.append(side - 2 * (step @ side) / square * step if square else side)
+    for tangent in tangents[1:]:
+        frame.append(frame[-1] - (frame[-1] @ tangent) * tangent)
     last, wanted = frame[-1], np.cross(end.normal, arrive)
     twist = math.atan2(float(np.cross(last, wanted) @ tangents[-1]), float(last @ wanted))
     sides = unit(np.array(frame))

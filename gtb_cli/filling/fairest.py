@@ -16,6 +16,7 @@ from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import Bending, bendings
 from gtb_cli.filling.algebraic import ways_to_surface
 from gtb_cli.filling.certificate import hundredth_inside
+from gtb_cli.filling.hole_corners import forced_curvatures
 from gtb_cli.filling.rows import CROSSING
 from gtb_cli.filling.sides import edge_of
 from gtb_cli.filling.tangent_rows import EdgeRows
@@ -27,12 +28,13 @@ from gtb_cli.theory.patch import Patch
 
 VISIBLE, NEARER = LEFT_OUT  # of the way to the middle: nearer to the boundary nothing is seen, or has a weight
 MOST_CURVED = 135.0  # largest curvature near a corner, of 1 / its shorter edge, that counts as none in scores
+OF_FORCED = 1.15  # or of what the planes force there, if that is more
 MOST_BENT = 400.0  # largest weight of bending beside its variation, in units of 1 / area
-BROKEN = 1e9  # of those, that no pull mends: rows of pulls would have no digits left
+BROKEN = 1e7  # of these, that no pull mends: rows of pulls would have no digits left
 
 
 class Scored(NamedTuple):
-    """A surface of (n, 3) control points, and its score: the smaller, the fairer."""
+    """A surface of (n, 3) control points, and its score, a logarithm: the smaller, the fairer."""
 
     score: float
     points: FloatArray
@@ -51,6 +53,9 @@ class FairSearch:
         self._given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         self._power = 0 if self._given else BENDING_POWER
+        places = [int(np.abs(domain.vertices - at.knots[k]).sum(axis=1).argmin()) for k in range(len(edges))]
+        forced, lengths = forced_curvatures([each.curve for each in edges], [each.normals for each in edges])
+        self._most = np.maximum(MOST_CURVED, OF_FORCED * forced * lengths)[np.argsort(places)]
         # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
         self._zones = at.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
@@ -61,14 +66,15 @@ class FairSearch:
             self._areas = 3 * self._zones[1, third]
 
     def scored(self, *surfaces: FloatArray) -> list[Scored]:
-        """Score by the product of powers of bending and of its variation, of what is seen and of all."""
+        """Score by powers of bending and of its variation, of what is seen and of all."""
         flat = 1e-20  # of ∫ κ₁² + κ₂²: in a plane, where all scores are rounding
         (inside,) = bendings(self._inside, self._places.areas, surfaces)
         outside = zip(*bendings(self._outside, np.stack([self._zones[0], self._places.areas]), surfaces), strict=True)
         both = [[together([seen, each]) for each in others] for seen, others in zip(inside, outside, strict=True)]
         figures = np.array([(b.energy, b.variation, d.energy, d.variation) for b, d in both])
         bent, varied, _, nearer = figures.T
-        scores = bent**self._power * varied * np.sqrt(nearer) * (bent > flat)
+        logs = np.log(np.maximum([bent, varied, nearer], 1e-300))
+        scores = np.where(bent > flat, [self._power, 1, 0.5] @ logs, -math.inf)
         return [Scored(*each) for each in zip(scores.tolist(), surfaces, inside, figures, strict=True)]
 
     def fairest(self) -> Iterator[Scored]:
@@ -110,7 +116,7 @@ class FairSearch:
             uneven = float(np.abs(wanted - ((rows @ best.points) * ways).sum(axis=1)).max())
             if found and bent > most_bent * found[0][1]:
                 break
-            found.append((best.score * max(1.0, uneven) ** 4, bent, surfaces))
+            found.append((best.score + 4 * math.log(max(1.0, uneven)), bent, surfaces))
             if uneven <= 1:
                 break
             strength = strength * min(max(2.0, uneven), 3.0) or min(0.1 * uneven, 1.0)
@@ -142,14 +148,14 @@ class FairSearch:
 
     def _again(self, one: Scored, made: Any, rounds: int = 3) -> list[Scored]:
         """Return what is fairest in a sharp surface's metric, or in that one's and so on; none if a figure rises."""
-        sharp, wild, enough = 4.0, 30.0, 0.99  # a sphere's curvature; bending of metrics that lead astray; of the score
+        sharp, wild, gain = 4.0, 30.0, 0.01  # a sphere's curvature; bending of metrics that lead astray; of the score
         bent = one.visible
         if not rounds or bent.curvature * math.sqrt(bent.area / (4 * math.pi)) < sharp or bent.energy > wild:
             return []
         second, third = forms(self._inside + self._outside, self._zones[1], one.points, (2, 3))
         (found,) = self.scored(made(third + MOST_BENT / bent.area * second))
-        found = found._replace(score=found.score * self._excess(found.points)[1])
-        if found.score > enough * one.score or (found.figures > one.figures).any():
+        found = found._replace(score=found.score + self._excess(found.points)[1])
+        if found.score > one.score - gain or (found.figures > one.figures).any():
             return []
         return self._again(found, made, rounds - 1) or [found]
 
@@ -161,9 +167,9 @@ class FairSearch:
         beyond, calmer = np.zeros(len(self._domain.vertices), dtype=np.bool_), list[tuple[Scored, Any]]()
         for step in (*steps, None):
             curved, excess = self._excess(one.points)
-            beyond = beyond | (curved > MOST_CURVED)
-            calmer.append((one._replace(score=one.score * excess), made))
-            is_calm = len(calmer) > 4 and curved.max() <= MOST_CURVED / 1.5
+            beyond = beyond | (curved > 1)
+            calmer.append((one._replace(score=one.score + excess), made))
+            is_calm = len(calmer) > 4 and curved.max() <= 1 / 1.5
             no_better = len(calmer) > 2 and calmer[-1][0].score > calmer[-2][0].score
             if step is None or not beyond.any() or curved.max() > BROKEN or is_calm or no_better:
                 break
@@ -173,10 +179,10 @@ class FairSearch:
         return min(calmer, key=lambda each: each[0].score)
 
     def _excess(self, points: FloatArray) -> tuple[FloatArray, float]:
-        """Return (r,) curvatures near corners, of 1 / the shorter edge, and the factor of scores for the largest."""
+        """Return (r,) curvatures near corners, of those that count as none, and what the largest adds to scores."""
         layers = self._layers(points, range(len(self._domain.vertices)))
-        curved = np.nan_to_num([near.curvatures.max() * near.edge for near in layers])
-        return curved, max(1.0, float(curved.max()) / MOST_CURVED) ** 8
+        curved = np.nan_to_num([near.curvatures.max() * near.edge for near in layers]) / self._most
+        return curved, 8 * math.log(max(1.0, float(curved.max())))
 
     def _layers(self, points: FloatArray, corners: Iterable[int], tables: bool = False) -> list[CornerLayer]:
         """Return places near corners."""
@@ -186,10 +192,11 @@ class FairSearch:
 
     def _pull(self, beyond: BoolArray, energy: FloatArray, also: Any, points: FloatArray) -> Sequence[FloatArray]:
         """Return rows, ways and zeros that pull curvature near corners to 0: the more there is, the more, by κ⁴."""
-        quiet = MOST_CURVED / 1.5  # squares have the energy's value; half of the places
+        corners = np.flatnonzero(beyond).tolist()
         value, parts = _value(energy, points), [also(points)] if also else []
-        for near in self._layers(points, np.flatnonzero(beyond).tolist(), tables=True):
-            each = np.flatnonzero(near.curvatures * near.edge <= BROKEN)[::2]
+        for near, most in zip(self._layers(points, corners, tables=True), self._most[corners].tolist(), strict=True):
+            quiet = most / 1.5  # squares have the energy's value; half of the places
+            each = np.flatnonzero(near.curvatures * near.edge <= BROKEN * most)[::2]
             curved = near.curvatures[each] * near.edge / quiet
             stiffness = np.sqrt(value / len(curved)) * np.maximum(curved, 1e-3) * near.edge / quiet
             rows = (near.table[each] * stiffness[:, None, None]).reshape(-1, len(points))
@@ -198,7 +205,7 @@ class FairSearch:
 
     def _led(self, one: Scored, strength: float = 0.0) -> list[Scored]:
         """Return the surface moved smoothly onto one that is known and bends more; none if it ends elsewhere."""
-        rounds, stiffness, worst = 3, 1e-8, 2.0  # worst score, of the fairest's: it ends elsewhere if it has more
+        rounds, stiffness, worst = 3, 1e-8, math.log(2)  # beyond the fairest's score: it ends elsewhere if it has more
         if (ways := self._known) is None:
             return []
         t, led = self._t, one.points
@@ -209,7 +216,7 @@ class FairSearch:
             led = self._least(form, origin=origin, pull=even)
         farther = np.abs([ways(t.T @ each) for each in (led, one.points)]).max(axis=(1, 2))
         (found,) = self.scored(led)
-        return [found] if farther[0] < farther[1] and found.score <= worst * one.score else []
+        return [found] if farther[0] < farther[1] and found.score <= one.score + worst else []
 
 
 def _value(energy: FloatArray, points: FloatArray) -> float:

@@ -1,11 +1,12 @@
-"""Corners of a hole: its angle there, in the tangent planes of its sides."""
+"""Corners of a hole: its angle there, in the tangent planes of its sides, and the curvature that these force."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, unit
+from gtb_cli.arrays import FloatArray, angles_between, unit
+from gtb_cli.filling.osculation import Rim
 from gtb_cli.filling.sides import HoleSide, points_and_tangents, side_normals, stations
 from gtb_cli.values import frozen
 
@@ -55,6 +56,30 @@ def corners(sides: Sequence[HoleSide]) -> list[Corner]:
         angle = math.degrees(math.atan2(sine, float(ahead @ back))) % 360
         found.append(Corner(f"{before.name} and {side.name}", side.ends[0], normal, in_plane, angle))
     return found
+
+
+def forced_curvatures(
+    curves: Sequence[FloatArray], normals: Sequence[FloatArray | None]
+) -> tuple[FloatArray, FloatArray]:
+    """Return (r,) curvatures that no surface with these planes can be below near corners, and their shorter edges.
+
+    Along a curve, unit normals turn at most by the largest principal curvature times the length. Curves are homogeneous
+    Bézier points, normals (96, 3) at their `stations`, and within a tenth of the shorter edge counts. 0 without planes.
+    """
+    near, t = 0.1, stations()
+    starts = np.array([curve[0, :3] for curve in curves])
+    lengths = np.linalg.norm(np.roll(starts, -1, axis=0) - starts, axis=1)
+    found, edges = np.zeros(len(curves)), np.minimum(lengths, np.roll(lengths, 1))
+    for k, (curve, n) in enumerate(zip(curves, normals, strict=True)):
+        if n is not None:
+            rim = Rim(curve, n)
+            speeds = np.linalg.norm(rim.rates, axis=1)
+            # Mostly, a curve is no longer between stations than at the faster end's speed
+            rates = np.radians(angles_between(n[1:], n[:-1])) / np.diff(t) / np.maximum(speeds[1:], speeds[:-1])
+            for corner in (k, (k + 1) % len(curves)):
+                away = np.linalg.norm(rim.points - starts[corner], axis=1) <= near * edges[corner]
+                found[corner] = max(found[corner], rates[away[1:] & away[:-1]].max(initial=0.0))
+    return found, edges
 
 
 def at_ends(values: FloatArray) -> FloatArray:

@@ -128,18 +128,10 @@ def _row_distances(vertices: FloatArray, degrees: IntArray, layer: float) -> Flo
     with np.errstate(divide="ignore"):
         of_ahead, of_back = ((most_sum - 0.5) / np.maximum(slope, 0.0) for slope in (ahead, back))
     found = np.minimum(even.min(), np.minimum(of_ahead, np.roll(of_back, -1)))
-    for _ in range(50):  # lowered until the ends of rows are in the neighbours' layers; mostly they are at once
-        old = found.copy()
-        for k in range(len(found)):
-            for one, other, size in ((k, k - 1, before[k]), (k - 1, k, steps[k])):
-                room = spacing * size / 2 * sine[k] - cosine[k] * found[other]
-                if layer * found[one] > room:
-                    shrunk = room / (layer * found[one])
-                    found[one] *= shrunk
-                    if cosine[k] > 0:
-                        found[other] *= shrunk
-        if np.allclose(old, found, rtol=1e-10):
-            break
+    for _ in range(50):  # lowered, at wide corners, until the ends of rows are in the neighbours' layers
+        of_ahead = spacing / 2 * before * sine - cosine * np.roll(found, 1)
+        of_back = np.roll(spacing / 2 * steps * sine - cosine * found, -1)
+        found = np.minimum(found, np.minimum(of_ahead, of_back) / layer)
     # Knots p, q, r, t about a corner bound a convex region, and p + r and q + t lie in the second layer.
     for _ in range(100):  # down to an eighth; a few rounds are enough
         p, q, r, t = corner_places(vertices, degrees, found)[:, 1:5].swapaxes(0, 1)
@@ -187,34 +179,27 @@ def _rings(vertices: FloatArray, degrees: IntArray, distances: FloatArray, layer
     centre, widest = vertices.mean(axis=0), float(distances.max())
     depths = ((centre - vertices) * inward).sum(axis=1)
     depth = float(depths.min())
-    while True:
-        gaps, sizes = [widest], [1 - layer * widest / depth]
-        while (size := sizes[-1] - gaps[-1] / depth) > last_size:
-            sizes.append(size)
-            gaps.append(gaps[-1] + gap_growth * widest)
+    for growth in gap_growth * 1.2 ** np.arange(50):
+        gaps = widest * (1 + growth * np.arange(inner_knots))
+        sizes = 1 - (layer * widest + np.cumsum(gaps) - gaps) / depth
+        sizes = sizes[: max(1, np.count_nonzero(sizes > last_size))]
         if len(sizes) * len(vertices) <= inner_knots:
             break
-        gap_growth *= 1.2
     steps_in = np.arange(len(sizes) - 1)
     first, last = layer * distances, (1 - sizes[-1]) * depths
     growth = ((last - first) / distances - len(steps_in)) / max(1, steps_in.sum())
     gaps_of_sides = distances * (1 + growth * steps_in[:, None])
-    rings = [_offset(vertices, first + gaps_of_sides[:k].sum(axis=0)) for k in range(len(sizes))]
-    coarser = 1.0
-    while True:
+    rings = np.array([_offset(vertices, first + gaps_of_sides[:k].sum(axis=0)) for k in range(len(sizes))])
+    ways = np.roll(rings, -1, axis=1) - rings
+    for coarser in 1.1 ** np.arange(50):
         steps = coarser * np.minimum(lengths / degrees, lengths.sum() / first_ring_steps)
-        counts = []
-        for ring, gap in zip(rings, gaps, strict=True):
-            sides = ((np.roll(ring, -1, axis=0) - ring) * along).sum(axis=1)
-            counts.append(np.maximum(1, np.rint(sides / np.maximum(gap, steps)).astype(np.int64)))
-        if coarser > 100 or sum(int(count.sum()) for count in counts) <= inner_knots:
+        steps = np.maximum(gaps[: len(sizes), None], steps)
+        counts = np.maximum(1, np.rint((ways * along).sum(axis=2) / steps)).astype(np.int64).ravel()
+        if counts.sum() <= inner_knots:
             break
-        coarser *= 1.1
-    knots = []
-    for ring, count in zip(rings, counts, strict=True):
-        for start, end, pieces in zip(ring, np.roll(ring, -1, axis=0), count.tolist(), strict=True):
-            knots.append(start + np.arange(pieces)[:, None] / pieces * (end - start))
-    found = np.concatenate([*knots, centre[None]])
+    shares = np.concatenate([np.arange(count) / count for count in counts.tolist()])
+    starts, ways = (np.repeat(each.reshape(-1, 2), counts, axis=0) for each in (rings, ways))
+    found = np.concatenate([starts + shares[:, None] * ways, centre[None]])
     above = ((found[:, None] - vertices) * inward).sum(axis=2)
     return np.asarray(found[(above >= (layer - 1e-6) * distances).all(axis=1)])
 

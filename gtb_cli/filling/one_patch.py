@@ -24,7 +24,7 @@ from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.certificate import DISAGREEING, SPIKE, Filling, angles_to, contact, corner_bends, curvature_near
 from gtb_cli.filling.corner_equations import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
-from gtb_cli.filling.hole_corners import corners, end_normals
+from gtb_cli.filling.hole_corners import corners, end_normals, forced_curvatures
 from gtb_cli.filling.net import net
 from gtb_cli.filling.rows import Rows
 from gtb_cli.filling.sides import HoleSide, edge_of, loop, side_normals
@@ -113,7 +113,8 @@ def fill_loop(
     limits, turned = tuple(corner_limits(patch, edge) for edge in at), 0 if best.folds else best.sharp_turns
     measured = bending.scaled(size), nearer.scaled(size), best.errors, contacts, corner_angles, limits
     curved = tuple(np.array([curvature_near(best.patch, edge) for edge in at]) / size)
-    return Filling(patch, ordered, *measured, curved, best.raises, best.folds, turned, tuple(remarks))
+    forced = tuple((forced_curvatures([side.curve for side in unit], normals)[0] / size).tolist())
+    return Filling(patch, ordered, *measured, curved, forced, best.raises, best.folds, turned, tuple(remarks))
 
 
 def _is_flat(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], rounding: float) -> bool:
@@ -222,13 +223,13 @@ def _attempt(
     raises = tuple(len(each.curve) - len(side.curve) for each, side in zip(edges, sides, strict=True))
     # By which the certificate is measured: digits on which they agree are said; no more places with many sides
     quadratures = [math.ceil(each * math.sqrt(min(1.0, 12 / len(sides)))) for each in (20, 36)]
-    much = 100.0  # times the score of the fairest: with less, other plans have little to win
+    much = math.log(100)  # beyond the score of the fairest: with less, other plans have little to win
     found = list[_Attempt]()
     for patch, score in _solved(edges, inner, fullness):
         turned = sum(angles_to(patch, k, n).max() > 90 for k, n in enumerate(normals) if n is not None)
         folds = len(fold_places(patch)) + sum(limits_of_normals(patch, k).folds for k in sound)
         faults = (turns := len(sharp_turns(patch))) + 1000 * (folds + turned)
-        worse = bool(found) and score > much * found[0].score
+        worse = bool(found) and score > found[0].score + much
         found.append(_Attempt(faults, score, worse, folds, turns, raises, patch))
         if not found[-1].faults:
             break

@@ -42,7 +42,6 @@ class Rows:
                 tangential += [self._move(net.seconds[side], shift / row[:, 3:]) for shift in second.tangential]
         self._owners, self._count = np.array(owners, dtype=np.int64), len(moves)
         self._moves = np.array(moves + tangential).reshape(-1, len(net.knots), 3)
-        self._usual = self._bounds(set(), CROSSING)
 
     def _move(self, members: IntArray, values: FloatArray) -> FloatArray:
         move = np.zeros_like(self._given)
@@ -80,7 +79,7 @@ class Rows:
             points, moves = self._at(factors)
             factors = factors + form.least(points - origin, moves)[1][: self._count]
         turning, soft = set[int](), None
-        table, least = self._usual if np.all(share == CROSSING) else self._bounds(turning, share)
+        table, least = self._bounds(turning, share)
         for number in range(rounds + 1):  # corners may turn back only now
             points, moves = self._at(factors)
             # At these, ways to first control points do not turn one way, as without a fold
@@ -98,7 +97,7 @@ class Rows:
         points = final.least(points - origin, moves[self._count :])[0] + origin
         given = np.array([n is not None for n in self._normals])
         # Coefficients follow free rows, which pulls move on and on: equations hold after rounds without
-        for pulls in [pull] * (4 if pull else rounds) + [None] * (0 if given.all() else rounds):
+        for pulls in [pull] * (4 if pull else 0) + [None] * (rounds if given.all() else 2 * rounds):
             equations = CornerForms.of(points, self._net.log_weights, self._net.corners, given)
             points = final.moved(points, equations, *(pulls(points) if pulls else ()))
         return points

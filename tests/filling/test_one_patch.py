@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from gtb_cli.arrays import unit
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.fairing.energy import energy_samples
+from gtb_cli.fairing.energy import energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds, most_curved, sharp_turns
 from gtb_cli.fairing.variation import Bending
@@ -23,7 +23,7 @@ from gtb_cli.filling.certificate import Filling
 from gtb_cli.filling.corner_equations import CornerForms
 from gtb_cli.filling.fairest import FairSearch, Scored
 from gtb_cli.filling.fill import fill
-from gtb_cli.filling.hole_corners import corners, end_normals
+from gtb_cli.filling.hole_corners import corners, end_normals, forced_curvatures
 from gtb_cli.filling.hole_files import loop_from_text, read_loop
 from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.one_patch import fill_loop
@@ -32,13 +32,14 @@ from gtb_cli.filling.sides import HoleSide, bezier_form, edge_of, points_and_tan
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.strips import strip_side
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
+from gtb_cli.knots.domain import domain
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
 from gtb_cli.theory.corners import CornerLayer, corner_limits, limits_of_normals
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
-from tests.filling.loops import homogeneous, random_sides
+from tests.filling.loops import ARC, homogeneous, random_sides
 from tests.marks import long, mostly_long
 from tests.outputs import check_json
 from tests.shell import SPECS, gtb
@@ -255,7 +256,9 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     assert filling.bending.energy < {"planes": 0.75, "an edge only": 0.62, "edges only": 0.34}[kind]
     assert not filling.doubts
     sharp = replace(filling, corner_curvatures=(1.0, 1.0, 150.0, 400.0, math.nan))  # edges are some 1.2 long
-    assert re.search(r"the shorter edge is up to \S+ at corner 3, \(-0", sharp.doubts[0])
+    assert re.search(r"the shorter edge is up to \S+ at corner 3, \(-0[^f]*$", sharp.doubts[0])
+    sharp = replace(sharp, corner_forced=(0, 0, 0, 350, 0))
+    assert re.search(r"corner 3, .* the given planes' turning forces 3.8", sharp.doubts[0])
     found = [corner_limits(filling.patch, corner) for corner in range(5)]
     assert max(each.angle + abs(each.curvature_exponent) for each in found) < 1e-6
     assert max(each.curvature + 20 * each.folds for each in found) < 20
@@ -285,7 +288,7 @@ def test_curvature_near_corners_is_told_and_bounded(n, seed, most):
     ("curved", "scores", "taken"),
     [
         ([100], [5], 0),
-        ([1e12, 1], [5, 1], 0),
+        ([1e60, 1], [5, 1], 0),
         ([270, 100, 100], [1, 250, 2500], 1),
         ([300, 300, 100, 100, 50, 0], [1, 2, 3, 2, 9, 0], 3),
         ([300, 130, 130, 130, 120, 110, 90, 0], [9, 8, 7, 6, 5, 4, 3, 0], 6),
@@ -295,9 +298,28 @@ def test_steps_of_calming_end_where_scores_rise(curved, scores, taken):
     """Twice the curvature that counts as none costs 256 times the score; the first step may make it worse."""
     search, made = object.__new__(FairSearch), iter(range(1, 9))
     search._domain, search._least = SimpleNamespace(vertices=[0]), lambda *_, **__: next(made)
+    search._most = np.array([135.0])
     search._layers = lambda points, _: [SimpleNamespace(edge=1.0, curvatures=np.array([curved[points]]))]
-    search.scored = lambda points: [Scored(scores[points], points, None, None)]
+    search.scored = lambda points: [Scored(math.log(scores[points] or 1e-9), points, None, None)]
     assert search._calmed(1.0, *search.scored(0))[0].points == taken
+
+
+def test_planes_force_curvature_near_corners(monkeypatch):
+    """A sphere's turn by 1 / its radius along its edges; what planes force is not pulled down."""
+    radius, ways = 3.0, np.diag([3.0, 3, 3, 1])
+    curves = [ARC[:, :1] * ways[k] + ARC[:, 1:2] * ways[(k + 1) % 3] + ARC[:, 3:] * ways[3] for k in range(3)]
+    normals = [points_and_tangents(curve, stations())[0] / radius for curve in curves]
+    forced, edges = forced_curvatures(curves, [*normals[:2], None])
+    assert forced * radius == pytest.approx(0.99, abs=0.01)
+    assert edges == pytest.approx(radius * math.sqrt(2))
+    monkeypatch.setattr(net, "_even_weights", lambda found: found.log_weights)
+    edges = [edge_rows(side, side_normals(side), ONCE) for side in random_sides(6, 2)]
+    shape = net.net(edges)
+    at = samples(region := domain(shape.knots, "unit"), shape.log_weights, 4, 0.1)
+    most = FairSearch(region, at, np.ones(at.s.shape[1]), None, edges, is_led=False)._most
+    of_corner = np.abs(region.vertices - shape.knots[2]).sum(axis=1).argmin()
+    assert 0.9 < most[of_corner] / 1.15 / 252 <= 1  # by derivatives, at the corner itself
+    assert sorted(most)[:-1] == [135] * 5
 
 
 @pytest.mark.parametrize(("bump", "share"), [((1, 0), 0.45), ((2, 1), 0.95), ((3, 1), 0.95), ((4, 0), 0.95)])
@@ -307,6 +329,7 @@ def test_near_corners_curvature_is_seen_where_it_peaks(bump, share):
     points = np.column_stack([places / 24, (places == bump).all(axis=1)])
     search, patch = object.__new__(FairSearch), Patch(places, points, coefficients="binomial")
     search._domain, search._places = patch.domain, SimpleNamespace(log_weights=patch.log_products)
+    search._most = np.ones(4)
     assert search._excess(points)[0][0] > share * certificate.curvature_near(patch, 0)
 
 
@@ -326,6 +349,7 @@ def test_pulls_move_free_points_as_energies_do(count):
     np.testing.assert_allclose(force, held * (held @ force) / (held @ held), atol=1e-9)
     assert np.array_equal(np.delete(moved, free, axis=0), np.delete(points, free, axis=0))
     search = object.__new__(FairSearch)
+    search._most = np.array([135.0])
     search._layers = lambda *_, **__: []  # where no corner is curved, only what is pulled beside it counts
     assert search._pull([], np.eye(6), lambda _: (rows, ways, wanted), points)[2] == pytest.approx(wanted)
     near = CornerLayer(1.0, np.ones(3), np.array([1e12, np.nan, 180]), points[:3], rng.normal(size=(3, 3, 6)))
@@ -352,10 +376,10 @@ def test_equations_of_corners_hold_after_pulls():
 def test_sharp_surfaces_are_made_again_while_no_figure_rises(scores, figure, taken, monkeypatch):
     """Three times at most; neither where corners get worse, nor if smooth, nor if they bend far more than a sphere."""
     monkeypatch.setattr(fairest, "forms", lambda *_: (0, 0))
-    for excess, curved, bent, kept in ((1, 4.1, 29, taken), (1.2, 4.1, 29, []), (1, 3.9, 29, []), (1, 4.1, 31, [])):
+    for excess, curved, bent, kept in ((0, 4.1, 29, taken), (0.2, 4.1, 29, []), (0, 3.9, 29, []), (0, 4.1, 31, [])):
         search, made, body = object.__new__(FairSearch), iter(range(1, 7)), Bending(4 * math.pi, bent, 1, curved)
         search._inside, search._outside, search._zones, search._excess = [], [], [0, 0], lambda _, e=excess: ([], e)
-        search.scored = lambda k, b=body: [Scored(scores[k], k, b, np.array([1, figure[k]]))]
+        search.scored = lambda k, b=body: [Scored(math.log(scores[k]), k, b, np.array([1, figure[k]]))]
         assert [one.points for one in search._again(*search.scored(0), lambda _, m=made: next(m))] == kept
 
 
@@ -470,7 +494,7 @@ def test_plans_end_where_none_of_their_patches_can_win(score, more, monkeypatch)
     points[4:] += np.random.default_rng(0).normal(size=points[4:].shape)
 
     def patches(edges, *_):
-        for found in ((good.replace(control_points=points), 1.0), (good, score)):
+        for found in ((good.replace(control_points=points), 0.0), (good, math.log(score))):
             tried.append((len(edges[0].curve) - 2, len(edges[0].fields) == 1))
             yield found
 
