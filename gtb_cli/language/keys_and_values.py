@@ -90,9 +90,13 @@ class Values:
         given = [number for part in parts if (number := self.number(part, path, COORDINATE)) is not None]
         if len(given) < len(parts):
             return [None]
-        if len(given) not in (3, 4) or not 0 < abs(given[2]) <= math.pi:
-            expected = "arc(radius, height, angle) or arc(radius, height, angle, roundness), to 180*deg"
-            self.faults.add(path, f"must be {expected}, got {shown(text)}{self._note}")
+        fault = ""
+        if len(given) not in (3, 4):
+            fault = f"must be arc(radius, height, angle) or arc(radius, height, angle, roundness), got {shown(text)}"
+        elif not 0 < abs(given[2]) <= math.pi:
+            fault = f"the angle must be at most 180*deg, got {given[2]:g} radians in {shown(text)}"
+        if fault:
+            self.faults.add(path, f"{fault}{self._note}")
             return [None]
         r, z, angle, roundness = (*given, 1.0)[:4]
         c, s, q = math.cos(angle), math.sin(angle), roundness * 4 / 3 * math.tan(angle / 4)
