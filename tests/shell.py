@@ -160,14 +160,17 @@ def _bare(stage: str) -> str:
 
 def _runs_here(stage: str) -> bool:
     """Tell whether a command is one of gtb, or a script of Python, that needs no shell."""
-    if not re.match(r"(gtb|python3 (-c|\w+\.py))( |$)", stage):
+    if not re.match(r"((\w+=\w* )*gtb|python3 (-c|\w+\.py))( |$)", stage):
         return False
-    return stage != "gtb" and not re.search(r"[$`;&()|\n\\\"]|<<|\d>|>>|> /dev/", _bare(stage))
+    return not re.search(r"[$`;&()|\n\\\"]|<<|\d>|>>|> /dev/", _bare(stage))
 
 
 def _here(words: list[str], stdin: bytes) -> Result:
     """Run one command of a pipe in this process and the working folder."""
-    while words[-2] in ("<", ">"):
+    if re.fullmatch(r"\w+=\w*", words[0]):
+        with patch.dict(os.environ, [words[0].split("=")]):
+            return _here(words[1:], stdin)
+    while len(words) > 2 and words[-2] in ("<", ">"):
         *words, sign, path = words
         if sign == ">":
             done = _here(words, stdin)
