@@ -146,6 +146,12 @@ def test_what_the_tolerance_of_knots_hides_is_not_decided(knots):
     assert repr(report).endswith(f"{len(hidden)} not decided>")
 
 
+def test_knots_that_count_as_on_an_edge_are_moved_onto_it():
+    patch = Patch([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 1e-12]], np.eye(5)[:, :3])
+    assert patch.knots[4, 1] > 0
+    assert Probe(patch).sharpened().patch.knots[4, 1] == pytest.approx(0, abs=1e-20)
+
+
 def test_an_end_without_a_limit_does_not_hide_the_other():
     found = [Finding("not applicable", None, None, ""), Finding("fails", 1.0, 0.1, ""), Finding("holds", 0.0, 0.1, "")]
     assert [ends._worst(found).status, ends._worst(found[::2]).status] == ["fails", "not applicable"]
