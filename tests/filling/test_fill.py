@@ -172,7 +172,8 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
         assert said == [f"`fills` 0,0,0: {text}"]
         assert f"gtb: {text}\n" in gtb("fill", path, status=0).err
         ((option, value),) = cure.items()
-        gtb("fill", path, {"fullness": "--fullness", "raises": "--elevate"}[option], value, status=0)
+        given = {"fullness": "--fullness", "raises": "--elevate"}[option], value
+        assert text not in gtb("fill", path, *given, status=0).err
         return
     assert "places: raise degrees more, or try curves that" in gtb("fill", path, "--fullness=1", status=1).err
     for kind, end in (
