@@ -176,7 +176,7 @@ class FairSearch:
         """Return (r,) curvatures near corners, of 1 / the shorter edge, and the factor of scores for the largest."""
         layers = self._layers(points, range(len(self._domain.vertices)))
         curved = np.nan_to_num([near.curvatures.max() * near.edge for near in layers])
-        return curved, max(1.0, float(curved.max()) / MOST_CURVED) ** 8
+        return curved, min(max(1.0, float(curved.max()) / MOST_CURVED), 1e30) ** 8  # also infinite ones have a score
 
     def _layers(self, points: FloatArray, corners: Iterable[int], tables: bool = False) -> list[CornerLayer]:
         """Return places near corners."""
