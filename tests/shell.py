@@ -185,13 +185,16 @@ def _script(words: list[str], stdin: bytes) -> Result:
     """Run a script of Python, whose name or `-c` and text come first."""
     path, *rest = words[words[0] == "-c" :]
     text = path if words[0] == "-c" else Path(path).read_text(encoding="utf-8")
-    names = {"__name__": "__main__"}
+    names, status = {"__name__": "__main__"}, 0
     with (
         CliRunner().isolation(input=stdin) as streams,
         catch_warnings(action="ignore"),
         patch("sys.argv", [path, *rest]),
     ):
-        exec(text, names)
+        try:
+            exec(text, names)
+        except SystemExit as end:
+            status = end.code
         sys.stdout.flush()
         names.clear()  # functions hold all names, and these hold files that nobody closed
-        return Result(0, streams[0].getvalue(), streams[1].getvalue().decode("utf-8"))
+        return Result(status, streams[0].getvalue(), streams[1].getvalue().decode("utf-8"))

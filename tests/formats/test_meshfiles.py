@@ -435,9 +435,9 @@ DAMAGED = {
         (archive("", method=zipfile.ZIP_BZIP2), "is compressed in a way that no 3MF file is"),
         (archive("", name="x.xml"), "is a ZIP archive without the model"),
         (archive(40 * "<a>" + 40 * "</a>"), "has elements more than 32 deep"),
-        (archive("", 100_001 * '<item objectid="1"/>'), "more than 100000 objects, materials and uses"),
+        (archive(100_001 * '<colorgroup id="1"/>'), "more than 100000 objects, materials and uses"),
         (archive(17_000_000 * " ", method=zipfile.ZIP_DEFLATED), "or 200 times its packed size"),
-        (archive(600_000 * "<a/>", method=zipfile.ZIP_DEFLATED), "has more elements than its bytes"),
+        (archive(530_000 * "<model/>", method=zipfile.ZIP_DEFLATED), "has more elements than its bytes"),
         (archive(f"<!--{2_000_000 * ' '}-->"), "has an element, or a comment, of more than 1 MB"),
         (archive("", prolog='<!DOCTYPE m [<!ENTITY a "aaaa">]>'), "declares an entity"),
         (
