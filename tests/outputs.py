@@ -131,12 +131,7 @@ FOLDERS: dict[str, Kind] = {
     "errors": [{"name": TEXT} | FAULT],
 }
 
-CONE: dict[str, Kind] = {
-    "cells": [[INTEGER]],
-    "absent": [INTEGER],
-    "lifting": [NUMBER],
-    **_each("dimension used", INTEGER),
-}
+CONE = {"cells": [[INTEGER]], "absent": [INTEGER], "lifting": [NUMBER], **_each("dimension used", INTEGER)}
 CELLS: dict[str, Kind] = {"cells": [[INTEGER]], "polygons": [[INTEGER]], "absent": [INTEGER]}
 
 VERSIONS: dict[str, Kind] = {

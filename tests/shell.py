@@ -138,9 +138,7 @@ def run_line(line: str, folder: Path) -> Result:
     """
     stages = line.split(" | ")
     here = [_runs_here(stage) for stage in stages]
-    if any(
-        re.search(r"\b(gtb|git)\b", _bare(stage)) for stage, is_here in zip(stages, here, strict=True) if not is_here
-    ):
+    if any(re.search(r"\b(gtb|git)\b", _bare(stage)) for stage, own in zip(stages, here, strict=True) if not own):
         return shell(line, folder)
     if not any(here):
         return run_process(["bash", "-c", f"set -o pipefail; {line}"], folder)
@@ -186,15 +184,11 @@ def _script(words: list[str], stdin: bytes) -> Result:
     path, *rest = words[words[0] == "-c" :]
     text = path if words[0] == "-c" else Path(path).read_text(encoding="utf-8")
     names, status = {"__name__": "__main__"}, 0
-    with (
-        CliRunner().isolation(input=stdin) as streams,
-        catch_warnings(action="ignore"),
-        patch("sys.argv", [path, *rest]),
-    ):
+    with CliRunner().isolation(input=stdin) as seen, catch_warnings(action="ignore"), patch("sys.argv", [path, *rest]):
         try:
             exec(text, names)
         except SystemExit as end:
             status = end.code
         sys.stdout.flush()
         names.clear()  # functions hold all names, and these hold files that nobody closed
-        return Result(status, streams[0].getvalue(), streams[1].getvalue().decode("utf-8"))
+        return Result(status, seen[0].getvalue(), seen[1].getvalue().decode("utf-8"))

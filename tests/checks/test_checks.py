@@ -74,13 +74,7 @@ def test_every_spec_has_the_properties(name):
 @pytest.mark.parametrize(("index", "name"), mostly_long(enumerate(PATCHES), 6))
 def test_they_hold_at_any_size_and_place(index, name):
     """Each spec at one of the sizes with the knots small, and one with them large or far away."""
-    scales = [
-        (1e-9, 0.0, 1e9, 0.0),
-        (1e9, 0.0, 1e-9, 0.0),
-        (1.0, 1e7, 1.0, 1e7),
-        (1e-2, 0.0, 1e4, 1e7),
-        (1e4, 1e7, 1.0, 0.0),
-    ]
+    scales = [(1e-9, 0, 1e9, 0), (1e9, 0, 1e-9, 0), (1, 1e7, 1, 1e7), (1e-2, 0, 1e4, 1e7), (1e4, 1e7, 1, 0)]
     patch = spec(name)
     for scale, shift, points_scale, points_shift in (scales[3 * (index % 2)], scales[(1, 2, 4)[index % 3]]):
         points = patch.control_points * points_scale + points_shift

@@ -176,10 +176,7 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
         assert text not in gtb("fill", path, *given, status=0).err
         return
     assert "places: raise degrees more, or try curves that" in gtb("fill", path, "--fullness=1", status=1).err
-    for kind, end in (
-        ("g1", 'smaller ones, or `fills` "0,0,0=g0"'),
-        ("g0", "too: try curves that cut .* smaller ones"),
-    ):
+    for kind, end in (("g1", 'smaller ones, or `fills` "0,0,0=g0"'), ("g0", "too: try curves that cut .*smaller ones")):
         with pytest.raises(RequirementError, match=f"{', '.join(words)} were tried, .*{end}$"):
             room.with_fills(model, [("0,0,0", kind)], said.append, said.append)
     good = beside_planes

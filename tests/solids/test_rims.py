@@ -167,9 +167,6 @@ def test_what_has_no_flat_rim_is_refused():
     for model, thickness, message in cases:
         with pytest.raises(DomainError, match=f"^rim: .*{message}"):
             Recipe(6, thickness=thickness, rim="flat").mesh(model)
-    for options, message in [
-        ({"rim": "flat"}, "needs a thickness"),
-        ({"rim": "round"}, "expected one of normal, flat"),
-    ]:
+    for options, message in [({"rim": "flat"}, "needs a thickness"), ({"rim": "round"}, ".*one of normal, flat")]:
         with pytest.raises(DomainError, match=f"^rim: {message}"):
             Recipe(**options)

@@ -137,12 +137,7 @@ def test_the_surface_is_within_the_tolerance(name, part):
 
 
 REFUSED = {
-    "hopeless": (
-        lambda: patch(),
-        1e-10,
-        {},
-        r"1e-10 needs about \de\+\d+ faces, more than 5000000; with \d{4} samples",
-    ),
+    "hopeless": (patch, 1e-10, {}, r"1e-10 needs about \de\+\d+ faces, more than 5000000; with \d{4} samples"),
     "too many": (
         lambda: patch(),
         1e-4,
