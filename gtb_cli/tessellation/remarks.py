@@ -12,6 +12,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.solids.solidity import where
 from gtb_cli.solids.thickening import folded_faces, surface_of, thinnest_wall
 from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
 
 
@@ -80,23 +81,26 @@ def sharpest_bend(
     """
     sparsest, densest, per_patch = 16, 48, cells / len(patches)
     radius, place = math.inf, np.full(3, np.nan)
-    for patch, is_turned in zip(patches, turned, strict=True):
-        domain = patch.domain
-        count = min(max(sparsest, math.ceil(2 * math.sqrt(per_patch / cell_count(domain, 1)))), densest)
-        part = triangulation(domain, count)
+    bases = {id(patch.rational_basis): patch.rational_basis for patch in patches}  # copies share one
+    for basis in bases.values():
+        own = [(k, patch) for k, patch in enumerate(patches) if patch.rational_basis is basis]
+        count = min(max(sparsest, math.ceil(2 * math.sqrt(per_patch / cell_count(basis.domain, 1)))), densest)
+        part = triangulation(basis.domain, count)
         u = part.parameters[part.cells].mean(axis=1)  # inside, also in triangles with corners on the boundary
-        offset = -thickness if is_turned else thickness
-        gaussian, mean = patch.curvature(u, "linear")
-        mean = -math.copysign(1.0, offset) * mean
-        bend = mean + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))  # largest principal curvature towards the offset
-        bend = np.where(np.isfinite(bend), bend, 0.0)
-        folded = np.flatnonzero(bend * abs(thickness) >= 1)
-        if not len(folded):
-            continue
-        folded = folded[bend[folded].argsort()[:: -max(1, len(folded) // 64)]]  # some with every curvature
-        deep = folded[_is_nearer(patch, u[folded], offset, domain.size / count)]
-        if len(deep) and 1 / bend[deep[0]] < radius:
-            radius, place = float(1 / bend[deep[0]]), patch.evaluate(u[deep[:1]], "linear")[0]
+        places = basis.locations(basis.domain.grid(u)[0], "linear")
+        found = curvatures_at([patch for _, patch in own], places, len(u))
+        for (k, patch), gaussian, outward in zip(own, *found, strict=True):
+            offset = -thickness if turned[k] else thickness
+            mean = -math.copysign(1.0, offset) * outward
+            bend = mean + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))  # largest principal curvature towards the offset
+            bend = np.where(np.isfinite(bend), bend, 0.0)
+            folded = np.flatnonzero(bend * abs(thickness) >= 1)
+            if not len(folded):
+                continue
+            folded = folded[bend[folded].argsort()[:: -max(1, len(folded) // 64)]]  # some with every curvature
+            deep = folded[_is_nearer(patch, u[folded], offset, basis.domain.size / count)]
+            if len(deep) and 1 / bend[deep[0]] < radius:
+                radius, place = float(1 / bend[deep[0]]), patch.evaluate(u[deep[:1]], "linear")[0]
     return radius, place
 
 
