@@ -87,8 +87,7 @@ def sharpest_bend(
         count = min(max(sparsest, math.ceil(2 * math.sqrt(per_patch / cell_count(basis.domain, 1)))), densest)
         part = triangulation(basis.domain, count)
         u = part.parameters[part.cells].mean(axis=1)  # inside, also in triangles with corners on the boundary
-        places = basis.locations(basis.domain.grid(u)[0], "linear")
-        found = curvatures_at([patch for _, patch in own], places, len(u))
+        found = curvatures_at([patch for _, patch in own], basis.locations(basis.domain.grid(u)[0], "linear"), len(u))
         for (k, patch), gaussian, outward in zip(own, *found, strict=True):
             offset = -thickness if turned[k] else thickness
             mean = -math.copysign(1.0, offset) * outward
@@ -110,7 +109,6 @@ def _is_nearer(patch: Patch, u: FloatArray, offset: float, step: float) -> BoolA
     points = patch.evaluate(u, "linear") + offset * patch.normals(u, "linear")
     pattern = np.stack(np.meshgrid([-2, -1, 0, 1, 2], [-2, -1, 0, 1, 2]), axis=-1).reshape(-1, 2)
     best, rows = u, np.arange(len(u))
-    nearest = np.full(len(u), np.inf)
     least = 1e-6 * patch.domain.size * patch.domain.normal_lengths  # height over each edge of what is clearly inside Δ
     for _ in range(rounds):
         around = best[:, None] + step * pattern
