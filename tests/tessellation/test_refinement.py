@@ -138,12 +138,7 @@ def test_the_surface_is_within_the_tolerance(name, part):
 
 REFUSED = {
     "hopeless": (patch, 1e-10, {}, r"1e-10 needs about \de\+\d+ faces, more than 5000000; with \d{4} samples"),
-    "too many": (
-        lambda: patch(),
-        1e-4,
-        {"max_faces": 500},
-        r"more than 500 faces; with \d+ samples are still up to 0\.\d+ from their",
-    ),
+    "too many": (patch, 1e-4, {"max_faces": 500}, r"more than 500 faces; with \d+ samples are still up to 0\.\d+ from"),
     "rounding": (lambda: bicubic(1.0, 1e7), 1e-9, {}, "below the rounding of coordinates of size 1e"),
 }
 
