@@ -27,18 +27,14 @@ def iges() -> bytes:
     points = [0, 0, 0, 1, 1, 0, 2, 0, 0, 3, 1, 0]
     curve = [126, 3, 2, *[0] * 7, 0.5, *[1] * 7, *points, 0, 1, 0, 0, 1]
     turn = [124, 0, -1, 0, 10, 1, 0, 0, 20, 0, 0, 1, 30]
-    entities = [
-        (128, surface, 7, "00000000", "SHEET"),
-        (126, curve, 0, "00000000", ""),
-        (126, curve, 0, "00010500", ""),
-    ]
-    entities += [(124, turn, 0, "00000000", ""), (110, [110, 0, 0, 0, 1, 1, 1], 0, "00000000", "")]
+    parts = [(128, surface, 7, "00000000", "SHEET"), (126, curve, 0, "00000000", ""), (126, curve, 0, "00010500", "")]
+    parts += [(124, turn, 0, "00000000", ""), (110, [110, 0, 0, 0, 1, 1, 1], 0, "00000000", "")]
     lines = [f"{'small file of tests':<72}S{1:7}"]
     text = "1H,,1H;,5Htests,8Htest.igs,3Hgtb,1H1,32,38,6,308,15,5Htests,1.0,2,2HMM,1,0.01,15H20240101.000000,"
     text += "1E-7,9.0,,,11,0;"
     lines += [f"{text[k : k + 72]:<72}G{k // 72 + 1:7}" for k in range(0, len(text), 72)]
     directory, parameters = [], []
-    for number, (kind, values, matrix, status, label) in enumerate(entities):
+    for number, (kind, values, matrix, status, label) in enumerate(parts):
         words = [f"{value!r}," for value in values]
         rows = [""]
         for word in words:

@@ -101,12 +101,7 @@ CHECKED_MODEL: dict[str, Kind] = {"name": (TEXT, None), "holds": BOOLEAN, "patch
 
 FARTHEST: Kind = {"distance": NUMBER, "at": POINT}
 COMPARED_FILE: Kind = {"file": TEXT} | {f"{key.removesuffix('?')}?": kind for key, kind in MEASURES.items()}
-COMPARED_BYTES: dict[str, Kind] = {
-    "same": BOOLEAN,
-    "distance": (NUMBER, None),
-    "method": {"bytes"},
-    **_each("a b", COMPARED_FILE),
-}
+COMPARED_BYTES = {"same": BOOLEAN, "distance": (NUMBER, None), "method": {"bytes"}, **_each("a b", COMPARED_FILE)}
 COMPARED: dict[str, Kind] = COMPARED_BYTES | {
     "method": {"vertices", "surface", "patches"},
     "tolerance": NUMBER,
@@ -131,18 +126,10 @@ FOLDERS: dict[str, Kind] = {
     "errors": [{"name": TEXT} | FAULT],
 }
 
-CONE: dict[str, Kind] = {
-    "cells": [[INTEGER]],
-    "absent": [INTEGER],
-    "lifting": [NUMBER],
-    **_each("dimension used", INTEGER),
-}
+CONE = {"cells": [[INTEGER]], "absent": [INTEGER], "lifting": [NUMBER], **_each("dimension used", INTEGER)}
 CELLS: dict[str, Kind] = {"cells": [[INTEGER]], "polygons": [[INTEGER]], "absent": [INTEGER]}
 
-VERSIONS: dict[str, Kind] = {
-    **_each("gtb sources python system processor", TEXT),
-    **_each("numpy scipy trimesh", (TEXT, None)),
-}
+VERSIONS = {**_each("gtb sources python system processor", TEXT), **_each("numpy scipy trimesh", (TEXT, None))}
 
 MEMBER: Kind = {
     "file": TEXT,

@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from unittest.mock import patch
+from warnings import catch_warnings
 
 from click.testing import CliRunner
 
@@ -130,32 +132,43 @@ def script(text: str, folder: Path) -> Result:
 
 
 def run_line(line: str, folder: Path) -> Result:
-    """Run lines of a shell, with `gtb` in this process where pipes and files for streams are all that they take.
+    """Run lines of a shell, with `gtb` and scripts of Python in this process where pipes and files for streams are all.
 
     It shows the same as `shell` in a fraction of the time. Git is run where it finds `gtb`.
     """
     stages = line.split(" | ")
-    for stage in stages:
-        bare = re.sub(r"'[^']*'|\"[^\"]*\"", "", stage)
-        special = r"[$`;&()|\n\\]|<<|\d>|>>|> /dev/" if bare.startswith("gtb ") else r"\b(gtb|git)\b"
-        if re.search(special, bare):
-            return shell(line, folder)
+    here = [_runs_here(stage) for stage in stages]
+    if any(re.search(r"\b(gtb|git)\b", _bare(stage)) for stage, own in zip(stages, here, strict=True) if not own):
+        return shell(line, folder)
+    if not any(here):
+        return run_process(["bash", "-c", f"set -o pipefail; {line}"], folder)
     status, out, err = 0, b"", ""
     with contextlib.chdir(folder):
-        for stage in stages:
+        for stage, is_here in zip(stages, here, strict=True):
             quoted = re.sub(r"'[^']*'", lambda found: found[0].replace("*", "\ue000"), stage)  # no pattern
-            done = (
-                _here(shlex.split(quoted), out)
-                if stage.startswith("gtb")
-                else run_process(["bash", "-c", stage], None, out)
-            )
+            done = _here(shlex.split(quoted), out) if is_here else run_process(["bash", "-c", stage], None, out)
             status, out, err = done.status or status, done.out, err + done.err
     return Result(status, out, err, line)
 
 
+def _bare(stage: str) -> str:
+    """A command without what it quotes; for other commands than gtb without what is in single quotes."""
+    return re.sub(r"'[^']*'|\"[^\"]*\"" if stage.startswith("gtb") else r"'[^']*'", "", stage)
+
+
+def _runs_here(stage: str) -> bool:
+    """Tell whether a command is one of gtb, or a script of Python, that needs no shell."""
+    if not re.match(r"((\w+=\w* )*gtb|python3 (-c|\w+\.py))( |$)", stage):
+        return False
+    return not re.search(r"[$`;&()|\n\\\"]|<<|\d>|>>|> /dev/", _bare(stage))
+
+
 def _here(words: list[str], stdin: bytes) -> Result:
     """Run one command of a pipe in this process and the working folder."""
-    while words[-2] in ("<", ">"):
+    if re.fullmatch(r"\w+=\w*", words[0]):
+        with patch.dict(os.environ, [words[0].split("=")]):
+            return _here(words[1:], stdin)
+    while len(words) > 2 and words[-2] in ("<", ">"):
         *words, sign, path = words
         if sign == ">":
             done = _here(words, stdin)
@@ -163,4 +176,19 @@ def _here(words: list[str], stdin: bytes) -> Result:
             return Result(done.status, b"", done.err)
         stdin = Path(path).read_bytes()
     paths = [path for word in words[1:] for path in (sorted(glob.glob(word)) or [word.replace("\ue000", "*")])]
-    return gtb(*paths, stdin=stdin)
+    return gtb(*paths, stdin=stdin) if words[0] == "gtb" else _script(paths, stdin)
+
+
+def _script(words: list[str], stdin: bytes) -> Result:
+    """Run a script of Python, whose name or `-c` and text come first."""
+    path, *rest = words[words[0] == "-c" :]
+    text = path if words[0] == "-c" else Path(path).read_text(encoding="utf-8")
+    names, status = {"__name__": "__main__"}, 0
+    with CliRunner().isolation(input=stdin) as seen, catch_warnings(action="ignore"), patch("sys.argv", [path, *rest]):
+        try:
+            exec(text, names)
+        except SystemExit as end:
+            status = end.code
+        sys.stdout.flush()
+        names.clear()  # functions hold all names, and these hold files that nobody closed
+        return Result(status, seen[0].getvalue(), seen[1].getvalue().decode("utf-8"))

@@ -135,14 +135,8 @@ def test_what_is_not_meant_is_said(pentagon, tmp_path):
         (lambda: gtb_cli.bezier_pieces({}), "expected a Patch or Model, .*got dict"),
         (lambda: gtb_cli.convergence_rate(pentagon), "expected a RegularDecomposition, got Patch"),
         (lambda: gtb_cli.joints(pentagon), "expected a Model, or the path of a spec file, got Patch"),
-        (
-            lambda: gtb_cli.write_mesh(pentagon, tmp_path / "x.stl"),
-            "expected a Mesh, such as .*tessellate makes, got Patch",
-        ),
-        (
-            lambda: gtb_cli.write_mesh(gtb_cli.tessellate(pentagon, 1), tmp_path / "x.glb", up="x"),
-            "up: expected z or y",
-        ),
+        (lambda: gtb_cli.write_mesh(pentagon, tmp_path / "x.stl"), "expected a Mesh, such as .*, got Patch"),
+        (lambda: gtb_cli.write_mesh(gtb_cli.tessellate(pentagon, 1), tmp_path / "x.glb", up="x"), "expected z or y"),
         (lambda: gtb_cli.save(pentagon, tmp_path / "x.obj"), r"x\.obj: expected a name that ends in \.toml or \.json"),
         (lambda: gtb_cli.save(pentagon, tmp_path / "x.step"), r"x\.step: expected a name that ends in"),
     ):

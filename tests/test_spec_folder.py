@@ -60,9 +60,7 @@ def test_curves_of_the_paper() -> None:
         ("example-4.2-limit", "example-4.2", [3], 1),
     ],
 )
-def test_merged_specs_are_the_limits_of_theorems_3_1_and_4_1(
-    name: str, origin: str, moved: list[int], target: int
-) -> None:
+def test_merged_specs_are_the_limits_of_theorems_3_1_and_4_1(name: str, origin: str, moved: list[int], target: int):
     start, merged = spec(origin), spec(name)
     kept = [i for i in range(len(start.knots)) if i not in moved]
     together = [target, *moved]

@@ -15,7 +15,8 @@ A session has a folder of its own, in which `specs` is that of the repository; c
 every session. A command, which `> ` continues over lines, is followed by its status where that is not 0, the lines of
 its standard output, and behind `! ` those of standard error; JSON must also be as `tests/outputs.py` says. … stands
 for anything in a line, and for any number of lines where it is alone. A title that begins with `long: ` leaves its
-session out of `make test`. Commands run in the process of the tests but where they need a shell (shell.run_line).
+session out of `make test`. Commands of gtb and scripts of Python run in the process of the tests but where they need a
+shell (shell.run_line).
 
 `python -m tests.transcripts FILE` prints commands of a file of this form with what they do now.
 """
@@ -57,7 +58,7 @@ class Session:
 
     def run(self, folder: Path) -> None:
         """Run all commands, and compare what they do with what they must do."""
-        for step, done in self.results(folder):
+        for step, done in replace(self, steps=joined(self.steps)).results(folder):
             if done.status != step.status or not matches(step.out, done.text) or not matches(step.err, done.err):
                 expected = shown(step.command, step.status, step.out, step.err)
                 found = shown("", done.status, done.text.splitlines(), done.err.splitlines())
@@ -69,6 +70,20 @@ class Session:
         (folder / "specs").symlink_to(SPECS)
         for step in self.steps:
             yield step, run_line(step.command, folder)
+
+
+def joined(steps: list[Step]) -> list[Step]:
+    """Let one shell run successive silent commands: to start it takes longer than they do."""
+    found: list[Step] = []
+    joinable = False
+    for step in steps:
+        silent = step == Step(step.line, step.command) and not re.search(r"\b(gtb|git|python3)\b", step.command)
+        if silent and joinable:
+            found[-1] = replace(found[-1], command=f"{{ {found[-1].command}\n}} || exit\n{step.command}")
+        else:
+            found.append(step)
+        joinable = silent
+    return found
 
 
 def matches(lines: tuple[str, ...], text: str) -> bool:

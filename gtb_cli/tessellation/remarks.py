@@ -11,7 +11,9 @@ from gtb_cli.models.model import Model
 from gtb_cli.solids.solidity import where
 from gtb_cli.solids.thickening import folded_faces, surface_of, thinnest_wall
 from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import grouped
 
 
 def crowding(spec: Patch | Model, resolution: int) -> list[str]:
@@ -77,23 +79,25 @@ def sharpest_bend(spec: Patch | Model, mesh: Mesh, thickness: float) -> tuple[fl
     sparsest, densest, per_patch = 16, 48, len(mesh.cells) / len(spec.patches)
     radius, place = math.inf, np.full(3, np.nan)
     turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
-    for patch, is_turned in zip(spec.patches, turned, strict=True):
-        domain = patch.domain
-        count = min(max(sparsest, math.ceil(2 * math.sqrt(per_patch / cell_count(domain, 1)))), densest)
-        part = triangulation(domain, count)
+    for own in grouped((id(patch.rational_basis), k) for k, patch in enumerate(spec.patches)).values():  # of copies
+        patches = [spec.patches[k] for k in own]
+        basis = patches[0].rational_basis
+        count = min(max(sparsest, math.ceil(2 * math.sqrt(per_patch / cell_count(basis.domain, 1)))), densest)
+        part = triangulation(basis.domain, count)
         u = part.parameters[part.cells].mean(axis=1)  # inside, also in triangles with corners on the boundary
-        offset = -thickness if is_turned else thickness
-        gaussian, mean = patch.curvature(u, "linear")
-        mean = -math.copysign(1.0, offset) * mean
-        bend = mean + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))  # largest principal curvature towards the offset
-        bend = np.where(np.isfinite(bend), bend, 0.0)
-        folded = np.flatnonzero(bend * abs(thickness) >= 1)
-        if not len(folded):
-            continue
-        folded = folded[bend[folded].argsort()[:: -max(1, len(folded) // 64)]]  # some with every curvature
-        deep = folded[_is_nearer(patch, u[folded], offset, domain.size / count)]
-        if len(deep) and 1 / bend[deep[0]] < radius:
-            radius, place = float(1 / bend[deep[0]]), patch.evaluate(u[deep[:1]], "linear")[0]
+        found = curvatures_at(patches, basis.locations(basis.domain.grid(u)[0], "linear"), len(u))
+        for k, patch, gaussian, outward in zip(own, patches, *found, strict=True):
+            offset = -thickness if turned[k] else thickness
+            mean = -math.copysign(1.0, offset) * outward
+            bend = mean + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))  # largest principal curvature towards the offset
+            bend = np.where(np.isfinite(bend), bend, 0.0)
+            folded = np.flatnonzero(bend * abs(thickness) >= 1)
+            if not len(folded):
+                continue
+            folded = folded[bend[folded].argsort()[:: -max(1, len(folded) // 64)]]  # some with every curvature
+            deep = folded[_is_nearer(patch, u[folded], offset, basis.domain.size / count)]
+            if len(deep) and 1 / bend[deep[0]] < radius:
+                radius, place = float(1 / bend[deep[0]]), patch.evaluate(u[deep[:1]], "linear")[0]
     return radius, place
 
 
@@ -103,7 +107,6 @@ def _is_nearer(patch: Patch, u: FloatArray, offset: float, step: float) -> BoolA
     points = patch.evaluate(u, "linear") + offset * patch.normals(u, "linear")
     pattern = np.stack(np.meshgrid([-2, -1, 0, 1, 2], [-2, -1, 0, 1, 2]), axis=-1).reshape(-1, 2)
     best, rows = u, np.arange(len(u))
-    nearest = np.full(len(u), np.inf)
     least = 1e-6 * patch.domain.size * patch.domain.normal_lengths  # height over each edge of what is clearly inside Δ
     for _ in range(rounds):
         around = best[:, None] + step * pattern

@@ -216,9 +216,7 @@ def rectangle(degree: int) -> Patch:
         *mostly_long([(rectangle(n), n == 7, 1, 12) for n in (3, 7, 16)], 0),  # fitted ones divide its edges
     ],
 )
-def test_exact_patches_stay_exact_beside_fitted_ones(
-    top: Patch, turned: bool, faces: int, edges: int, tmp_path: Path
-) -> None:
+def test_exact_patches_stay_exact_beside_fitted_ones(top: Patch, turned: bool, faces: int, edges: int, tmp_path: Path):
     model = pillow(top, turned=turned)
     found = spline_surfaces(model, None)
     assert (len(found.surfaces) - found.fitted, [name for name, _ in found.reasons]) == (faces, ["bottom"])

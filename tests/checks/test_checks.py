@@ -74,13 +74,7 @@ def test_every_spec_has_the_properties(name):
 @pytest.mark.parametrize(("index", "name"), mostly_long(enumerate(PATCHES), 6))
 def test_they_hold_at_any_size_and_place(index, name):
     """Each spec at one of the sizes with the knots small, and one with them large or far away."""
-    scales = [
-        (1e-9, 0.0, 1e9, 0.0),
-        (1e9, 0.0, 1e-9, 0.0),
-        (1.0, 1e7, 1.0, 1e7),
-        (1e-2, 0.0, 1e4, 1e7),
-        (1e4, 1e7, 1.0, 0.0),
-    ]
+    scales = [(1e-9, 0, 1e9, 0), (1e9, 0, 1e-9, 0), (1, 1e7, 1, 1e7), (1e-2, 0, 1e4, 1e7), (1e4, 1e7, 1, 0)]
     patch = spec(name)
     for scale, shift, points_scale, points_shift in (scales[3 * (index % 2)], scales[(1, 2, 4)[index % 3]]):
         points = patch.control_points * points_scale + points_shift
@@ -144,6 +138,12 @@ def test_what_the_tolerance_of_knots_hides_is_not_decided(knots):
     hidden = {found.name: found.reason for found in report.findings if found.status == "not decided"}
     assert "count as on it" in hidden["definition"]
     assert repr(report).endswith(f"{len(hidden)} not decided>")
+
+
+def test_knots_that_count_as_on_an_edge_are_moved_onto_it():
+    patch = Patch([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 1e-12]], np.eye(5)[:, :3])
+    assert patch.knots[4, 1] > 0
+    assert Probe(patch).sharpened().patch.knots[4, 1] == pytest.approx(0, abs=1e-20)
 
 
 def test_an_end_without_a_limit_does_not_hide_the_other():

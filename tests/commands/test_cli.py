@@ -13,7 +13,7 @@ import pytest
 from gtb_cli.commands.cli import COMMANDS, gtb as group
 from gtb_cli.shell import messages
 from gtb_cli.version import __version__
-from tests.shell import PENTAGON, REPOSITORY, gtb
+from tests.shell import BICUBIC, PENTAGON, gtb
 
 
 def test_help_lists_every_command():
@@ -113,14 +113,15 @@ def test_what_takes_long_is_counted_on_a_terminal(quiet, monkeypatch):
 
 
 @pytest.mark.parametrize("command", ["fill", "fair", "mesh"])
-def test_a_clock_runs_while_a_surface_is_made(command, monkeypatch):
-    file = REPOSITORY / "tests/filling/cagd86.gbp" if command == "fill" else PENTAGON
+def test_a_clock_runs_while_a_surface_is_made(command, monkeypatch, tmp_path):
+    """Also of a loop that is refused as it is filled."""
+    file = tmp_path / "open.toml" if command == "fill" else BICUBIC
+    (tmp_path / "open.toml").write_text(3 * "[[patches]]\nknots = [0, 1]\ncontrol_points = [[0, 0], [1, 0]]\n")
     timed: list[str] = []
     monkeypatch.setattr(messages.Console, "clock", lambda _, label: timed.append(label) or nullcontext(timed.append))
-    gtb(command, file, status=0)
-    assert timed == (
-        [command] if command != "mesh" else ["mesh", "mesh", str(file)]
-    )  # as it is read, and as it is made
+    gtb(command, file, status=2 if command == "fill" else 0)
+    as_it_is_read_and_made = ["mesh", "mesh", str(file)]
+    assert timed == (as_it_is_read_and_made if command == "mesh" else [command])
 
 
 # --- versions

@@ -162,12 +162,8 @@ def test_no_file_has_a_number_that_is_none(name):
     text = TEXTS[name].encode()
     spec = parse(text)
     model = isinstance(spec, Model)
-    kinds = [
-        ["obj", "--normals"],
-        ["ply", "--ascii", "--normals", *CURVATURE],
-        ["stl", "--ascii"],
-        ["glb", "--normals"],
-    ]
+    kinds = [["obj", "--normals"], ["ply", "--ascii", "--normals", *CURVATURE]]
+    kinds += [["stl", "--ascii"], ["glb", "--normals"]]
     if model:
         del kinds[1:3]  # no attributes; and STL has the vertices of OBJ
     elif spec.dimension == 1:

@@ -48,6 +48,13 @@ def test_the_runner_sees_what_differs(step: Step, seen: str | None, tmp_path: Pa
             session.run(tmp_path)
 
 
+def test_silent_commands_share_a_shell_up_to_the_first_that_fails(tmp_path: Path) -> None:
+    steps = [Step(1, "cat > a <<E\nx\nE"), Step(2, "grep -q y a"), Step(3, "echo z > a"), Step(4, "gtb --version")]
+    with pytest.raises(AssertionError, match=r"(?s)x.txt:1: .*grep -q y a.*does\n\? 1$"):
+        Session("x.txt", "x", steps).run(tmp_path)
+    assert (tmp_path / "a").read_text(encoding="utf-8") == "x\n"
+
+
 def test_the_parts_of_a_transcript(tmp_path: Path) -> None:
     text = "# words\n$ cd\n\n=== one\n# why\n$ cat <<E\n> a\n> E\n? 3\nx\n\n! y\n!\n\n=== two\n$ true\n"
     (tmp_path / "t.txt").write_text(text, encoding="utf-8")

@@ -171,12 +171,12 @@ def test_a_refused_fill_tries_less_fullness_and_then_one_degree_more(cure, monke
         room.with_fills(model, [("0,0,0", "g1")], said.append, said.append)
         assert said == [f"`fills` 0,0,0: {text}"]
         assert f"gtb: {text}\n" in gtb("fill", path, status=0).err
+        ((option, value),) = cure.items()
+        given = {"fullness": "--fullness", "raises": "--elevate"}[option], value
+        assert text not in gtb("fill", path, *given, status=0).err
         return
     assert "places: raise degrees more, or try curves that" in gtb("fill", path, "--fullness=1", status=1).err
-    for kind, end in (
-        ("g1", 'smaller ones, or `fills` "0,0,0=g0"'),
-        ("g0", "too: try curves that cut .* smaller ones"),
-    ):
+    for kind, end in (("g1", 'smaller ones, or `fills` "0,0,0=g0"'), ("g0", "too: try curves that cut .*smaller ones")):
         with pytest.raises(RequirementError, match=f"{', '.join(words)} were tried, .*{end}$"):
             room.with_fills(model, [("0,0,0", kind)], said.append, said.append)
     good = beside_planes

@@ -609,14 +609,8 @@ def test_no_ring_passes_a_point_twice(seed):
         ([*random_sides(4, 0), *random_sides(3, 1)], "is closed without side 0, side 1, side 2: islands and guides"),
         (plane_sides(L[[0, 1, 2, 0, 5, 4]], [1] * 6), r"passes \(0, 0, 0\) twice, before s0 and"),
         (random_sides(26, 0, (1, 1)), "has 26 sides, at most 24"),
-        (
-            [HoleSide("side 0", THREE[0].curve, np.zeros((96, 3))), *THREE[1:]],
-            "side 0: the ribbon's distance .* vanishes",
-        ),
-        (
-            [replace(s, across=points_and_tangents(s.curve, stations())[1]) for s in THREE],
-            "side 0: the ribbon is parallel",
-        ),
+        ([HoleSide("side 0", THREE[0].curve, np.zeros((96, 3))), *THREE[1:]], "side 0: .* distance .* vanishes"),
+        ([replace(s, across=points_and_tangents(s.curve, stations())[1]) for s in THREE], "side 0: .* is parallel"),
     ],
 )
 def test_what_is_not_a_loop(sides, message):
@@ -895,7 +889,7 @@ def bent_beside(patch):
 
 
 @pytest.mark.parametrize("raises", mostly_long([None, 2]))
-@pytest.mark.parametrize("name", mostly_long(["triangle-1", "pentagon-1", "hexagon", "square-1"]))
+@pytest.mark.parametrize("name", mostly_long(["square-1", "triangle-1", "pentagon-1", "hexagon"]))
 def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
     """Its neighbours have real knots; where degrees are raised, so are theirs, and the model closes all the same."""
     model = load(SPECS / "hebesphenorotunda.toml")

@@ -159,10 +159,7 @@ def test_decimals_of_a_point():
 def test_obj_groups_stand_before_their_faces():
     mesh = replace(model(), groups=(("left half", 0, 18), ("", 18, 18), ("left\nhalf\\", 18, 68)))
     text = lines(encoded(mesh, "obj"), "g", "f")
-    assert [(number, line) for number, line in enumerate(text) if line[0] == "g"] == [
-        (0, "g left_half"),
-        (19, "g left_half_"),
-    ]
+    assert [(k, line) for k, line in enumerate(text) if line[0] == "g"] == [(0, "g left_half"), (19, "g left_half_")]
     same = replace(model(), groups=(("a", 0, 18), ("a", 18, 68)))
     assert lines(encoded(same, "obj"), "g") == ["g a", "g a-2"]
 

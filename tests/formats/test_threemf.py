@@ -104,9 +104,6 @@ def test_a_unit_brings_glb_to_metres_and_reads_back_as_it_was():
     np.testing.assert_allclose(
         np.ptp(scene.bounds, axis=0), 0.01 * np.ptp(model().bounds, axis=0)[[0, 2, 1]], rtol=1e-6
     )
-    for kind, unit, message in [
-        ("obj", "mm", "OBJ has none"),
-        ("glb", "km", "expected one of mm, cm, m, in, ft, got 'km'"),
-    ]:
+    for kind, unit, message in [("obj", "mm", "OBJ has none"), ("glb", "km", ".*one of mm, cm, m, in, ft, got 'km'")]:
         with pytest.raises(ExportError, match=f"unit: {message}"):
             encode_mesh(model(), kind, unit=unit)

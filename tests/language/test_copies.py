@@ -220,13 +220,8 @@ def test_nothing_outside_of_the_folder_is_read(tmp_path):
 def test_whole_files_are_copied(tmp_path):
     """All patches of a file are moved as those of a copy, k by k, and have the number in their names."""
     leg = PATCH + PATCH.replace("wall", "foot").replace("[0, 0, 0]", "[0, 0, 5]")
-    moves = [
-        'mirror = "x"',
-        "scale = 2",
-        'rotate = {axis = "z", degrees = "90*k"}',
-        'translate = [0, 0, "k"]',
-        "repeat = 2",
-    ]
+    moves = ['mirror = "x"', "scale = 2", 'rotate = {axis = "z", degrees = "90*k"}']
+    moves += ['translate = [0, 0, "k"]', "repeat = 2"]
     path = folder(tmp_path, main=f'include = [{{file = "leg.toml", {", ".join(moves)}}}, "leg.toml"]\n', leg=leg)
     found = load(path)
     assert isinstance(found, Model)

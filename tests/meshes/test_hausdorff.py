@@ -162,9 +162,7 @@ def test_small_meshes_with_lines_of_farthest_points_take_few_cuts(monkeypatch):
     strips = np.array([[[x, 0, 0], [x, 100, 0], [x + 1e-3, 50, 0]] for x in range(9)])
     between = np.array([[[x, 0, 0], [x + 1, 0, 0], [x + 0.5, 100, 0]] for x in range(8)])
     cuts, cut = [], hausdorff.CellParts.cut
-    monkeypatch.setattr(
-        hausdorff.CellParts, "cut", lambda parts, tree: cuts.append(len(parts.bounds)) or cut(parts, tree)
-    )
+    monkeypatch.setattr(hausdorff.CellParts, "cut", lambda own, tree: cuts.append(len(own.bounds)) or cut(own, tree))
     found = mesh_distance(
         *(Mesh(part.reshape(-1, 3), np.arange(3 * len(part)).reshape(-1, 3)) for part in (between, strips))
     )

@@ -18,9 +18,7 @@ from tests import tiny_meshes as meshes
 from tests.patches import pentagon
 
 POLYLINE = Mesh(np.array([[0, 0, 0], [1, 0, 2], [1, 3, -1]], dtype=float), np.array([[0, 1], [1, 2]]))
-TWO_TRIANGLES = Mesh(
-    np.array([[0, 0, 0], [2, 0, 0], [2, 1, 1], [0, 1, 0]], dtype=float), np.array([[0, 1, 2], [0, 2, 3]])
-)
+TWO_TRIANGLES = Mesh(np.array([[0, 0, 0], [2, 0, 0], [2, 1, 1], [0, 1, 0]], float), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
 def test_a_polyline_has_edges_and_no_faces():

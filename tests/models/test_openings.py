@@ -95,6 +95,13 @@ def test_true_openings_have_a_line_each():
     assert seam_remarks(teapot) == []
 
 
+def test_a_moebius_band_has_a_seam_at_which_sides_do_not_agree():
+    low, high = np.array([[[0, 0, z], [1, 0, z], [0, 1, z]] for z in (0, 1)])
+    rows = [(low[0], low[1], high[1], high[0]), (low[1], low[2], high[2], high[1]), (low[2], high[0], low[0], high[2])]
+    band = [Patch(SQUARE[:4], row, name=name) for row, name in zip(rows, "abc", strict=True)]
+    assert obstacles(find_joints(band), band)[-1] == "b edge 1 and c edge 3 cannot be given the same orientation"
+
+
 def test_a_ring_of_three_edges_can_be_filled():
     corners = np.eye(3)
     sides = [Patch([[0, 0], [1, 0], [0, 1]], [corners[k - 1], corners[k], [0, 0, 0]]) for k in range(3)]

@@ -110,9 +110,7 @@ def test_each_side_that_there_is_is_drawn(browser, show):
 def test_the_mark_is_where_the_largest_distance_is(browser, show):
     show(3)
     assert "most at 1 1 4" in browser.run("return $('facts').textContent")
-    box = browser.run(
-        "const b = $('spot').getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2]"
-    )
+    box = browser.run("const b = $('spot').getBoundingClientRect(); return [b.left + b.width/2, b.top + b.height/2]")
     image = show(3)
     x, y = (round(each * image.shape[0] / browser.run("return innerHeight")) for each in box)
     stage = np.ptp(image[y - 4 : y + 5, x - 4 : x + 5].astype(int), axis=2)

@@ -66,11 +66,8 @@ def wall_near_rims(solid: Mesh, thickness: float, heights: list[float]) -> np.nd
     return distance[is_wall[hit]]
 
 
-SHAPES = {
-    "dish": (walls(DISH, 5, floor=True), [28]),
-    "lamp": (walls(LAMP, 6), [0, 100]),
-    "cone": (walls(CONE, 24), [0, 20]),
-}
+SHAPES = {"dish": (walls(DISH, 5, floor=True), [28]), "lamp": (walls(LAMP, 6), [0, 100])}
+SHAPES["cone"] = (walls(CONE, 24), [0, 20])
 CASES = [("dish", 2, 12), ("lamp", -5, 8), ("dish", -2, 12), ("lamp", 2, 12), ("lamp", -3, 16), ("cone", 5, 4),
          ("cone", -3, 6)]  # fmt: skip
 
@@ -168,9 +165,6 @@ def test_what_has_no_flat_rim_is_refused():
     for model, thickness, message in cases:
         with pytest.raises(DomainError, match=f"^rim: .*{message}"):
             Recipe(6, thickness=thickness, rim="flat").mesh(model)
-    for options, message in [
-        ({"rim": "flat"}, "needs a thickness"),
-        ({"rim": "round"}, "expected one of normal, flat"),
-    ]:
+    for options, message in [({"rim": "flat"}, "needs a thickness"), ({"rim": "round"}, ".*one of normal, flat")]:
         with pytest.raises(DomainError, match=f"^rim: {message}"):
             Recipe(**options)

@@ -13,7 +13,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.models.model import Model
-from gtb_cli.solids.offsets import MAX_MITRE
+from gtb_cli.solids.offsets import MAX_MITRE, _sheets
 from gtb_cli.solids.thickening import folded_faces, thicken, thinnest_wall
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
@@ -207,6 +207,14 @@ def test_patches_with_normals_nearly_in_a_plane_do_not_tear_a_vertex_away():
     groups = (("left", 0, 2), ("middle", 2, 3), ("right", 3, 5))
     surface = Mesh(points, cells, normals=np.array([tilted, *[[0, 0, 1.0]] * 5]), groups=groups)
     np.testing.assert_allclose(thicken(surface, 0.1).vertices[6] / 0.1, [0, 0, 1], atol=0.02)
+
+
+def test_only_seams_with_mitres_all_along_divide_a_surface():
+    surface = tessellate(box(), 2)
+    normals = np.zeros((len(surface.cells), 3, 3))
+    on_top = surface.vertices[:, 2] == 1
+    for is_mitred, count in ((~on_top, 2), (on_top & False, 1), (on_top | True, 6)):
+        assert len(_sheets(surface, normals, is_mitred)) == count
 
 
 def test_parts_of_a_model_stay_together():

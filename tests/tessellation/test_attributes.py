@@ -74,9 +74,7 @@ def test_a_curve_has_its_parameter():
 
 
 def test_what_there_is_not_is_refused():
-    with pytest.raises(
-        DomainError, match="expected one of u, v, gaussian_curvature, mean_curvature or basis:I, got 'colour'"
-    ):
+    with pytest.raises(DomainError, match=r"expected one of u, v, gaussian_curvature, .* or basis:I, got 'colour'"):
         with_attributes(octant(), tessellate(octant(), 2), ["colour"])
     bare = replace(tessellate(octant(), 2), parameters=None)
     with pytest.raises(DomainError, match="vertices of this mesh have no parameters"):

@@ -12,6 +12,7 @@ from gtb_cli.language.writer import dump
 from gtb_cli.models.model import Model
 from gtb_cli.tessellation.doubtful_corners import doubtful_corners
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.tessellation.remarks import sharpest_bend
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
 from tests.shell import PENTAGON, SPECS, gtb
@@ -44,6 +45,18 @@ def test_remarks_say_where_a_solid_folds():
     _, remarks = Recipe(4, thickness=5.0).mesh(load(SPECS / "pentagon.toml"))
     assert "the offset folds" in remarks[0]
     assert remarks[1].startswith("the solid passes through itself")
+
+
+def test_the_sharpest_bend_of_patches_with_one_basis_is_that_of_the_one_that_bends():
+    bent = load(SPECS / "bicubic.toml")
+    flat = bent.replace(control_points=bent.control_points * [1, 1, 0])
+    radius, place = sharpest_bend([bent], [False], 9.0, 200)
+    for number in (0, 2):
+        patches = [flat, flat, flat]
+        patches[number] = bent
+        found = sharpest_bend(patches, [k == number for k in range(3)], -9.0, 600)
+        np.testing.assert_allclose(found[0], radius, rtol=1e-9)
+        np.testing.assert_allclose(found[1], place, rtol=1e-9)
 
 
 def test_an_edge_between_two_equal_points_may_be_a_loop():
