@@ -2,6 +2,7 @@
 
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,11 +51,12 @@ def test_remarks_say_where_a_solid_folds():
 def test_the_sharpest_bend_of_patches_with_one_basis_is_that_of_the_one_that_bends():
     bent = load(SPECS / "bicubic.toml")
     flat = bent.replace(control_points=bent.control_points * [1, 1, 0])
-    radius, place = sharpest_bend([bent], [False], 9.0, 200)
+    radius, place = sharpest_bend(bent, SimpleNamespace(cells=range(200), origin=None), 9.0)
     for number in (0, 2):
         patches = [flat, flat, flat]
         patches[number] = bent
-        found = sharpest_bend(patches, [k == number for k in range(3)], -9.0, 600)
+        mesh = SimpleNamespace(cells=range(600), origin=SimpleNamespace(turned=np.arange(3) == number))
+        found = sharpest_bend(Model(tuple(patches)), mesh, -9.0)
         np.testing.assert_allclose(found[0], radius, rtol=1e-9)
         np.testing.assert_allclose(found[1], place, rtol=1e-9)
 
