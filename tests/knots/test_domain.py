@@ -120,7 +120,10 @@ def test_any_hull_is_convex_and_holds_its_knots(patch):
     crosses = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
     turn = np.arctan2(crosses, (edges * following).sum(axis=1)).sum()
     assert turn == pytest.approx(2 * math.pi)
-    assert (shape.heights >= 0).all()
+    distances = ((patch.knots[:, None] - v) * shape.normals).sum(axis=2) / shape.normal_lengths
+    assert distances.min() >= -1e-9 * shape.size
+    assert distances[shape.incidence].max() <= 1e-9 * shape.size
+    assert shape.incidence[(np.abs(distances) < 1e-13 * shape.size).any(axis=1)].any(axis=1).all()
     assert ((shape.heights == 0) == shape.incidence).all()
     assert v[0, 1] <= v[:, 1].min() + 1e-12 * shape.size + 8 * EPS * np.abs(v).max()
     for corner in range(r):
