@@ -116,7 +116,7 @@ def test_drops_at_all_facets_are_equal_if_the_cone_is_simplicial():
 
 @pytest.mark.parametrize(("n", "seed"), mostly_long([(5, 0), (6, 1), (6, 4)]))
 @pytest.mark.parametrize("whole", [False, True])
-def test_what_a_lifting_makes_is_among_them(n, seed, whole):
+def test_brute_force(n, seed, whole):
     """By brute force; liftings of few different heights leave knots level, and most of many heights make triangles."""
     rng = np.random.default_rng(seed)
     places = rng.permutation(16)[:n]

@@ -77,6 +77,11 @@ def test_tangents_are_those_of_difference_quotients(path):
         derivative = exact.derivative(patch, [u])[:, 0]
         # Difference quotients with a step of 1e-15 of the domain in 50 digits.
         np.testing.assert_allclose(tangents(patch, [u])[0], derivative / np.linalg.norm(derivative), atol=1e-13)
+        for scale, shift in ((1e-9, 0), (1e9, 0), (1, 1e7)):  # shifted, knots and points keep 8 or 9 digits
+            knots, points = scale * patch.knots + shift, scale * patch.control_points + shift
+            moved = Patch(knots, points, log_weights=patch.log_products)
+            there = tangents(moved, [scale * u + shift], "linear")
+            np.testing.assert_allclose(there, tangents(patch, [u], "linear"), atol=1e-6)
 
 
 def test_tangents_at_ends_with_repeated_knots_and_points():
